@@ -1,0 +1,9 @@
+//! From voxels to a patient model: labels, landmarks, closed surfaces, graded tetrahedra; and the digital phantoms.
+//!
+//! Works on volumes in memory and knows no files. Fields are in HU, positions in LPS mm.
+
+pub mod landmarks;
+pub mod phantom;
+pub mod segment;
+pub mod surface;
+pub mod tetra;

@@ -1,0 +1,1 @@
+//! Graded tetrahedra from a label volume.

@@ -1,0 +1,3 @@
+//! The `monro` command.
+
+fn main() {}

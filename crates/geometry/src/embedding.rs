@@ -1,0 +1,1 @@
+//! Binding of surface points to tetrahedra (the hybrid model).

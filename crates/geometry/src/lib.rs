@@ -1,0 +1,34 @@
+//! Frames as types, rigid transforms, voxel volumes, meshes and spatial queries.
+//!
+//! Everything here is in millimetres and, in the patient frame, in DICOM LPS axes (x to the patient's left, y to the
+//! back, z to the head). Scalars are `f64`; a solver that wants `f32` converts at its own door.
+//!
+//! This crate knows no files, sockets, clocks, threads or organs' materials. It does know the *names* of the structures
+//! of a case ([`Structure`]), because labels, meshes and reports must agree on them.
+
+mod affine;
+mod bvh;
+mod embedding;
+mod frame;
+mod grid;
+mod matrix;
+mod plane;
+mod rigid;
+mod structure;
+mod tetrahedra;
+mod triangles;
+mod vector;
+mod volume;
+
+pub use affine::Affine;
+pub use bvh::{Bvh, Hit, Nearest};
+pub use frame::{Display, Frame, Patient, Tool, Tracker, Voxel};
+pub use grid::{Grid, GridError};
+pub use matrix::Matrix3;
+pub use plane::Plane;
+pub use rigid::Rigid;
+pub use structure::Structure;
+pub use tetrahedra::{TetMesh, TetMeshError, TetQuality, tet_signed_volume};
+pub use triangles::{Topology, TriangleMesh, TriangleMeshError};
+pub use vector::{Point, Vector};
+pub use volume::Volume;

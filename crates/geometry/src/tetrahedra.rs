@@ -1,0 +1,229 @@
+//! Labelled tetrahedral meshes.
+
+use crate::{Patient, Point, TriangleMesh};
+use thiserror::Error;
+
+/// A tetrahedral mesh in the patient frame (mm) with one label per element. Element `[a, b, c, d]` has positive volume:
+/// `(b - a) x (c - a) . (d - a) > 0`.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct TetMesh {
+    /// Vertex positions, mm.
+    pub vertices: Vec<Point<Patient>>,
+    /// Vertex indices of each tetrahedron.
+    pub tets: Vec<[u32; 4]>,
+    /// Label of each tetrahedron: the value in the label volume it was made from.
+    pub labels: Vec<u16>,
+}
+
+/// Why a tetrahedral mesh was refused.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum TetMeshError {
+    /// A tetrahedron names a vertex that does not exist.
+    #[error("tetrahedron {tet} uses vertex {vertex}, but there are only {vertices}")]
+    Index {
+        /// The element.
+        tet: usize,
+        /// The vertex it names.
+        vertex: u32,
+        /// Vertices in the mesh.
+        vertices: usize,
+    },
+    /// A vertex is not finite.
+    #[error("vertex {0} has a coordinate that is not finite")]
+    NotFinite(usize),
+    /// An element is flat or inverted.
+    #[error("tetrahedron {tet} has volume {volume} mm3")]
+    Inverted {
+        /// The element.
+        tet: usize,
+        /// Its signed volume in mm3.
+        volume: f64,
+    },
+    /// Labels and elements differ in number.
+    #[error("{labels} labels for {tets} tetrahedra")]
+    Labels {
+        /// Labels given.
+        labels: usize,
+        /// Elements given.
+        tets: usize,
+    },
+}
+
+/// Shape of one tetrahedron.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TetQuality {
+    /// Smallest dihedral angle, radians.
+    pub min_dihedral: f64,
+    /// Largest dihedral angle, radians.
+    pub max_dihedral: f64,
+    /// Three times the inscribed over the circumscribed radius: 1 for a regular tetrahedron, 0 for a flat one.
+    pub radius_ratio: f64,
+}
+
+/// Signed volume in mm3 of the tetrahedron `a b c d`.
+pub fn tet_signed_volume([a, b, c, d]: [Point<Patient>; 4]) -> f64 {
+    (b - a).cross(c - a).dot(d - a) / 6.0
+}
+
+impl TetMesh {
+    /// Checks indices, coordinates, label count and orientation.
+    ///
+    /// # Errors
+    /// The first fault found, with its number.
+    pub fn validate(&self) -> Result<(), TetMeshError> {
+        if self.labels.len() != self.tets.len() {
+            return Err(TetMeshError::Labels { labels: self.labels.len(), tets: self.tets.len() });
+        }
+        if let Some(i) = self.vertices.iter().position(|p| !p.is_finite()) {
+            return Err(TetMeshError::NotFinite(i));
+        }
+        for (tet, t) in self.tets.iter().enumerate() {
+            if let Some(&vertex) = t.iter().find(|&&v| v as usize >= self.vertices.len()) {
+                return Err(TetMeshError::Index { tet, vertex, vertices: self.vertices.len() });
+            }
+            let volume = self.volume(tet);
+            if volume <= 0.0 {
+                return Err(TetMeshError::Inverted { tet, volume });
+            }
+        }
+        Ok(())
+    }
+
+    /// The corners of tetrahedron `t`.
+    pub fn corners(&self, t: usize) -> [Point<Patient>; 4] {
+        self.tets[t].map(|v| self.vertices[v as usize])
+    }
+
+    /// Signed volume of tetrahedron `t`, mm3.
+    pub fn volume(&self, t: usize) -> f64 {
+        tet_signed_volume(self.corners(t))
+    }
+
+    /// Total signed volume of the elements with the given label, mm3.
+    pub fn label_volume(&self, label: u16) -> f64 {
+        (0..self.tets.len()).filter(|&t| self.labels[t] == label).map(|t| self.volume(t)).sum()
+    }
+
+    /// Boundary of the elements that `keep` accepts, as a surface with outward normals. Vertex numbers are those of the
+    /// mesh, so unused vertices remain; use [`TetMesh::surface`] for a compact one.
+    pub fn boundary(&self, keep: impl Fn(u16) -> bool) -> Vec<[u32; 3]> {
+        // Faces seen from outside of a positively oriented element.
+        const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+        let mut faces: Vec<([u32; 3], [u32; 3])> = Vec::new();
+        for (t, &label) in self.tets.iter().zip(&self.labels) {
+            if keep(label) {
+                for f in FACES {
+                    let face = f.map(|i| t[i]);
+                    let mut key = face;
+                    key.sort_unstable();
+                    faces.push((key, face));
+                }
+            }
+        }
+        faces.sort_unstable();
+        faces.chunk_by(|a, b| a.0 == b.0).filter(|c| c.len() == 1).map(|c| c[0].1).collect()
+    }
+
+    /// The boundary of the elements that `keep` accepts, with its own compact vertices.
+    pub fn surface(&self, keep: impl Fn(u16) -> bool) -> TriangleMesh {
+        let mut number = vec![u32::MAX; self.vertices.len()];
+        let mut out = TriangleMesh::default();
+        for face in self.boundary(keep) {
+            let triangle = face.map(|v| {
+                if number[v as usize] == u32::MAX {
+                    number[v as usize] = out.vertices.len() as u32;
+                    out.vertices.push(self.vertices[v as usize]);
+                }
+                number[v as usize]
+            });
+            out.triangles.push(triangle);
+        }
+        out
+    }
+
+    /// Distinct edges, each `[lower, higher]`, sorted.
+    pub fn edges(&self) -> Vec<[u32; 2]> {
+        const PAIRS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+        let mut edges: Vec<[u32; 2]> = Vec::with_capacity(self.tets.len() * 6);
+        for t in &self.tets {
+            edges.extend(PAIRS.map(|[a, b]| [t[a].min(t[b]), t[a].max(t[b])]));
+        }
+        edges.sort_unstable();
+        edges.dedup();
+        edges
+    }
+
+    /// Shape measures of tetrahedron `t`.
+    pub fn quality(&self, t: usize) -> TetQuality {
+        quality(self.corners(t))
+    }
+}
+
+fn quality(p: [Point<Patient>; 4]) -> TetQuality {
+    let faces = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+    let areas = faces.map(|[a, b, c]: [usize; 3]| (p[b] - p[a]).cross(p[c] - p[a]) * 0.5);
+    let (mut low, mut high) = (f64::INFINITY, 0f64);
+    for i in 0..4 {
+        for j in i + 1..4 {
+            let angle = core::f64::consts::PI - areas[i].angle(areas[j]);
+            (low, high) = (low.min(angle), high.max(angle));
+        }
+    }
+    let volume = tet_signed_volume(p);
+    let inscribed = 3.0 * volume / areas.iter().map(|a| a.norm()).sum::<f64>();
+    let edge = |i: usize, j: usize| p[i].distance(p[j]);
+    let (a, b, c) = (edge(0, 1) * edge(2, 3), edge(0, 2) * edge(1, 3), edge(0, 3) * edge(1, 2));
+    // Circumradius from the products of opposite edges (Crelle).
+    let product = ((a + b + c) * (a + b - c) * (a - b + c) * (b + c - a)).max(0.0);
+    let circumscribed = product.sqrt() / (24.0 * volume.abs());
+    let radius_ratio = if volume > 0.0 { 3.0 * inscribed / circumscribed } else { 0.0 };
+    TetQuality { min_dihedral: low, max_dihedral: high, radius_ratio }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn regular() -> TetMesh {
+        let vertices = [[1., 1., 1.], [1., -1., -1.], [-1., 1., -1.], [-1., -1., 1.]].map(Point::from_array).to_vec();
+        TetMesh { vertices, tets: vec![[0, 1, 2, 3]], labels: vec![4] }
+    }
+
+    #[test]
+    fn a_regular_tetrahedron_has_ratio_one_and_dihedral_acos_one_third() {
+        let mut m = regular();
+        if m.volume(0) < 0.0 {
+            m.tets[0].swap(0, 1);
+        }
+        let q = m.quality(0);
+        let expected = (1.0f64 / 3.0).acos();
+        assert!((q.radius_ratio - 1.0).abs() < 1e-12, "{q:?}");
+        assert!((q.min_dihedral - expected).abs() < 1e-12 && (q.max_dihedral - expected).abs() < 1e-12);
+        assert!((m.volume(0) - 8.0 / 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_boundary_of_two_glued_elements_is_closed_and_encloses_their_volume() {
+        let vertices =
+            [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [0., 0., -1.]].map(Point::from_array).to_vec();
+        let m = TetMesh { vertices, tets: vec![[0, 1, 2, 3], [0, 2, 1, 4]], labels: vec![4, 5] };
+        m.validate().expect("valid");
+        let s = m.surface(|_| true);
+        assert_eq!(s.triangles.len(), 6);
+        assert!(s.topology().is_closed() && s.topology().is_oriented());
+        assert!((s.signed_volume() - 1.0 / 3.0).abs() < 1e-12);
+        assert!((m.surface(|l| l == 5).signed_volume() - 1.0 / 6.0).abs() < 1e-12);
+        assert_eq!(m.edges().len(), 9);
+    }
+
+    #[test]
+    fn inverted_and_mislabelled_elements_are_named() {
+        let mut m = regular();
+        if m.volume(0) > 0.0 {
+            m.tets[0].swap(0, 1);
+        }
+        assert!(matches!(m.validate(), Err(TetMeshError::Inverted { tet: 0, .. })));
+        m.labels.push(1);
+        assert_eq!(m.validate(), Err(TetMeshError::Labels { labels: 2, tets: 1 }));
+    }
+}

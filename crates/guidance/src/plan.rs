@@ -1,0 +1,83 @@
+//! The planned path of the catheter.
+
+use monro_geometry::{Patient, Point, Vector};
+use thiserror::Error;
+
+/// Side of the patient.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// The patient's left (+x in LPS).
+    Left,
+    /// The patient's right (-x in LPS).
+    Right,
+}
+
+impl Side {
+    /// `left` or `right`, as in files and on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+        }
+    }
+}
+
+/// Why a plan was refused.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum PlanError {
+    /// Entry and target coincide or are not finite.
+    #[error("entry and target are {0} mm apart; a path needs two different, finite points")]
+    Length(f64),
+}
+
+/// A straight path from the entry on the skin to the target, in the patient frame (mm).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plan {
+    side: Side,
+    entry: Point<Patient>,
+    target: Point<Patient>,
+}
+
+impl Plan {
+    /// A path from its two ends.
+    ///
+    /// # Errors
+    /// When the ends coincide (closer than 1e-6 mm) or are not finite.
+    pub fn new(side: Side, entry: Point<Patient>, target: Point<Patient>) -> Result<Self, PlanError> {
+        let length = entry.distance(target);
+        if !(length.is_finite() && length > 1e-6) {
+            return Err(PlanError::Length(length));
+        }
+        Ok(Self { side, entry, target })
+    }
+
+    /// Side of the entry.
+    pub const fn side(&self) -> Side {
+        self.side
+    }
+
+    /// Where the catheter enters the skin.
+    pub const fn entry(&self) -> Point<Patient> {
+        self.entry
+    }
+
+    /// Where the tip shall end.
+    pub const fn target(&self) -> Point<Patient> {
+        self.target
+    }
+
+    /// Distance from entry to target, mm.
+    pub fn length(&self) -> f64 {
+        self.entry.distance(self.target)
+    }
+
+    /// Unit vector from entry to target.
+    pub fn direction(&self) -> Vector<Patient> {
+        (self.target - self.entry) / self.length()
+    }
+
+    /// The point a given depth (mm) along the path from the entry.
+    pub fn at_depth(&self, depth: f64) -> Point<Patient> {
+        self.entry + self.direction() * depth
+    }
+}

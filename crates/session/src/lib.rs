@@ -1,0 +1,1 @@
+//! A case and time to snapshots: the scripted and the live insertion.
