@@ -1,1 +1,18 @@
-//! The folder of a prepared patient: manifest with hashes, VTU, PLY and Slicer markups.
+//! The folder of a prepared patient, and the mesh and markup formats in it.
+//!
+//! A case is plain files that ParaView and 3D Slicer open: `case.toml` (manifest with SHA-256 of every file),
+//! `ct.nii.gz`, `labels.nii.gz`, `skin.ply`, `brain.ply`, `ventricles.ply`, `tets.vtu`, `plan.mrk.json`,
+//! `landmarks.mrk.json`. Image files pass through here as bytes: this crate does not decode them.
+//!
+//! The codecs ([`vtu`], [`ply`], [`markups`]) work on bytes and know no files; [`Case`] and [`Staging`] do.
+
+mod case;
+mod manifest;
+pub mod markups;
+pub mod ply;
+mod staging;
+pub mod vtu;
+
+pub use case::{Case, CaseError, CaseFiles};
+pub use manifest::{FileEntry, Manifest, SCHEMA, Source};
+pub use staging::{Staging, StagingError};

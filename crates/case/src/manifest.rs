@@ -1,0 +1,58 @@
+//! `case.toml`.
+
+use serde::{Deserialize, Serialize};
+
+/// Version of the case format; a newer one is refused.
+pub const SCHEMA: u32 = 1;
+
+/// The manifest of a case.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// Format version, [`SCHEMA`].
+    pub schema: u32,
+    /// The program and version that wrote the case.
+    pub generator: String,
+    /// Always the sentence that this is for research only.
+    pub notice: String,
+    /// Name of the patient in this case; never the real one.
+    pub pseudonym: String,
+    /// `left` or `right`: side of the plan.
+    pub side: String,
+    /// Angle between the planned path and the outward normal of the skull at the entry, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub skull_angle_deg: Option<f64>,
+    /// Where the images came from.
+    pub source: Source,
+    /// What a user of the case should know: doubts of the segmentation, cut scans, resampling.
+    #[serde(default)]
+    pub findings: Vec<String>,
+    /// The files and their hashes.
+    pub files: Vec<FileEntry>,
+}
+
+/// Where the images of a case came from, without anything that names the patient.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Source {
+    /// `DICOM`, `NIfTI`, `NRRD`, `MetaImage` or `phantom`.
+    pub format: String,
+    /// A short description of the series.
+    pub series: String,
+    /// Columns, rows, slices of the volume in HU.
+    pub dims: [usize; 3],
+    /// Voxel spacing, mm.
+    pub spacing_mm: [f64; 3],
+}
+
+/// One file of a case.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FileEntry {
+    /// Its name inside the folder.
+    pub name: String,
+    /// Its size.
+    pub bytes: u64,
+    /// SHA-256 of its content, lower-case hexadecimal.
+    pub sha256: String,
+}

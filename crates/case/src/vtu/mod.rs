@@ -1,0 +1,97 @@
+//! VTK XML unstructured grids (`.vtu`) of linear tetrahedra.
+//!
+//! Written as zlib-compressed inline base64 (ParaView, meshio and VTK read it); read in every encoding that VTK writes:
+//! ASCII, inline base64, appended base64 and appended raw, compressed with zlib or not, 32- or 64-bit headers.
+//! File format: VTK User's Guide, "XML File Formats".
+
+mod array;
+mod read;
+mod write;
+
+use monro_geometry::{Point, TetMesh, TetMeshError};
+use thiserror::Error;
+
+pub use array::{DataArray, Kind};
+pub use read::decode;
+pub use write::encode;
+
+/// Why a VTU file was refused.
+#[derive(Debug, Error)]
+pub enum VtuError {
+    /// The XML does not parse.
+    #[error("VTU: {0}")]
+    Xml(#[from] roxmltree::Error),
+    /// Something that a VTU file must have is missing or of an unknown kind.
+    #[error("VTU: {0}")]
+    Structure(String),
+    /// An array cannot be read.
+    #[error("VTU array \"{name}\": {reason}")]
+    Array {
+        /// Its name.
+        name: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A cell that is no linear tetrahedron.
+    #[error("VTU cell {cell} is of VTK type {kind}; only linear tetrahedra (10) are read")]
+    CellType {
+        /// The cell.
+        cell: usize,
+        /// Its VTK type.
+        kind: u64,
+    },
+    /// The mesh itself is faulty.
+    #[error("VTU mesh: {0}")]
+    Mesh(#[from] TetMeshError),
+}
+
+/// An unstructured grid of tetrahedra with data on points and cells. The unit is the file's; this module does not convert.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct UnstructuredGrid {
+    /// Node positions.
+    pub points: Vec<[f64; 3]>,
+    /// Node numbers of each tetrahedron.
+    pub tets: Vec<[u32; 4]>,
+    /// Arrays on nodes.
+    pub point_data: Vec<DataArray>,
+    /// Arrays on cells.
+    pub cell_data: Vec<DataArray>,
+}
+
+impl UnstructuredGrid {
+    /// A grid of a labelled mesh in mm, with the cell array `label`.
+    pub fn from_mesh(mesh: &TetMesh) -> Self {
+        let label = DataArray::scalars("label", Kind::UInt16, mesh.labels.iter().map(|&l| f64::from(l)).collect());
+        Self {
+            points: mesh.vertices.iter().map(|p| p.to_array()).collect(),
+            tets: mesh.tets.clone(),
+            point_data: Vec::new(),
+            cell_data: vec![label],
+        }
+    }
+
+    /// The labelled mesh of a grid in mm; labels from the cell array `label`.
+    ///
+    /// # Errors
+    /// A missing or fractional `label`, bad indices, inverted elements.
+    pub fn to_mesh(&self) -> Result<TetMesh, VtuError> {
+        let array =
+            find(&self.cell_data, "label").ok_or_else(|| VtuError::Structure("no cell array \"label\"".into()))?;
+        let whole = |v: &f64| v.fract() == 0.0 && (0.0..=65535.0).contains(v);
+        if let Some(bad) = array.values.iter().find(|v| !whole(v)) {
+            return Err(VtuError::Array { name: "label".into(), reason: format!("{bad} is no label (0 to 65535)") });
+        }
+        let mesh = TetMesh {
+            vertices: self.points.iter().map(|&p| Point::from_array(p)).collect(),
+            tets: self.tets.clone(),
+            labels: array.values.iter().map(|&v| v as u16).collect(),
+        };
+        mesh.validate()?;
+        Ok(mesh)
+    }
+}
+
+/// The array of a name.
+pub fn find<'a>(arrays: &'a [DataArray], name: &str) -> Option<&'a DataArray> {
+    arrays.iter().find(|a| a.name == name)
+}
