@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# Everything that CI runs, in the order in which faults are cheapest to find. One target directory for all of it.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+target="${CARGO_TARGET_DIR:-target}"
+
+stage() { printf '\n== %s (%s s)\n' "$*" "$SECONDS"; }
+
+stage "Python for the oracles: a virtual environment in $target/oracles"
+scripts/oracles.sh setup "$target/oracles"
+
+stage "Format"
+cargo fmt --all --check
+
+stage "Crate law, licences"
+"$target/oracles/bin/python" scripts/check_crates.py
+
+stage "Clippy, warnings are errors"
+cargo clippy --workspace --all-targets --locked -- -D warnings
+
+stage "Documentation, warnings are errors"
+RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
+
+stage "Tests"
+if command -v cargo-nextest >/dev/null; then
+  cargo nextest run --workspace --locked --no-fail-fast
+else
+  cargo test --workspace --locked --no-fail-fast
+fi
+
+stage "Foreign oracles"
+scripts/oracles.sh run "$target/oracles"
+
+stage "Done"
