@@ -1,1 +1,60 @@
 //! Bytes of a head CT (DICOM, NIfTI, NRRD, MetaImage) to one volume in HU in the patient frame, or a named refusal.
+//!
+//! This is the one door through which every scan enters, and the only place that knows these formats. Behind it there is
+//! a [`Scan`]: 16-bit HU on an even, rectangular grid placed in the patient frame (LPS, mm), a pseudonym that is not
+//! made of the patient's name, and sentences about everything that was changed or looks odd. A grid that is even and
+//! rectangular already is kept voxel by voxel, whatever its orientation; only uneven or tilted stacks are resampled.
+//!
+//! What a header says is bounded before anything is allocated. Refusals name the file, the rule and the numbers.
+//!
+//! Limits: CT only; one volume of at most 2^29 voxels; JPEG-LS and 12-bit lossy JPEG are refused by name.
+//! Non-goals: de-identification of files, registration, contrast or motion detection.
+
+mod check;
+mod error;
+mod file;
+mod hash;
+mod raster;
+mod resample;
+mod text;
+mod types;
+
+pub mod metaimage;
+pub mod nifti;
+pub mod nrrd;
+
+pub use check::head_extent_check;
+pub use error::{Problem, ScanError};
+pub use raster::{Element, Endian, HuNotes, Layout, Raster};
+pub use types::{Format, Inspection, ReadOptions, Scan, SeriesSummary, Source};
+
+use monro_geometry::Volume;
+use std::path::Path;
+
+/// Reads a head CT: a folder of DICOM files, or one DICOM, NIfTI, NRRD or MetaImage file.
+///
+/// # Errors
+/// Any [`ScanError`]: see there for the rules.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
+    let scan = file::read(path)?;
+    if !options.any_size {
+        head_extent_check(&scan.volume)?;
+    }
+    Ok(scan)
+}
+
+/// Says what a scan is, all series of a folder, and which one [`read`] would take and why; voxels are not decoded.
+///
+/// # Errors
+/// When nothing can be listed: an unreadable path, an unknown format, a damaged header.
+pub fn inspect(path: &Path) -> Result<Inspection, ScanError> {
+    file::inspect(path)
+}
+
+/// Reads a label volume (NIfTI, NRRD or MetaImage): whole numbers from 0 to 65535 of any stored type.
+///
+/// # Errors
+/// A value that is no label, with its voxel; any [`ScanError`] of the file.
+pub fn read_labels(path: &Path) -> Result<Volume<u16>, ScanError> {
+    file::read_labels(path)
+}

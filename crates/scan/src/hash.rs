@@ -1,0 +1,26 @@
+//! Pseudonyms: short hashes from which nothing can be guessed.
+
+use monro_geometry::Volume;
+use sha2::{Digest, Sha256};
+
+fn hex(digest: &[u8], bytes: usize) -> String {
+    digest.iter().take(bytes).map(|b| format!("{b:02x}")).collect()
+}
+
+/// Name of a case from its voxels and their placement. A hash of the patient's name or id could be undone by trying
+/// names; the voxels cannot be tried.
+pub(crate) fn pseudonym(volume: &Volume<i16>) -> String {
+    let mut sha = Sha256::new();
+    sha.update(b"monro pseudonym 1");
+    let m = volume.grid().patient_from_voxel();
+    for v in m.linear.rows.iter().flatten().chain(&m.offset) {
+        sha.update(v.to_le_bytes());
+    }
+    let mut bytes = Vec::with_capacity(1 << 16);
+    for chunk in volume.data().chunks(1 << 15) {
+        bytes.clear();
+        bytes.extend(chunk.iter().flat_map(|v| v.to_le_bytes()));
+        sha.update(&bytes);
+    }
+    format!("scan-{}", hex(&sha.finalize(), 6))
+}

@@ -1,0 +1,369 @@
+//! NIfTI-1: one file, `.nii` or `.nii.gz`. RAS inside the file, LPS outside of this module.
+//!
+//! Not read, and refused by name: header and image in two files (`.hdr`/`.img`), NIfTI-2, colour and complex voxels,
+//! more than three dimensions, and files without sform and qform (they do not say which side is left).
+
+use crate::error::{Problem, header, unsupported};
+use crate::raster::{Element, Endian, Layout, Packing, Raster, fill, grid};
+use flate2::{Compression, read::MultiGzDecoder, write::GzEncoder};
+use monro_geometry::{Affine, Grid, Matrix3, Patient, Point, Vector, Volume, Voxel};
+use std::io::{Read, Write};
+
+const HEADER: usize = 348;
+/// Header and the four bytes that say "no extensions".
+const VOXEL_OFFSET: usize = 352;
+
+/// Whether the bytes begin like a NIfTI-1 file, plain (not gzip).
+pub(crate) fn looks_like(bytes: &[u8]) -> bool {
+    bytes.len() >= HEADER && endian(bytes).is_some()
+}
+
+fn endian(bytes: &[u8]) -> Option<Endian> {
+    match bytes.get(..4)? {
+        [0x5c, 1, 0, 0] => Some(Endian::Little),
+        [0, 0, 1, 0x5c] => Some(Endian::Big),
+        _ => None,
+    }
+}
+
+/// Parses the header of a `.nii` or `.nii.gz` file; the voxels are decoded by [`Raster::into_hu`] or
+/// [`Raster::into_labels`].
+///
+/// # Errors
+/// Any [`Problem`] of the header: unsupported variety, no orientation, more voxels than the bytes can hold.
+pub fn decode(bytes: &[u8]) -> Result<Raster<'_>, Problem> {
+    let packing = if bytes.starts_with(&[0x1f, 0x8b]) { Packing::Gzip } else { Packing::Raw };
+    let mut stream: Box<dyn Read + '_> =
+        if packing == Packing::Gzip { Box::new(MultiGzDecoder::new(bytes)) } else { Box::new(bytes) };
+    let mut head = [0u8; HEADER];
+    let found = fill(&mut stream, &mut head)?;
+    if found < HEADER {
+        return Err(Problem::Unrecognised(format!("{found} bytes are too few for a NIfTI header of {HEADER}")));
+    }
+    let fields = Fields::new(&head)?;
+    let (layout, warnings) = fields.layout()?;
+    let skip = fields.voxel_offset()? - HEADER as u64;
+    let skipped = std::io::copy(&mut (&mut stream).take(skip), &mut std::io::sink())
+        .map_err(|e| Problem::Corrupt(e.to_string()))?;
+    if skipped < skip {
+        return Err(header("vox_offset", format!("{} lies behind the end of the file", skip + HEADER as u64)));
+    }
+    let before = if packing == Packing::Raw { HEADER as u64 + skip } else { 0 };
+    let mut raster = Raster::from_stream(layout, stream, bytes.len() as u64 - before, packing)?;
+    raster.warnings = warnings;
+    Ok(raster)
+}
+
+/// Access to the header's fields by offset.
+struct Fields<'a> {
+    head: &'a [u8; HEADER],
+    endian: Endian,
+}
+
+impl<'a> Fields<'a> {
+    fn new(head: &'a [u8; HEADER]) -> Result<Self, Problem> {
+        const CONVERT: &str = "convert it to a single NIfTI-1 .nii or .nii.gz file";
+        let Some(endian) = endian(head) else {
+            return Err(match &head[..4] {
+                [0x1c, 2, 0, 0] | [0, 0, 2, 0x1c] => unsupported("NIfTI-2", CONVERT),
+                _ => Problem::Unrecognised("no NIfTI-1 header".into()),
+            });
+        };
+        match &head[344..348] {
+            b"n+1\0" => Ok(Self { head, endian }),
+            b"ni1\0" => Err(unsupported("a NIfTI header with its voxels in a second file (.hdr/.img)", CONVERT)),
+            other => Err(unsupported(format!("an Analyze 7.5 header (magic {other:?})"), CONVERT)),
+        }
+    }
+
+    fn bytes<const N: usize>(&self, offset: usize) -> [u8; N] {
+        let mut raw: [u8; N] = core::array::from_fn(|i| self.head[offset + i]);
+        if self.endian == Endian::Big {
+            raw.reverse();
+        }
+        raw
+    }
+
+    fn short(&self, offset: usize) -> i16 {
+        i16::from_le_bytes(self.bytes(offset))
+    }
+
+    fn float(&self, offset: usize) -> f64 {
+        f64::from(f32::from_le_bytes(self.bytes(offset)))
+    }
+
+    fn pixdim(&self, axis: usize) -> f64 {
+        self.float(76 + 4 * axis)
+    }
+
+    fn voxel_offset(&self) -> Result<u64, Problem> {
+        let offset = self.float(108);
+        if !(offset >= HEADER as f64 && offset <= 1e9) {
+            return Err(header("vox_offset", format!("{offset} does not lie behind the header of {HEADER} bytes")));
+        }
+        Ok(offset as u64)
+    }
+
+    fn dims(&self) -> Result<[u64; 3], Problem> {
+        let dim: [i16; 8] = core::array::from_fn(|a| self.short(40 + 2 * a));
+        let used = usize::try_from(dim[0]).ok().filter(|n| (1..=7).contains(n));
+        let used = used.ok_or_else(|| header("dim", format!("{} dimensions", dim[0])))?;
+        if used < 3 || dim[4..=used.max(3)].iter().any(|&d| d != 1) {
+            let shown = &dim[1..=used];
+            return Err(unsupported(format!("an image of dimensions {shown:?}"), "give one three-dimensional volume"));
+        }
+        let dims = [dim[1], dim[2], dim[3]];
+        if dims.iter().any(|&d| d < 1) {
+            return Err(header("dim", format!("{dims:?} is empty")));
+        }
+        Ok(dims.map(|d| d as u64))
+    }
+
+    fn element(&self) -> Result<Element, Problem> {
+        let code = self.short(70);
+        let element = match code {
+            2 => Element::U8,
+            4 => Element::I16,
+            8 => Element::I32,
+            16 => Element::F32,
+            64 => Element::F64,
+            256 => Element::I8,
+            512 => Element::U16,
+            768 => Element::U32,
+            1024 => Element::I64,
+            1280 => Element::U64,
+            other => {
+                return Err(unsupported(format!("NIfTI datatype {other} ({})", name(other)), "save it as 16-bit HU"));
+            }
+        };
+        let bits = self.short(72);
+        if bits != 8 * element.size() as i16 {
+            return Err(header("bitpix", format!("{bits} contradicts datatype {code}")));
+        }
+        Ok(element)
+    }
+
+    /// Slope and intercept; slope 0 (or not a number, as nibabel writes) means that there is no scale.
+    fn scale(&self) -> Result<(f64, f64), Problem> {
+        let (slope, intercept) = (self.float(112), self.float(116));
+        if slope == 0.0 || slope.is_nan() {
+            return Ok((1.0, 0.0));
+        }
+        if !slope.is_finite() || !intercept.is_finite() {
+            return Err(header("scl_slope", format!("scale {slope}, {intercept} is not finite")));
+        }
+        Ok((slope, intercept))
+    }
+
+    /// Factor from the file's length unit to mm.
+    fn millimetres(&self, warnings: &mut Vec<String>) -> f64 {
+        match self.head[123] & 7 {
+            1 => 1e3,
+            3 => 1e-3,
+            2 => 1.0,
+            other => {
+                warnings.push(format!("the NIfTI header names no length unit (code {other}); millimetres are assumed"));
+                1.0
+            }
+        }
+    }
+
+    fn sform(&self) -> (Matrix3, [f64; 3]) {
+        let at = |r: usize, c: usize| self.float(280 + 16 * r + 4 * c);
+        let rows = core::array::from_fn(|r| core::array::from_fn(|c| at(r, c)));
+        (Matrix3 { rows }, core::array::from_fn(|r| at(r, 3)))
+    }
+
+    /// Method 2 of `nifti1.h`: a unit quaternion, the pixdims and qfac.
+    fn qform(&self) -> (Matrix3, [f64; 3]) {
+        let [b, c, d] = [256, 260, 264].map(|o| self.float(o));
+        let a = (1.0 - (b * b + c * c + d * d)).max(0.0).sqrt();
+        let rotation = [
+            [a * a + b * b - c * c - d * d, 2.0 * (b * c - a * d), 2.0 * (b * d + a * c)],
+            [2.0 * (b * c + a * d), a * a + c * c - b * b - d * d, 2.0 * (c * d - a * b)],
+            [2.0 * (b * d - a * c), 2.0 * (c * d + a * b), a * a + d * d - b * b - c * c],
+        ];
+        let qfac = if self.pixdim(0) < 0.0 { -1.0 } else { 1.0 };
+        let scale = [self.pixdim(1), self.pixdim(2), self.pixdim(3) * qfac];
+        let rows = rotation.map(|r| [r[0] * scale[0], r[1] * scale[1], r[2] * scale[2]]);
+        (Matrix3 { rows }, [268, 272, 276].map(|o| self.float(o)))
+    }
+
+    /// Placement in LPS mm: the sform where there is one, else the qform.
+    fn placement(&self, warnings: &mut Vec<String>) -> Result<Affine<Patient, Voxel>, Problem> {
+        let mm = self.millimetres(warnings);
+        let (has_q, has_s) = (self.short(252) > 0, self.short(254) > 0);
+        let lps = |(m, o): (Matrix3, [f64; 3])| {
+            let flip = [-mm, -mm, mm];
+            // Adding zero turns -0.0 into 0.0.
+            let rows = core::array::from_fn(|r| m.rows[r].map(|v| v * flip[r] + 0.0));
+            Affine::new(Matrix3 { rows }, core::array::from_fn(|r| o[r] * flip[r] + 0.0))
+        };
+        match (has_s, has_q) {
+            (false, false) => Err(Problem::NoOrientation("sform_code and qform_code are both 0".into())),
+            (false, true) => Ok(lps(self.qform())),
+            (true, q) => {
+                let s = lps(self.sform());
+                if q {
+                    self.compare(&s, &lps(self.qform()), warnings);
+                }
+                Ok(s)
+            }
+        }
+    }
+
+    /// Warns when sform and qform put a corner of the volume at different places.
+    fn compare(&self, s: &Affine<Patient, Voxel>, q: &Affine<Patient, Voxel>, warnings: &mut Vec<String>) {
+        let Ok(dims) = self.dims() else { return };
+        let corner = |c: usize| {
+            let at = |a: usize| if c >> a & 1 == 0 { 0.0 } else { dims[a] as f64 - 1.0 };
+            Point::new(at(0), at(1), at(2))
+        };
+        let worst = (0..8).map(|c| s.point(corner(c)).distance(q.point(corner(c)))).fold(0.0, f64::max);
+        if worst > 0.1 {
+            warnings.push(format!("sform and qform disagree by up to {worst:.1} mm; the sform is used"));
+        }
+    }
+
+    fn layout(&self) -> Result<(Layout, Vec<String>), Problem> {
+        let mut warnings = Vec::new();
+        let dims = self.dims()?;
+        let element = self.element()?;
+        let (slope, intercept) = self.scale()?;
+        let grid = grid(dims, self.placement(&mut warnings)?)?;
+        Ok((Layout { grid, element, endian: self.endian, slope, intercept }, warnings))
+    }
+}
+
+fn name(code: i16) -> &'static str {
+    match code {
+        1 => "1-bit",
+        32 | 1792 | 2048 => "complex",
+        128 | 2304 => "colour",
+        1536 => "128-bit float",
+        _ => "unknown",
+    }
+}
+
+/// A CT as `.nii.gz`.
+///
+/// # Panics
+/// When a dimension exceeds 32767, which the format cannot express; no volume that this crate reads does.
+pub fn encode_i16(volume: &Volume<i16>) -> Vec<u8> {
+    // Noise hardly compresses, so the fastest level is as good as any.
+    let voxels = volume.data().iter().flat_map(|v| v.to_le_bytes());
+    encode(volume.grid(), 4, 16, voxels, Compression::fast())
+}
+
+/// Labels as `.nii.gz`.
+///
+/// # Panics
+/// As [`encode_i16`].
+pub fn encode_u8(volume: &Volume<u8>) -> Vec<u8> {
+    encode(volume.grid(), 2, 8, volume.data().iter().copied(), Compression::default())
+}
+
+/// Labels beyond 255 as `.nii.gz`.
+///
+/// # Panics
+/// As [`encode_i16`].
+pub fn encode_u16(volume: &Volume<u16>) -> Vec<u8> {
+    let voxels = volume.data().iter().flat_map(|v| v.to_le_bytes());
+    encode(volume.grid(), 512, 16, voxels, Compression::default())
+}
+
+fn encode(grid: &Grid, datatype: i16, bits: i16, voxels: impl Iterator<Item = u8>, level: Compression) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), level);
+    let mut buffer = header_bytes(grid, datatype, bits).to_vec();
+    let mut voxels = voxels.peekable();
+    while voxels.peek().is_some() {
+        buffer.extend(voxels.by_ref().take(1 << 16));
+        infallible(encoder.write_all(&buffer));
+        buffer.clear();
+    }
+    encoder.finish().unwrap_or_default()
+}
+
+/// Writing to memory cannot fail.
+fn infallible(result: std::io::Result<()>) {
+    debug_assert!(result.is_ok());
+}
+
+fn header_bytes(grid: &Grid, datatype: i16, bits: i16) -> [u8; VOXEL_OFFSET] {
+    let mut h = [0u8; VOXEL_OFFSET];
+    let mut put = |at: usize, bytes: &[u8]| h[at..at + bytes.len()].copy_from_slice(bytes);
+    put(0, &(HEADER as i32).to_le_bytes());
+    put(38, b"r");
+    let dims = grid.dims();
+    assert!(dims.iter().all(|&d| d <= i16::MAX as usize), "NIfTI-1 cannot express dimensions {dims:?}");
+    for (a, d) in [3, dims[0], dims[1], dims[2], 1, 1, 1, 1].into_iter().enumerate() {
+        put(40 + 2 * a, &(d as i16).to_le_bytes());
+    }
+    put(70, &datatype.to_le_bytes());
+    put(72, &bits.to_le_bytes());
+    let q = Quaternion::of(grid);
+    let s = grid.spacing();
+    for (a, v) in [q.qfac, s[0], s[1], s[2]].into_iter().enumerate() {
+        put(76 + 4 * a, &(v as f32).to_le_bytes());
+    }
+    put(108, &(VOXEL_OFFSET as f32).to_le_bytes());
+    put(112, &1f32.to_le_bytes());
+    put(123, &[2]);
+    put(252, &i16::from(q.exact).to_le_bytes());
+    put(254, &1i16.to_le_bytes());
+    let m = grid.patient_from_voxel();
+    for (a, flip) in [-1.0, -1.0, 1.0].into_iter().enumerate() {
+        put(256 + 4 * a, &(q.bcd[a] as f32).to_le_bytes());
+        put(268 + 4 * a, &((flip * m.offset[a]) as f32).to_le_bytes());
+        let row = m.linear.rows[a];
+        for (c, v) in [row[0], row[1], row[2], m.offset[a]].into_iter().enumerate() {
+            put(280 + 16 * a + 4 * c, &((flip * v) as f32).to_le_bytes());
+        }
+    }
+    put(344, b"n+1\0");
+    h
+}
+
+/// The qform of a grid: rotation as a quaternion's vector part, and qfac for a left-handed grid.
+struct Quaternion {
+    bcd: [f64; 3],
+    qfac: f64,
+    /// Whether the grid is rectangular, so that a qform can express it.
+    exact: bool,
+}
+
+impl Quaternion {
+    fn of(grid: &Grid) -> Self {
+        let linear = grid.patient_from_voxel().linear;
+        let axes = [0, 1, 2].map(|a| {
+            let c = linear.column(a);
+            Vector::<Patient>::new(-c[0], -c[1], c[2]).normalized().unwrap_or(Vector::ZERO)
+        });
+        let exact = [(0, 1), (0, 2), (1, 2)].iter().all(|&(a, b)| axes[a].dot(axes[b]).abs() < 1e-5);
+        let qfac = if axes[0].cross(axes[1]).dot(axes[2]) < 0.0 { -1.0 } else { 1.0 };
+        let rotation = Matrix3::from_columns(axes[0], axes[1], axes[2] * qfac);
+        let bcd = if exact { vector_part(&rotation.rows) } else { [0.0; 3] };
+        Self { bcd, qfac, exact }
+    }
+}
+
+/// Vector part of the unit quaternion (with non-negative scalar part) of a rotation, by Shepperd's method: the largest
+/// of the four components is taken from the diagonal, the others from it, so that nothing is divided by nearly zero.
+fn vector_part(r: &[[f64; 3]; 3]) -> [f64; 3] {
+    let trace = r[0][0] + r[1][1] + r[2][2];
+    let axis = |a: usize| 1.0 - trace + 2.0 * r[a][a];
+    let squares = [1.0 + trace, axis(0), axis(1), axis(2)];
+    let largest = (0..4).fold(0, |best, i| if squares[i] > squares[best] { i } else { best });
+    let twice = squares[largest].max(0.0).sqrt();
+    let half = 0.5 / twice;
+    let (x, y, z) = (r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]);
+    let (xy, xz, yz) = (r[0][1] + r[1][0], r[0][2] + r[2][0], r[1][2] + r[2][1]);
+    let q = match largest {
+        0 => [0.5 * twice, x * half, y * half, z * half],
+        1 => [x * half, 0.5 * twice, xy * half, xz * half],
+        2 => [y * half, xy * half, 0.5 * twice, yz * half],
+        _ => [z * half, xz * half, yz * half, 0.5 * twice],
+    };
+    let sign = if q[0] < 0.0 { -1.0 } else { 1.0 };
+    [q[1] * sign, q[2] * sign, q[3] * sign]
+}

@@ -1,0 +1,312 @@
+//! A parsed header and the stream of its voxels, common to all single-file formats; and the one conversion to HU.
+
+use crate::error::{Problem, header};
+use monro_geometry::{Affine, Grid, Patient, Volume, Voxel};
+use std::io::{ErrorKind, Read};
+
+/// No head CT comes near this many voxels (1 GiB as 16-bit).
+pub(crate) const MAX_VOXELS: u64 = 1 << 29;
+
+/// HU of air, and of everything outside the scan.
+pub(crate) const AIR: i16 = -1024;
+
+/// Deflate cannot expand a stream by more than this factor, so a header that promises more is lying.
+const DEFLATE_LIMIT: u64 = 1032;
+
+/// Type of a stored voxel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the names say all")]
+pub enum Element {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    I64,
+    U64,
+    F32,
+    F64,
+}
+
+impl Element {
+    /// Bytes per voxel.
+    pub const fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::I64 | Self::U64 | Self::F64 => 8,
+        }
+    }
+}
+
+/// Byte order of stored voxels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Endian {
+    /// Least significant byte first.
+    Little,
+    /// Most significant byte first.
+    Big,
+}
+
+/// What a header says: shape, placement (LPS mm), stored type, and the scale `value = stored * slope + intercept`.
+#[derive(Debug, Clone)]
+pub struct Layout {
+    /// Dimensions and placement.
+    pub grid: Grid,
+    /// Stored type.
+    pub element: Element,
+    /// Byte order.
+    pub endian: Endian,
+    /// Scale factor.
+    pub slope: f64,
+    /// Offset after scaling.
+    pub intercept: f64,
+}
+
+/// A parsed header with the stream of its voxels, not yet read.
+pub struct Raster<'a> {
+    /// The header.
+    pub layout: Layout,
+    /// What is worth telling the user about the header.
+    pub warnings: Vec<String>,
+    body: Box<dyn Read + 'a>,
+}
+
+impl core::fmt::Debug for Raster<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Raster").field("layout", &self.layout).field("warnings", &self.warnings).finish_non_exhaustive()
+    }
+}
+
+/// How voxel bytes lie in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Packing {
+    Raw,
+    Gzip,
+    Zlib,
+}
+
+impl<'a> Raster<'a> {
+    /// From a header and the bytes of its voxels.
+    pub(crate) fn new(layout: Layout, bytes: &'a [u8], packing: Packing) -> Result<Self, Problem> {
+        let body: Box<dyn Read + 'a> = match packing {
+            Packing::Raw => Box::new(bytes),
+            Packing::Gzip => Box::new(flate2::read::MultiGzDecoder::new(bytes)),
+            Packing::Zlib => Box::new(flate2::read::ZlibDecoder::new(bytes)),
+        };
+        let raster = Self { layout, warnings: Vec::new(), body };
+        raster.check_promise(bytes.len() as u64, packing)?;
+        Ok(raster)
+    }
+
+    /// As [`Raster::new`], with a stream whose first bytes (a header) have been read already.
+    pub(crate) fn from_stream(
+        layout: Layout,
+        body: Box<dyn Read + 'a>,
+        stored: u64,
+        packing: Packing,
+    ) -> Result<Self, Problem> {
+        let raster = Self { layout, warnings: Vec::new(), body };
+        raster.check_promise(stored, packing)?;
+        Ok(raster)
+    }
+
+    /// Refuses before anything is allocated a header that promises more voxels than its file can hold.
+    fn check_promise(&self, stored: u64, packing: Packing) -> Result<(), Problem> {
+        let expected = self.bytes();
+        let possible = if packing == Packing::Raw { stored } else { stored.saturating_mul(DEFLATE_LIMIT) };
+        if expected > possible {
+            return Err(Problem::Truncated { expected, found: possible });
+        }
+        Ok(())
+    }
+
+    /// Bytes of all voxels, decompressed.
+    fn bytes(&self) -> u64 {
+        self.layout.grid.len() as u64 * self.layout.element.size() as u64
+    }
+
+    /// The values as HU, rounded, kept within -1024 (air) and 32767; the notes count what was changed.
+    ///
+    /// # Errors
+    /// Truncated or damaged data; no finite value at all.
+    pub fn into_hu(mut self) -> Result<(Volume<i16>, HuNotes), Problem> {
+        let mut data: Vec<i16> = Vec::with_capacity(self.layout.grid.len());
+        let mut notes = HuNotes::default();
+        self.each_value(|value| {
+            data.push(notes.hu(value));
+            Ok(())
+        })?;
+        if notes.not_finite == data.len() as u64 {
+            return Err(Problem::NothingFinite(data.len()));
+        }
+        Ok((Volume::new(self.layout.grid, data)?, notes))
+    }
+
+    /// The values as labels.
+    ///
+    /// # Errors
+    /// A value that is not a whole number from 0 to 65535; truncated or damaged data.
+    pub fn into_labels(mut self) -> Result<Volume<u16>, Problem> {
+        let grid = self.layout.grid;
+        let mut data: Vec<u16> = Vec::with_capacity(grid.len());
+        self.each_value(|value| {
+            let label = value as u16;
+            if f64::from(label) != value {
+                return Err(Problem::NotALabel { value, voxel: grid.voxel(data.len()) });
+            }
+            data.push(label);
+            Ok(())
+        })?;
+        Ok(Volume::new(grid, data)?)
+    }
+
+    /// Streams all scaled values in storage order.
+    fn each_value(&mut self, mut each: impl FnMut(f64) -> Result<(), Problem>) -> Result<(), Problem> {
+        let Layout { element, endian, slope, intercept, .. } = self.layout;
+        let expected = self.bytes();
+        let mut found = 0;
+        let mut chunk = vec![0u8; 1 << 16];
+        while found < expected {
+            let want = chunk.len().min(usize::try_from(expected - found).unwrap_or(usize::MAX));
+            let got = fill(&mut self.body, &mut chunk[..want])?;
+            found += got as u64;
+            if got < want {
+                return Err(Problem::Truncated { expected, found });
+            }
+            values(&chunk[..got], element, endian, |stored| each(stored * slope + intercept))?;
+        }
+        // One more read makes a gzip or zlib stream check its sum.
+        fill(&mut self.body, &mut chunk[..1])?;
+        Ok(())
+    }
+}
+
+/// Reads until the buffer is full or the stream ends; gives the bytes read.
+pub(crate) fn fill(body: &mut dyn Read, buffer: &mut [u8]) -> Result<usize, Problem> {
+    let mut done = 0;
+    while done < buffer.len() {
+        match body.read(&mut buffer[done..]) {
+            Ok(0) => break,
+            Ok(n) => done += n,
+            Err(e) if e.kind() == ErrorKind::Interrupted => {}
+            // A gzip stream that ends early is a short file, not a damaged one.
+            Err(e) if e.kind() == ErrorKind::UnexpectedEof => break,
+            Err(e) => return Err(Problem::Corrupt(e.to_string())),
+        }
+    }
+    Ok(done)
+}
+
+/// Calls `each` for every stored value of a whole number of elements.
+fn values(
+    bytes: &[u8],
+    element: Element,
+    endian: Endian,
+    mut each: impl FnMut(f64) -> Result<(), Problem>,
+) -> Result<(), Problem> {
+    macro_rules! stored {
+        ($type:ty) => {{
+            for raw in bytes.as_chunks::<{ size_of::<$type>() }>().0 {
+                let value =
+                    if endian == Endian::Little { <$type>::from_le_bytes(*raw) } else { <$type>::from_be_bytes(*raw) };
+                each(value as f64)?;
+            }
+        }};
+    }
+    match element {
+        Element::I8 => stored!(i8),
+        Element::U8 => stored!(u8),
+        Element::I16 => stored!(i16),
+        Element::U16 => stored!(u16),
+        Element::I32 => stored!(i32),
+        Element::U32 => stored!(u32),
+        Element::I64 => stored!(i64),
+        Element::U64 => stored!(u64),
+        Element::F32 => stored!(f32),
+        Element::F64 => stored!(f64),
+    }
+    Ok(())
+}
+
+/// What the conversion to HU had to change.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct HuNotes {
+    /// Values seen.
+    pub count: u64,
+    /// Values below -1024, set to -1024.
+    pub below: u64,
+    /// The lowest of them.
+    pub lowest: f64,
+    /// Values above 32767, set to 32767.
+    pub above: u64,
+    /// NaN and infinite values, set to -1024.
+    pub not_finite: u64,
+    /// Padding outside the reconstructed field, set to -1024.
+    pub padding: u64,
+}
+
+impl HuNotes {
+    /// The HU of one value; counts what it changes.
+    #[inline]
+    pub(crate) fn hu(&mut self, value: f64) -> i16 {
+        self.count += 1;
+        // Half away from zero, as `round`, but without the library call of the baseline target.
+        let rounded = (value + 0.5f64.copysign(value)).trunc();
+        if rounded >= f64::from(AIR) && rounded <= f64::from(i16::MAX) {
+            return rounded as i16;
+        }
+        self.odd(value)
+    }
+
+    #[cold]
+    fn odd(&mut self, value: f64) -> i16 {
+        if !value.is_finite() {
+            self.not_finite += 1;
+            AIR
+        } else if value < 0.0 {
+            self.below += 1;
+            self.lowest = self.lowest.min(value);
+            AIR
+        } else {
+            self.above += 1;
+            i16::MAX
+        }
+    }
+
+    /// Sentences for the user; none when nothing was changed.
+    pub fn warnings(&self) -> Vec<String> {
+        let share = |n: u64| 100.0 * n as f64 / self.count.max(1) as f64;
+        let mut out = Vec::new();
+        if self.below > 0 {
+            let (n, p, low) = (self.below, share(self.below), self.lowest);
+            out.push(format!("{n} voxels ({p:.1} %) below -1024 HU, the lowest {low}, were set to -1024"));
+        }
+        if self.above > 0 {
+            out.push(format!("{} voxels above 32767 HU were set to 32767", self.above));
+        }
+        if self.not_finite > 0 {
+            let (n, p) = (self.not_finite, share(self.not_finite));
+            out.push(format!("{n} voxels ({p:.1} %) are not finite numbers and were set to -1024 HU"));
+        }
+        if self.padding > 0 {
+            let (n, p) = (self.padding, share(self.padding));
+            out.push(format!("{n} padding voxels ({p:.1} %) were set to -1024 HU"));
+        }
+        out
+    }
+}
+
+/// A grid from header values, refused when empty or beyond the limit.
+pub(crate) fn grid(dims: [u64; 3], placement: Affine<Patient, Voxel>) -> Result<Grid, Problem> {
+    let count = dims.iter().try_fold(1u64, |n, &d| n.checked_mul(d));
+    if count.is_none_or(|n| n > MAX_VOXELS) {
+        return Err(Problem::TooLarge { dims, limit: MAX_VOXELS });
+    }
+    if dims.contains(&0) {
+        return Err(header("dimensions", format!("{dims:?} is empty")));
+    }
+    Ok(Grid::new(dims.map(|d| d as usize), placement)?)
+}
