@@ -22,6 +22,7 @@ mod volume;
 
 pub use affine::Affine;
 pub use bvh::{Bvh, Hit, Nearest};
+pub use embedding::{Embedding, EmbeddingError, Located, NearestFace, TetLocator};
 pub use frame::{Display, Frame, Patient, Tool, Tracker, Voxel};
 pub use grid::{Grid, GridError};
 pub use matrix::Matrix3;

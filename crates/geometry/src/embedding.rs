@@ -1,1 +1,0 @@
-//! Binding of surface points to tetrahedra (the hybrid model).

@@ -1,0 +1,217 @@
+//! Binding of surface points to tetrahedra (the hybrid model).
+
+mod locator;
+
+pub use locator::{Located, NearestFace, TetLocator};
+
+use crate::{Patient, Point, TetMesh, TetMeshError};
+use thiserror::Error;
+
+/// Linear extrapolation out of an element is used while no barycentric weight falls below this: the point then moves
+/// with the element as a whole, and can stray from it by no more than this fraction of its height.
+const LINEAR: f64 = -0.3;
+
+/// Why points could not be bound.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum EmbeddingError {
+    /// The mesh has no element.
+    #[error("cannot bind {points} points to a mesh without elements")]
+    NoElements {
+        /// Points given.
+        points: usize,
+    },
+    /// The mesh is broken.
+    #[error(transparent)]
+    Mesh(#[from] TetMeshError),
+    /// A point is not finite.
+    #[error("point {0} has a coordinate that is not finite")]
+    NotFinite(usize),
+}
+
+/// Four nodes and their weights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Binding {
+    nodes: [u32; 4],
+    weights: [f32; 4],
+}
+
+/// A point too far outside to be extrapolated: it rides on a boundary face, at a fixed offset in the face's own frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Rider {
+    point: u32,
+    face: [u32; 3],
+    offset: [f32; 3],
+}
+
+/// Points bound to the elements of a mesh, to be moved with its nodes.
+///
+/// A point inside an element, or just outside of the mesh, is a weighted sum of four nodes. A point further out keeps
+/// its place in the orthonormal frame of the nearest boundary face: it can turn with the face but never be flung away by
+/// a squeezed element.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Embedding {
+    bindings: Vec<Binding>,
+    riders: Vec<Rider>,
+    nodes: usize,
+    outside: usize,
+    farthest: f64,
+}
+
+impl Embedding {
+    /// Binds `points` (patient mm, as the mesh at rest). Points in a coherent order, as on a surface, are found fastest.
+    ///
+    /// # Errors
+    /// An empty or broken mesh, a non-finite point.
+    pub fn new(tets: &TetMesh, points: &[Point<Patient>]) -> Result<Self, EmbeddingError> {
+        if tets.tets.is_empty() {
+            return Err(EmbeddingError::NoElements { points: points.len() });
+        }
+        Self::with_locator(&TetLocator::new(tets)?, tets, points)
+    }
+
+    /// As [`Embedding::new`] with the mesh's locator at hand.
+    ///
+    /// # Errors
+    /// A non-finite point.
+    pub fn with_locator(
+        locator: &TetLocator,
+        tets: &TetMesh,
+        points: &[Point<Patient>],
+    ) -> Result<Self, EmbeddingError> {
+        let mut out = Self {
+            bindings: Vec::with_capacity(points.len()),
+            riders: Vec::new(),
+            nodes: tets.vertices.len(),
+            outside: 0,
+            farthest: 0.0,
+        };
+        let mut near = 0;
+        for (i, &p) in points.iter().enumerate() {
+            if !p.is_finite() {
+                return Err(EmbeddingError::NotFinite(i));
+            }
+            near = match locator.locate_from(near, p) {
+                Some(found) => {
+                    out.bind(locator.nodes(found.tet), found.weights);
+                    found.tet
+                }
+                None => out.bind_outside(locator, tets, i, p)?,
+            };
+        }
+        Ok(out)
+    }
+
+    fn bind(&mut self, nodes: [u32; 4], weights: [f64; 4]) {
+        self.bindings.push(Binding { nodes, weights: weights.map(|w| w as f32) });
+    }
+
+    fn bind_outside(
+        &mut self,
+        locator: &TetLocator,
+        tets: &TetMesh,
+        i: usize,
+        p: Point<Patient>,
+    ) -> Result<usize, EmbeddingError> {
+        let face = locator.nearest_face(p).ok_or(EmbeddingError::NotFinite(i))?;
+        self.outside += 1;
+        self.farthest = self.farthest.max(face.distance);
+        let nodes = locator.nodes(face.tet);
+        let weights = locator.weights(face.tet, p);
+        if weights.iter().all(|&w| w >= LINEAR) {
+            self.bind(nodes, weights);
+            return Ok(face.tet);
+        }
+        self.bind(nodes, locator.weights(face.tet, face.point));
+        let mut corners = (0..4).filter(|&c| c != face.opposite).map(|c| nodes[c]);
+        let triangle: [u32; 3] = core::array::from_fn(|_| corners.next().unwrap_or(nodes[0]));
+        let at = triangle.map(|v| tets.vertices[v as usize].to_array());
+        let frame = face_frame(at).unwrap_or([[0.0; 3]; 3]);
+        let offset = (p - face.point).to_array();
+        let offset = frame.map(|axis| dot(axis, offset) as f32);
+        self.riders.push(Rider { point: i as u32, face: triangle, offset });
+        Ok(face.tet)
+    }
+
+    /// Number of bound points.
+    pub const fn points(&self) -> usize {
+        self.bindings.len()
+    }
+
+    /// Number of nodes the mesh must have.
+    pub const fn nodes(&self) -> usize {
+        self.nodes
+    }
+
+    /// Points that lay outside the mesh.
+    pub const fn outside(&self) -> usize {
+        self.outside
+    }
+
+    /// Largest distance of a bound point from the mesh, mm; 0 when all lie inside.
+    pub const fn max_extrapolation(&self) -> f64 {
+        self.farthest
+    }
+
+    /// Positions of all points for the given nodes (`[x, y, z, unused]`, any frame and unit shared by all nodes). No
+    /// allocation. The fourth lane of `out` is the weighted sum of the nodes' fourth lanes.
+    ///
+    /// # Panics
+    /// When `nodes` is shorter than the mesh's vertices or `out` longer than the points.
+    pub fn apply(&self, nodes: &[[f32; 4]], out: &mut [[f32; 4]]) {
+        self.apply_from(0, nodes, out);
+    }
+
+    /// As [`Embedding::apply`] for the points `first..first + out.len()`, so that threads can share the work.
+    ///
+    /// # Panics
+    /// As [`Embedding::apply`].
+    pub fn apply_from(&self, first: usize, nodes: &[[f32; 4]], out: &mut [[f32; 4]]) {
+        let nodes = &nodes[..self.nodes];
+        let bindings = &self.bindings[first..first + out.len()];
+        for (o, b) in out.iter_mut().zip(bindings) {
+            let [p, q, r, s] = b.nodes.map(|n| nodes[n as usize]);
+            let w = b.weights;
+            *o = core::array::from_fn(|a| (w[0] * p[a] + w[1] * q[a]) + (w[2] * r[a] + w[3] * s[a]));
+        }
+        let end = first + out.len();
+        let start = self.riders.partition_point(|r| (r.point as usize) < first);
+        for r in self.riders[start..].iter().take_while(|r| (r.point as usize) < end) {
+            let at = r.face.map(|n| {
+                let p = nodes[n as usize];
+                [f64::from(p[0]), f64::from(p[1]), f64::from(p[2])]
+            });
+            // A face squeezed to a line has no frame; the point then stays on it.
+            if let Some(frame) = face_frame(at) {
+                let o = &mut out[r.point as usize - first];
+                for a in 0..3 {
+                    let d: f64 = (0..3).map(|i| frame[i][a] * f64::from(r.offset[i])).sum();
+                    o[a] += d as f32;
+                }
+            }
+        }
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
+    let n = dot(a, a).sqrt();
+    (n > 1e-30).then(|| a.map(|x| x / n))
+}
+
+/// Orthonormal axes of a triangle: along its first edge, in its plane, along its normal.
+fn face_frame([a, b, c]: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
+    let edge = |p: [f64; 3]| [p[0] - a[0], p[1] - a[1], p[2] - a[2]];
+    let along = unit(edge(b))?;
+    let normal = unit(cross(edge(b), edge(c)))?;
+    Some([along, cross(normal, along), normal])
+}
+
+#[cfg(test)]
+mod tests;
