@@ -2,7 +2,9 @@
 //!
 //! Works on volumes in memory and knows no files. Fields are in HU, positions in LPS mm.
 
+pub mod edit;
 pub mod landmarks;
+pub mod livewire;
 pub mod phantom;
 pub mod segment;
 pub mod surface;
