@@ -1,0 +1,291 @@
+//! The client's side of a conversation, without sockets or a clock of its own.
+
+use super::message::datagram;
+use super::{
+    ConnectOptions, Definition, Frame, MessageId, NatNetError, Pending, R, Response, Sender, ServerInfo, UpAxis,
+    Version, W, command, definitions, split,
+};
+use crate::TimedPose;
+use std::collections::BTreeMap;
+
+/// How a client talks and reads.
+#[derive(Debug, Clone, Default)]
+pub struct ClientOptions {
+    /// Reads frames with this version whatever the server says, also before it has said anything.
+    pub force_version: Option<Version>,
+    /// Motive's up-axis setting.
+    pub up: UpAxis,
+    /// Asks a server of 4.0 or later for this bitstream version (unicast only).
+    pub bitstream: Option<Version>,
+}
+
+/// One clock question and its answer, for the estimate of the clocks' offset.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EchoExchange {
+    /// When the question left, s on our clock.
+    pub sent: f64,
+    /// When the server answered, s on its clock.
+    pub server: f64,
+    /// When the answer came, s on our clock.
+    pub received: f64,
+}
+
+/// What a datagram told.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event {
+    /// The server introduced itself, or changed.
+    Server(ServerInfo),
+    /// What it streams.
+    Models(Vec<Definition>),
+    /// A frame, and the poses of its rigid bodies.
+    Frame(Box<Frame>, Vec<TimedPose>),
+    /// A clock exchange.
+    Echo(EchoExchange),
+    /// An answer to a command.
+    Response(Response),
+    /// A text for people.
+    Text(String),
+    /// The server dropped us; CONNECT is being sent again.
+    Dropped,
+}
+
+/// What has been received so far.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Frames read.
+    pub frames: u64,
+    /// Frame numbers skipped.
+    pub missed: u64,
+    /// Times that the frame number jumped back (loop, new take, restart, disorder).
+    pub restarts: u64,
+    /// Datagrams refused.
+    pub malformed: u64,
+    /// The last reason.
+    pub last_error: Option<NatNetError>,
+    /// Frames read with oddities (size mismatches and the like).
+    pub odd: u64,
+}
+
+/// A NatNet client.
+#[derive(Debug)]
+pub struct Client {
+    options: ClientOptions,
+    pub(super) server: Option<ServerInfo>,
+    pub(super) names: BTreeMap<i32, String>,
+    models_known: bool,
+    pending: Option<Pending>,
+    pub(super) counters: Counters,
+    last_number: Option<i32>,
+    last_params: u16,
+    pub(super) seen: BTreeMap<i32, bool>,
+    pub(super) times: Times,
+}
+
+/// When things were last done, s on our clock.
+#[derive(Debug, Default)]
+pub(super) struct Times {
+    pub(super) start: Option<f64>,
+    connect: Option<f64>,
+    keep_alive: Option<f64>,
+    models: Option<f64>,
+    echo: Option<f64>,
+    echoes: u32,
+    pub(super) frame: Option<f64>,
+    pub(super) server: Option<f64>,
+}
+
+fn due(last: &mut Option<f64>, now: f64, interval: f64) -> bool {
+    let is_due = last.is_none_or(|t| now - t >= interval);
+    if is_due {
+        *last = Some(now);
+    }
+    is_due
+}
+
+impl Client {
+    /// A client that has not said anything yet.
+    pub fn new(options: ClientOptions) -> Self {
+        Self {
+            options,
+            server: None,
+            names: BTreeMap::new(),
+            models_known: false,
+            pending: None,
+            counters: Counters::default(),
+            last_number: None,
+            last_params: 0,
+            seen: BTreeMap::new(),
+            times: Times::default(),
+        }
+    }
+
+    /// The server, once it has answered.
+    pub const fn server(&self) -> Option<&ServerInfo> {
+        self.server.as_ref()
+    }
+
+    /// What has been received so far.
+    pub const fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Names of the rigid bodies by streaming id.
+    pub const fn names(&self) -> &BTreeMap<i32, String> {
+        &self.names
+    }
+
+    /// The version with which frames are read.
+    pub fn version(&self) -> Option<Version> {
+        self.options.force_version.or_else(|| Some(self.server.as_ref()?.sender.version()))
+    }
+
+    /// The datagrams to send to the server's command port at `now` (s). Call it some ten times a second.
+    pub fn poll(&mut self, now: f64) -> Vec<Vec<u8>> {
+        self.times.start.get_or_insert(now);
+        if self.server.is_none() {
+            return if due(&mut self.times.connect, now, 1.0) { vec![self.connect()] } else { Vec::new() };
+        }
+        let mut out = Vec::new();
+        if due(&mut self.times.keep_alive, now, 1.0) {
+            out.push(datagram(MessageId::KeepAlive, &[]));
+        }
+        if !self.models_known && due(&mut self.times.models, now, 1.0) {
+            out.push(datagram(MessageId::RequestModelDefinition, &[]));
+        }
+        let has_clock = self.server.as_ref().is_some_and(|s| s.clock.is_some());
+        let interval = if self.times.echoes < 8 { 0.25 } else { 1.0 };
+        if has_clock && due(&mut self.times.echo, now, interval) {
+            self.times.echoes = self.times.echoes.saturating_add(1);
+            let mut w = W::new();
+            w.u64((now * 1e9) as u64);
+            out.push(datagram(MessageId::EchoRequest, &w.0));
+        }
+        out
+    }
+
+    fn connect(&self) -> Vec<u8> {
+        let v = self.options.bitstream.unwrap_or(Version::NEWEST);
+        let sender = Sender { name: "Monro".to_owned(), application: [0, 1, 0, 0], natnet: [v.major, v.minor, 0, 0] };
+        ConnectOptions { sender: Some(sender), bitstream: self.options.bitstream }.encode(MessageId::Connect)
+    }
+
+    /// The datagram of a text command. One at a time: its answer is read by what was asked.
+    pub fn request(&mut self, text: &str) -> Vec<u8> {
+        let (bytes, pending) = command::request(text);
+        self.pending = Some(pending);
+        bytes
+    }
+
+    /// The datagram that says good-bye.
+    pub fn disconnect(&self) -> Vec<u8> {
+        datagram(MessageId::Disconnect, &[])
+    }
+
+    /// Takes a datagram that arrived at `now` (s), on either socket. `None` for what concerns nobody.
+    ///
+    /// # Errors
+    /// Why it was refused; counted too. The conversation goes on.
+    pub fn receive(&mut self, bytes: &[u8], now: f64) -> Result<Option<Event>, NatNetError> {
+        let result = self.take(bytes, now);
+        if let Err(e) = &result {
+            self.counters.malformed += 1;
+            self.counters.last_error = Some(e.clone());
+        }
+        result
+    }
+
+    fn take(&mut self, bytes: &[u8], now: f64) -> Result<Option<Event>, NatNetError> {
+        let (header, payload) = split(bytes)?;
+        let declared = usize::from(header.declared);
+        Ok(match header.id {
+            MessageId::ServerInfo => Some(self.take_server(ServerInfo::decode(payload)?, now)),
+            MessageId::ModelDefinition => Some(self.take_models(payload)?),
+            MessageId::Frame => Some(self.take_frame(payload, declared, now)?),
+            MessageId::EchoResponse => self.take_echo(payload, now)?.map(Event::Echo),
+            MessageId::Response => {
+                self.pending.take().map(|pending| Event::Response(Response::decode(payload, pending)))
+            }
+            MessageId::Unrecognized => self.pending.take().map(|_| Event::Response(Response::Status(-1))),
+            MessageId::Text => {
+                let end = payload.iter().position(|&b| b == 0).unwrap_or(payload.len());
+                Some(Event::Text(String::from_utf8_lossy(&payload[..end]).into_owned()))
+            }
+            MessageId::TimedOut => {
+                self.server = None;
+                Some(Event::Dropped)
+            }
+            _ => None,
+        })
+    }
+
+    fn take_server(&mut self, info: ServerInfo, now: f64) -> Event {
+        if self.server.as_ref() != Some(&info) {
+            self.models_known = false;
+            self.times.echoes = 0;
+        }
+        // Frames that came before this answer were no fault of the stream.
+        self.counters.last_error.take_if(|e| *e == NatNetError::NoVersion);
+        self.times.server.get_or_insert(now);
+        self.server = Some(info.clone());
+        Event::Server(info)
+    }
+
+    fn take_models(&mut self, payload: &[u8]) -> Result<Event, NatNetError> {
+        let models = definitions(payload, self.version().ok_or(NatNetError::NoVersion)?)?;
+        let bodies = models.iter().filter_map(|d| match d {
+            Definition::RigidBody(b) => Some((b.id, b.name.clone())),
+            _ => None,
+        });
+        self.names = bodies.collect();
+        self.models_known = true;
+        Ok(Event::Models(models))
+    }
+
+    fn take_frame(&mut self, payload: &[u8], declared: usize, now: f64) -> Result<Event, NatNetError> {
+        let version = self.version().ok_or(NatNetError::NoVersion)?;
+        let mut frame = Frame::decode(payload, version)?;
+        if declared != payload.len() {
+            frame.faults.push(super::Fault::Length { declared, found: payload.len() });
+        }
+        self.count(&frame, now);
+        let frequency = self.server.as_ref().and_then(|s| s.clock).map(|c| c.frequency);
+        let name = |id: i32| self.names.get(&id).cloned().unwrap_or_else(|| format!("#{id}"));
+        let poses = frame.poses(self.options.up, frequency, now, name);
+        Ok(Event::Frame(Box::new(frame), poses))
+    }
+
+    fn count(&mut self, frame: &Frame, now: f64) {
+        let step = self.last_number.map_or(1, |last| i64::from(frame.number) - i64::from(last));
+        self.counters.frames += 1;
+        match step {
+            ..=0 => self.counters.restarts += 1,
+            _ => self.counters.missed += (step - 1) as u64,
+        }
+        self.counters.odd += u64::from(!frame.faults.is_empty());
+        self.last_number = Some(frame.number);
+        self.times.frame = Some(now);
+        self.seen = frame.rigid_bodies.iter().map(|b| (b.id, b.is_tracked())).collect();
+        // Bits 2 and 3: the bitstream may have changed. Their meaning differs between sources, so a change of them, not
+        // their state, makes us ask again.
+        let changed = (frame.suffix.params ^ self.last_params) & 0x0c != 0;
+        self.last_params = frame.suffix.params;
+        self.models_known &= !frame.models_changed();
+        if changed {
+            self.server = None;
+        }
+    }
+
+    fn take_echo(&self, payload: &[u8], now: f64) -> Result<Option<EchoExchange>, NatNetError> {
+        let Some(clock) = self.server.as_ref().and_then(|s| s.clock).filter(|c| c.frequency > 0) else {
+            return Ok(None);
+        };
+        let version = self.version().unwrap_or(Version::NEWEST);
+        let named = |source| NatNetError::Read { message: "echo", version, source };
+        let mut r = R::new(payload);
+        let stamp = r.u64("client stamp").map_err(named)?;
+        let ticks = r.u64("server ticks").map_err(named)?;
+        let (sent, server) = (stamp as f64 / 1e9, ticks as f64 / clock.frequency as f64);
+        // An answer to a question that we cannot have asked is not ours.
+        Ok((sent <= now).then_some(EchoExchange { sent, server, received: now }))
+    }
+}
