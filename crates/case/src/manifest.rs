@@ -19,7 +19,7 @@ pub struct Manifest {
     pub pseudonym: String,
     /// `left` or `right`: side of the plan.
     pub side: String,
-    /// Angle between the planned path and the outward normal of the skull at the entry, degrees.
+    /// Angle between the planned path and the surface of the skull where it crosses it, degrees: 90 is perpendicular.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skull_angle_deg: Option<f64>,
     /// Where the images came from.
