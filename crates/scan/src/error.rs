@@ -79,6 +79,68 @@ pub enum Problem {
     NothingFinite(usize),
 }
 
+/// Why a DICOM series cannot be taken.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum SeriesProblem {
+    /// Another modality.
+    #[error("modality {0:?} is not CT")]
+    NotCt(String),
+    /// A scout view.
+    #[error("it is a localizer")]
+    Localizer,
+    /// Too few slices for a volume.
+    #[error("{images} slices make no volume, at least {needed} are needed")]
+    TooFew {
+        /// Slices found.
+        images: usize,
+        /// Slices needed.
+        needed: usize,
+    },
+    /// Not grey values that can be HU.
+    #[error("{0} is not supported; export it as MONOCHROME2 grey values")]
+    NotGrey(String),
+    /// An encoding that is not read.
+    #[error("{0} is not supported; export it uncompressed or as JPEG Lossless")]
+    Encoding(String),
+    /// An attribute is missing or malformed.
+    #[error("{file}: {field} {problem}")]
+    Attribute {
+        /// Name of the file.
+        file: String,
+        /// DICOM keyword.
+        field: &'static str,
+        /// What is wrong.
+        problem: String,
+    },
+    /// Too much of the head is missing.
+    #[error(
+        "slices {} and {} are {found_mm:.1} mm apart along their normal, expected {expected_mm:.3}; \
+         a gap of more than {limit_mm:.1} mm is not filled in", after + 1, after + 2
+    )]
+    Gap {
+        /// Index of the slice below the gap, from 0.
+        after: usize,
+        /// Width of the gap, mm.
+        found_mm: f64,
+        /// Median step, mm.
+        expected_mm: f64,
+        /// Widest gap that is filled in, mm.
+        limit_mm: f64,
+    },
+    /// Two different images at one place.
+    #[error("{} and {} are different images at the same position; choose one acquisition", files[0], files[1])]
+    Conflict {
+        /// Names of the files.
+        files: [String; 2],
+    },
+}
+
+fn counts(images: &[usize]) -> String {
+    let one = |(n, count): (usize, &usize)| format!("patient {}: {count}", n + 1);
+    images.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
+}
+
 /// Why a scan was refused.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -90,6 +152,64 @@ pub enum ScanError {
         file: PathBuf,
         /// What is wrong with it.
         problem: Problem,
+    },
+    /// A folder with no file in it.
+    #[error("{}: the folder holds no file", .0.display())]
+    EmptyFolder(PathBuf),
+    /// A folder with more than anyone exports for one patient.
+    #[error("{}: more than {limit} files or folders nested deeper than {depth}; give the folder of the series", folder.display())]
+    FolderTooLarge {
+        /// The folder.
+        folder: PathBuf,
+        /// Most files that are looked at.
+        limit: usize,
+        /// Deepest nesting that is looked into.
+        depth: usize,
+    },
+    /// Files, but no DICOM image among them.
+    #[error("{}: no DICOM image among its {files} files ({seen})", folder.display())]
+    NoImages {
+        /// The folder or file.
+        folder: PathBuf,
+        /// Files looked at.
+        files: usize,
+        /// What they are, by count and example.
+        seen: String,
+    },
+    /// Images of more than one patient.
+    #[error(
+        "{}: images of {} patients in one folder ({}); separate them, or choose a series by its id (`monro inspect` lists them)",
+        folder.display(), images.len(), counts(images)
+    )]
+    SeveralPatients {
+        /// The folder.
+        folder: PathBuf,
+        /// Images of each patient, who are not named.
+        images: Vec<usize>,
+    },
+    /// The wanted series is not there.
+    #[error("no series {wanted:?}; there are: {}", known.join(", "))]
+    UnknownSeries {
+        /// What was asked for.
+        wanted: String,
+        /// Short ids of the series found.
+        known: Vec<String>,
+    },
+    /// One series, the wanted one or the only one, cannot be taken.
+    #[error("series {series}: {problem}")]
+    Series {
+        /// Its short id.
+        series: String,
+        /// Why not.
+        problem: SeriesProblem,
+    },
+    /// None of several series can be taken.
+    #[error("{}: none of its {} series is a head CT: {}", folder.display(), reasons.len(), reasons.join("; "))]
+    NoUsableSeries {
+        /// The folder.
+        folder: PathBuf,
+        /// Each series with the reason.
+        reasons: Vec<String>,
     },
     /// The volume is too small for a head.
     #[error(

@@ -24,3 +24,13 @@ pub(crate) fn pseudonym(volume: &Volume<i16>) -> String {
     }
     format!("scan-{}", hex(&sha.finalize(), 6))
 }
+
+/// Short id of a series, from its UID.
+pub(crate) fn series_id(uid: &str) -> String {
+    hex(&Sha256::digest(uid.as_bytes()), 4)
+}
+
+/// 128 bits from a text, for UIDs.
+pub(crate) fn bits128(text: &str) -> u128 {
+    Sha256::digest(text.as_bytes()).iter().take(16).fold(0, |n, &b| n << 8 | u128::from(b))
+}

@@ -19,12 +19,13 @@ mod resample;
 mod text;
 mod types;
 
+pub mod dicom;
 pub mod metaimage;
 pub mod nifti;
 pub mod nrrd;
 
 pub use check::head_extent_check;
-pub use error::{Problem, ScanError};
+pub use error::{Problem, ScanError, SeriesProblem};
 pub use raster::{Element, Endian, HuNotes, Layout, Raster};
 pub use types::{Format, Inspection, ReadOptions, Scan, SeriesSummary, Source};
 
@@ -36,7 +37,7 @@ use std::path::Path;
 /// # Errors
 /// Any [`ScanError`]: see there for the rules.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
-    let scan = file::read(path)?;
+    let scan = if dicom::is_dicom(path) { dicom::read(path, options)? } else { file::read(path)? };
     if !options.any_size {
         head_extent_check(&scan.volume)?;
     }
@@ -48,7 +49,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
 /// # Errors
 /// When nothing can be listed: an unreadable path, an unknown format, a damaged header.
 pub fn inspect(path: &Path) -> Result<Inspection, ScanError> {
-    file::inspect(path)
+    if dicom::is_dicom(path) { dicom::inspect(path) } else { file::inspect(path) }
 }
 
 /// Reads a label volume (NIfTI, NRRD or MetaImage): whole numbers from 0 to 65535 of any stored type.

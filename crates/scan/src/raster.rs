@@ -276,6 +276,16 @@ impl HuNotes {
         }
     }
 
+    /// Adds the counts of another part of the scan.
+    pub(crate) fn add(&mut self, o: &Self) {
+        self.count += o.count;
+        self.below += o.below;
+        self.lowest = self.lowest.min(o.lowest);
+        self.above += o.above;
+        self.not_finite += o.not_finite;
+        self.padding += o.padding;
+    }
+
     /// Sentences for the user; none when nothing was changed.
     pub fn warnings(&self) -> Vec<String> {
         let share = |n: u64| 100.0 * n as f64 / self.count.max(1) as f64;

@@ -1,0 +1,129 @@
+//! Which series of a folder is the best head CT.
+
+use super::folder::Survey;
+use super::series::Series;
+use crate::ReadOptions;
+use crate::error::ScanError;
+use std::path::Path;
+
+/// Merits in the order in which they decide; all that is equal is decided by the first series met.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Merit {
+    /// As large as a head.
+    large: bool,
+    axial: bool,
+    /// Not a bone kernel: the ventricles drown in its noise.
+    soft: bool,
+    /// Slices of at most 3 mm.
+    thin: bool,
+    slices: usize,
+}
+
+impl Merit {
+    fn of(series: &Series) -> Self {
+        let s = series.source();
+        let extent = |a: usize| s.native_dims[a] as f64 * s.native_spacing_mm[a];
+        Self {
+            large: extent(0) >= 130.0 && extent(1) >= 130.0 && extent(2) >= 60.0,
+            axial: s.orientation == "axial",
+            soft: !s.kernel.as_deref().is_some_and(is_bone_kernel),
+            thin: s.native_spacing_mm[2] <= 3.0,
+            slices: series.images.len(),
+        }
+    }
+
+    /// The first merit in which this one is better.
+    fn beats(self, other: Self) -> &'static str {
+        if self.large != other.large {
+            "it is as large as a head"
+        } else if self.axial != other.axial {
+            "it is axial"
+        } else if self.soft != other.soft {
+            "it has no bone kernel"
+        } else if self.thin != other.thin {
+            "its slices are thinner"
+        } else if self.slices != other.slices {
+            "it has more slices"
+        } else {
+            "it comes first"
+        }
+    }
+}
+
+/// Kernels made for bone and lung, as the makers name them.
+pub(crate) fn is_bone_kernel(kernel: &str) -> bool {
+    let k = kernel.trim().to_uppercase();
+    let words = ["BONE", "EDGE", "LUNG", "SHARP"];
+    // Philips.
+    let exact = ["D", "E", "F", "L", "YD", "YE", "YL"];
+    let digits: String = k.chars().skip_while(|c| !c.is_ascii_digit()).take_while(char::is_ascii_digit).collect();
+    let number: u32 = digits.parse().unwrap_or(0);
+    let numbered = if k.starts_with("FC") {
+        // Toshiba and Canon: 30 to 39 bone, 50 to 59 lung, 80 to 89 bone of high resolution.
+        matches!(number, 30..=39 | 50..=59 | 80..=89)
+    } else {
+        // Siemens: H31s is soft, H60s and Hr68 are sharp.
+        k.starts_with(['B', 'H', 'J', 'U', 'I', 'V', 'T', 'Q']) && (60..=99).contains(&number)
+    };
+    words.iter().any(|w| k.contains(w)) || exact.contains(&k.as_str()) || numbered
+}
+
+/// Index of the best usable series among the candidates, and why.
+pub(crate) fn best(series: &[Series]) -> (Option<usize>, String) {
+    let mut usable: Vec<(usize, Merit)> =
+        series.iter().enumerate().filter(|(_, s)| s.refusal.is_none()).map(|(n, s)| (n, Merit::of(s))).collect();
+    // A stable sort: of equals, the first stays first.
+    usable.sort_by_key(|&(_, merit)| core::cmp::Reverse(merit));
+    let Some(&(chosen, merit)) = usable.first() else {
+        return (None, "no series can be taken".into());
+    };
+    let reason = match usable.get(1) {
+        None if series.len() == 1 => "the only series".to_owned(),
+        None => "the only series that can be taken".to_owned(),
+        Some(&(second, other)) => {
+            format!(
+                "{} series can be taken; rather than {}, because {}",
+                usable.len(),
+                series[second].id,
+                merit.beats(other)
+            )
+        }
+    };
+    (Some(chosen), reason)
+}
+
+/// The wanted series, or the best one.
+///
+/// # Errors
+/// Unknown series, several patients, nothing usable.
+pub(crate) fn choose(
+    path: &Path,
+    survey: &Survey,
+    mut series: Vec<Series>,
+    o: &ReadOptions,
+) -> Result<Series, ScanError> {
+    if let Some(wanted) = &o.series_uid {
+        let known = series.iter().map(|s| s.id.clone()).collect();
+        series.retain(|s| s.uid == *wanted || s.id == *wanted);
+        if series.is_empty() {
+            return Err(ScanError::UnknownSeries { wanted: wanted.clone(), known });
+        }
+    } else {
+        let images = survey.patients();
+        if images.len() > 1 {
+            return Err(ScanError::SeveralPatients { folder: path.to_path_buf(), images });
+        }
+    }
+    if let (Some(n), _) = best(&series) {
+        return Ok(series.swap_remove(n));
+    }
+    if series.len() == 1 {
+        let s = series.swap_remove(0);
+        return match s.refusal {
+            Some(problem) => Err(ScanError::Series { series: s.id, problem }),
+            None => Ok(s),
+        };
+    }
+    let reason = |s: &Series| s.refusal.as_ref().map(|r| format!("{}: {r}", s.id));
+    Err(ScanError::NoUsableSeries { folder: path.to_path_buf(), reasons: series.iter().filter_map(reason).collect() })
+}

@@ -1,0 +1,123 @@
+//! All files of a folder, described.
+
+use super::image::{Found, Identity, Image, describe};
+use crate::error::{Problem, ScanError};
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+const MOST_FILES: usize = 20_000;
+const DEEPEST: usize = 8;
+/// Larger files are no DICOM images of a head.
+const LARGEST_FILE: u64 = 2 << 30;
+
+/// What a folder holds.
+#[derive(Debug, Default)]
+pub(crate) struct Survey {
+    pub(crate) images: Vec<Image>,
+    /// DICOM files that cannot be understood.
+    pub(crate) broken: Vec<(PathBuf, Problem)>,
+    not_dicom: Vec<PathBuf>,
+    no_image: Vec<PathBuf>,
+    pub(crate) files: usize,
+}
+
+impl Survey {
+    /// Describes a file, or all files of a folder and its sub-folders, in the order of their paths.
+    pub(crate) fn of(path: &Path) -> Result<Self, ScanError> {
+        let mut files = Vec::new();
+        if path.is_dir() {
+            list(path, path, 0, &mut files)?;
+            if files.is_empty() {
+                return Err(ScanError::EmptyFolder(path.to_path_buf()));
+            }
+            files.sort();
+        } else {
+            files.push(path.to_path_buf());
+        }
+        let mut survey = Self { files: files.len(), ..Self::default() };
+        for file in files {
+            survey.add(file);
+        }
+        Ok(survey)
+    }
+
+    fn add(&mut self, file: PathBuf) {
+        match load(&file).and_then(|bytes| bytes.map_or(Ok(Found::NotDicom), |b| describe(&file, &b))) {
+            Ok(Found::Images(images)) => self.images.extend(images),
+            Ok(Found::NoImage) => self.no_image.push(file),
+            Ok(Found::NotDicom) => self.not_dicom.push(file),
+            Err(problem) => self.broken.push((file, problem)),
+        }
+    }
+
+    /// Sentences about what was left out.
+    pub(crate) fn skipped(&self) -> Vec<String> {
+        let one = |files: &[PathBuf], what: &str| {
+            let first = name(files.first()?);
+            Some(format!("{} of {} files {what} and were left out (the first: {first})", files.len(), self.files))
+        };
+        let not_dicom = one(&self.not_dicom, "are not DICOM");
+        not_dicom.into_iter().chain(one(&self.no_image, "are DICOM objects without an image")).collect()
+    }
+
+    /// Number of images of each patient.
+    pub(crate) fn patients(&self) -> Vec<usize> {
+        let mut known: Vec<(&Identity, usize)> = Vec::new();
+        for image in &self.images {
+            match known.iter_mut().find(|(p, _)| same_patient(p, &image.identity)) {
+                Some((_, count)) => *count += 1,
+                None => known.push((&image.identity, 1)),
+            }
+        }
+        known.into_iter().map(|(_, count)| count).collect()
+    }
+}
+
+/// Two identities that do not contradict each other: an id or a name that is missing proves nothing.
+fn same_patient(a: &Identity, b: &Identity) -> bool {
+    if !a.id.is_empty() && !b.id.is_empty() {
+        return a.id == b.id;
+    }
+    a.name.is_empty() || b.name.is_empty() || a.name == b.name
+}
+
+/// Name of a file, for messages: its folder may carry the patient's name.
+pub(crate) fn name(file: &Path) -> String {
+    file.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn list(root: &Path, folder: &Path, depth: usize, out: &mut Vec<PathBuf>) -> Result<(), ScanError> {
+    let unreadable = |e: std::io::Error| ScanError::file(folder, Problem::Unreadable(e.to_string()));
+    for entry in fs::read_dir(folder).map_err(unreadable)? {
+        let entry = entry.map_err(unreadable)?;
+        // A link to a folder could lead in a circle; a link to a file is a file.
+        let kind = entry.file_type().map_err(unreadable)?;
+        if kind.is_dir() && depth < DEEPEST {
+            list(root, &entry.path(), depth + 1, out)?;
+        } else if !kind.is_dir() && entry.path().is_file() {
+            out.push(entry.path());
+        }
+        if out.len() > MOST_FILES || kind.is_dir() && depth >= DEEPEST {
+            return Err(ScanError::FolderTooLarge { folder: root.to_path_buf(), limit: MOST_FILES, depth: DEEPEST });
+        }
+    }
+    Ok(())
+}
+
+/// The bytes of a DICOM file; `None` for another file, of which only the beginning is read.
+pub(crate) fn load(file: &Path) -> Result<Option<Vec<u8>>, Problem> {
+    let unreadable = |e: std::io::Error| Problem::Unreadable(e.to_string());
+    let mut open = fs::File::open(file).map_err(unreadable)?;
+    let size = open.metadata().map_err(unreadable)?.len();
+    let mut bytes = Vec::with_capacity(size.min(1 << 20) as usize);
+    open.by_ref().take(132).read_to_end(&mut bytes).map_err(unreadable)?;
+    if !super::outline::looks_like(&bytes) {
+        return Ok(None);
+    }
+    if size > LARGEST_FILE {
+        return Err(crate::error::unsupported(format!("a DICOM file of {size} bytes"), "export one file per slice"));
+    }
+    open.read_to_end(&mut bytes).map_err(unreadable)?;
+    Ok(Some(bytes))
+}

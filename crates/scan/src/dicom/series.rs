@@ -1,0 +1,301 @@
+//! From images to stacks of slices: one series may hold several (a localizer, two orientations, two acquisitions).
+
+use super::folder::{load, name};
+use super::image::{Image, Placement, refused_syntax};
+use super::outline;
+use crate::error::SeriesProblem;
+use crate::hash;
+use crate::resample::Stack;
+use crate::types::{Format, SeriesSummary, Source, orientation};
+use monro_geometry::Vector;
+
+/// Slices nearer than this lie at the same place, mm.
+const SAME_PLACE_MM: f64 = 0.05;
+/// Fewer slices make no volume.
+const FEWEST: usize = 3;
+/// A gap is refused when it is both this many median steps and this many mm wide.
+const WIDEST_STEPS: f64 = 3.0;
+const WIDEST_MM: f64 = 10.0;
+/// Pixel padding is believed only where it reads as air: some files declare a value that is tissue.
+pub(crate) const PADDING_HU: f64 = -900.0;
+
+/// Parallel slices of one series, in order along their normal.
+#[derive(Debug)]
+pub(crate) struct Series {
+    /// Short id, unique in its folder.
+    pub(crate) id: String,
+    pub(crate) uid: String,
+    pub(crate) images: Vec<Image>,
+    pub(crate) stack: Option<Stack>,
+    pub(crate) refusal: Option<SeriesProblem>,
+    pub(crate) warnings: Vec<String>,
+}
+
+/// Sorts images into series, in the order in which they are met.
+pub(crate) fn sort(images: Vec<Image>) -> Vec<Series> {
+    let mut groups: Vec<Vec<Image>> = Vec::new();
+    for image in images {
+        match groups.iter_mut().find(|g| belongs(&g[0], &image)) {
+            Some(group) => group.push(image),
+            None => groups.push(vec![image]),
+        }
+    }
+    let groups = groups.into_iter().map(in_order).flat_map(by_acquisition);
+    let mut out: Vec<Series> = Vec::new();
+    for group in groups {
+        let uid = group[0].series_uid.clone();
+        let before = out.iter().filter(|s| s.uid == uid).count();
+        let id = hash::series_id(&uid) + &if before > 0 { format!("-{}", before + 1) } else { String::new() };
+        out.push(Series::new(id, uid, group));
+    }
+    out
+}
+
+fn belongs(a: &Image, b: &Image) -> bool {
+    let near = |p: Vector<_>, q: Vector<_>| (p - q).norm() <= 1e-3 * p.norm();
+    let parallel = match (&a.placement, &b.placement) {
+        (Ok(p), Ok(q)) => near(p.u, q.u) && near(p.v, q.v),
+        // A slice without a placement spoils the series that it claims to be of, rather than being lost.
+        _ => true,
+    };
+    let same = |i: &Image| (i.size, i.localizer, i.about.kernel.clone(), i.modality.clone());
+    a.series_uid == b.series_uid && parallel && same(a) == same(b)
+}
+
+/// Place of an image along the normal of the first one.
+fn along(first: &Placement, image: &Image) -> f64 {
+    let n = first.u.cross(first.v).normalized().unwrap_or(Vector::ZERO);
+    image.placement.as_ref().map_or(f64::MAX, |p| (p.origin - first.origin).dot(n))
+}
+
+fn in_order(mut group: Vec<Image>) -> Vec<Image> {
+    if let Some(first) = group.iter().find_map(|i| i.placement.clone().ok()) {
+        let place = |i: &Image| along(&first, i);
+        group.sort_by(|a, b| place(a).total_cmp(&place(b)).then_with(|| (&a.file, a.frame).cmp(&(&b.file, b.frame))));
+    }
+    group
+}
+
+fn same_place(a: &Image, b: &Image) -> bool {
+    match (&a.placement, &b.placement) {
+        (Ok(p), Ok(_)) => (along(p, b) - along(p, a)).abs() < SAME_PLACE_MM,
+        _ => false,
+    }
+}
+
+/// Splits slices that lie at the same places when each acquisition by itself has every place once.
+fn by_acquisition(group: Vec<Image>) -> Vec<Vec<Image>> {
+    let doubled = |g: &[Image]| g.windows(2).any(|w| same_place(&w[0], &w[1]));
+    if !doubled(&group) {
+        return vec![group];
+    }
+    let mut split: Vec<Vec<Image>> = Vec::new();
+    for image in &group {
+        match split.iter_mut().find(|g| g[0].acquisition == image.acquisition) {
+            Some(part) => part.push(image.clone()),
+            None => split.push(vec![image.clone()]),
+        }
+    }
+    if split.len() > 1 && !split.iter().any(|g| doubled(g)) { split } else { vec![group] }
+}
+
+impl Series {
+    fn new(id: String, uid: String, images: Vec<Image>) -> Self {
+        let mut series = Self { id, uid, images, stack: None, refusal: None, warnings: Vec::new() };
+        series.refusal = series.examine().err();
+        series
+    }
+
+    fn examine(&mut self) -> Result<(), SeriesProblem> {
+        self.check_kind()?;
+        self.drop_copies()?;
+        self.place()?;
+        self.check_gaps()?;
+        self.note_oddities();
+        Ok(())
+    }
+
+    fn check_kind(&self) -> Result<(), SeriesProblem> {
+        let first = &self.images[0];
+        if first.modality != "CT" {
+            return Err(SeriesProblem::NotCt(first.modality.clone()));
+        }
+        if first.localizer {
+            return Err(SeriesProblem::Localizer);
+        }
+        for image in &self.images {
+            let s = &image.stored;
+            if s.samples != 1 || s.photometric != "MONOCHROME2" {
+                let what = format!("{}: photometric interpretation {:?}", name(&image.file), s.photometric);
+                return Err(SeriesProblem::NotGrey(what));
+            }
+            if let Some(what) = refused_syntax(&s.syntax) {
+                return Err(SeriesProblem::Encoding(what));
+            }
+            if !matches!(s.allocated, 8 | 16) {
+                return Err(SeriesProblem::Encoding(format!("{} bits per pixel", s.allocated)));
+            }
+        }
+        Ok(())
+    }
+
+    /// Drops copies of the same image; two different ones at one place are a conflict.
+    fn drop_copies(&mut self) -> Result<(), SeriesProblem> {
+        let mut kept: Vec<Image> = Vec::with_capacity(self.images.len());
+        let mut dropped = 0;
+        for image in self.images.drain(..) {
+            match kept.last().filter(|last| same_place(last, &image)) {
+                Some(last) if copies(last, &image) => dropped += 1,
+                Some(last) => return Err(SeriesProblem::Conflict { files: [name(&last.file), name(&image.file)] }),
+                None => kept.push(image),
+            }
+        }
+        self.images = kept;
+        if dropped > 0 {
+            self.warnings.push(format!("{dropped} copies of slices that are there already were left out"));
+        }
+        Ok(())
+    }
+
+    fn place(&mut self) -> Result<(), SeriesProblem> {
+        if self.images.len() < FEWEST {
+            return Err(SeriesProblem::TooFew { images: self.images.len(), needed: FEWEST });
+        }
+        let mut origins = Vec::with_capacity(self.images.len());
+        for image in &self.images {
+            match &image.placement {
+                Ok(p) => origins.push(p.origin),
+                Err((field, problem)) => {
+                    let (file, problem) = (name(&image.file), problem.clone());
+                    return Err(SeriesProblem::Attribute { file, field, problem });
+                }
+            }
+        }
+        if let Ok(p) = &self.images[0].placement {
+            self.stack = Some(Stack { size: self.images[0].size, u: p.u, v: p.v, origins });
+        }
+        Ok(())
+    }
+
+    /// Steps along the normal, and their median.
+    fn steps(&self) -> (Vec<f64>, f64) {
+        let steps = self.stack.as_ref().map(Stack::steps).unwrap_or_default();
+        let mut sorted = steps.clone();
+        sorted.sort_by(f64::total_cmp);
+        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+        (steps, median)
+    }
+
+    fn check_gaps(&mut self) -> Result<(), SeriesProblem> {
+        let (steps, median) = self.steps();
+        let limit_mm = (WIDEST_STEPS * median).max(WIDEST_MM);
+        let mut wide: Vec<String> = Vec::new();
+        for (after, &found_mm) in steps.iter().enumerate() {
+            if found_mm > limit_mm {
+                return Err(SeriesProblem::Gap { after, found_mm, expected_mm: median, limit_mm });
+            }
+            if found_mm > 1.5 * median {
+                let (a, b) = (after + 1, after + 2);
+                wide.push(format!("slices {a} and {b} are {found_mm:.3} mm apart, expected {median:.3}"));
+            }
+        }
+        self.warn_of_wide_steps(wide, &steps);
+        Ok(())
+    }
+
+    /// A few wide steps are missing slices; many are a series of two spacings.
+    fn warn_of_wide_steps(&mut self, mut wide: Vec<String>, steps: &[f64]) {
+        if wide.len() > 3 && wide.len() > steps.len() / 4 {
+            let least = steps.iter().copied().fold(f64::MAX, f64::min);
+            let most = steps.iter().copied().fold(f64::MIN, f64::max);
+            self.warnings.push(format!("the slice spacing varies: steps of {least:.3} to {most:.3} mm"));
+            return;
+        }
+        let more = wide.len().saturating_sub(3);
+        wide.truncate(3);
+        self.warnings.extend(wide);
+        if more > 0 {
+            self.warnings.push(format!("{more} more slices are further apart than expected"));
+        }
+    }
+
+    fn note_oddities(&mut self) {
+        let unscaled = self.images.iter().filter(|i| !i.stored.rescaled).count();
+        if unscaled > 0 {
+            self.warnings.push(format!(
+                "{unscaled} of {} slices give no RescaleSlope and RescaleIntercept; their values are taken as HU",
+                self.images.len()
+            ));
+        }
+        let s = &self.images[0].stored;
+        if let Some([low, high]) = s.padding
+            && high as f64 * s.slope + s.intercept > PADDING_HU
+        {
+            self.warnings.push(format!(
+                "PixelPaddingValue {low} reads as {} HU, which may be tissue: it is not taken as padding",
+                low as f64 * s.slope + s.intercept
+            ));
+        }
+    }
+
+    /// What may be told about this series.
+    pub(crate) fn source(&self) -> Source {
+        let first = &self.images[0];
+        let steps = self.steps().0;
+        let mean = if steps.is_empty() { 0.0 } else { steps.iter().sum::<f64>() / steps.len() as f64 };
+        let (mut spacing, mut plane) = ([0.0, 0.0, mean], "unknown");
+        if let Ok(p) = &first.placement {
+            spacing = [p.u.norm(), p.v.norm(), mean];
+            plane = orientation(p.u.cross(p.v));
+        }
+        let about = &first.about;
+        Source {
+            format: Format::Dicom,
+            series: self.id.clone(),
+            description: about.description.clone().filter(|d| !reveals(first, d)),
+            modality: Some(first.modality.clone()),
+            scanner: about.scanner.clone(),
+            kernel: about.kernel.clone(),
+            kvp: about.kvp,
+            slice_thickness_mm: about.thickness,
+            tilt_deg: self.stack.as_ref().map_or(0.0, Stack::tilt_deg),
+            native_dims: [first.size[0], first.size[1], self.images.len()],
+            native_spacing_mm: spacing,
+            orientation: plane,
+        }
+    }
+
+    /// For lists.
+    pub(crate) fn summary(&self) -> SeriesSummary {
+        let steps = self.steps().0;
+        let least = steps.iter().copied().reduce(f64::min).unwrap_or(0.0);
+        let most = steps.iter().copied().reduce(f64::max).unwrap_or(0.0);
+        SeriesSummary {
+            source: self.source(),
+            images: self.images.len(),
+            step_mm: [least, most],
+            refusal: self.refusal.as_ref().map(ToString::to_string),
+        }
+    }
+}
+
+/// Whether a text contains a part of the patient's name or id.
+fn reveals(image: &Image, text: &str) -> bool {
+    let text = text.to_uppercase();
+    let parts = image.identity.name.split(['^', ' ', ',', '=']).chain([image.identity.id.as_str()]);
+    parts.filter(|p| p.chars().count() >= 3).any(|p| text.contains(&p.to_uppercase()))
+}
+
+/// Whether two images have the same pixels.
+fn copies(a: &Image, b: &Image) -> bool {
+    if a.frames > 1 || b.frames > 1 || a.stored != b.stored {
+        return false;
+    }
+    let pixels = |i: &Image| {
+        let bytes = load(&i.file).ok().flatten()?;
+        let outline = outline::outline(&bytes).ok()?;
+        Some(outline.data.get(outline.pixels?.range)?.to_vec())
+    };
+    !a.instance_uid.is_empty() && a.instance_uid == b.instance_uid && pixels(a) == pixels(b)
+        || pixels(a).is_some_and(|p| Some(p) == pixels(b))
+}
