@@ -1,1 +1,46 @@
-//! Soft tissue: tetrahedra, materials, attachments and rigid tools to model, state and step.
+//! Soft tissue: a labelled tetrahedral mesh, materials, attachments and rigid tools, stepped through time.
+//!
+//! Four types, four lifetimes:
+//!
+//! | type | what | changes |
+//! |---|---|---|
+//! | [`Model`] | mesh, materials, attachments, constants of the solver, sphere tree | never; share it between threads |
+//! | [`State`] | positions, velocities, pressures, where each tool has cut | each step |
+//! | [`Stepper`] | scratch memory of one running simulation | each step, holds nothing that matters |
+//! | [`StepReport`] | events, forces, counts of one step | given back by the step |
+//!
+//! Two modes share all of it. **Paper mode** is position-based dynamics with the constraints and the normalised
+//! coefficients of Koo et al. 2023 (equations 1 to 11, its slips corrected where they are used). **Physical mode**
+//! minimises the energy of a near-incompressible neo-Hookean solid, so that moduli in kPa go in and come out again.
+//!
+//! Units: mm, s, kg, hence mN and kPa (1 kPa = 1 mN/mm2). The model knows labels and regions, no organs.
+//!
+//! Simplifications: tissue is cut along the axis of a tool but the mesh is never split; self-contact is not looked for;
+//! tools are rigid and straight.
+
+mod contact;
+mod error;
+mod material;
+mod membrane;
+mod model;
+mod options;
+mod paper;
+mod report;
+mod sphere_tree;
+mod state;
+mod step;
+mod tool;
+mod validate;
+mod vec3;
+
+pub use error::ModelError;
+pub use material::{Insertion, Material, PaperCoefficients};
+pub use model::Model;
+pub use options::{
+    Attachment, AttachmentKind, CollisionResponse, DihedralScope, FrameSettings, Mode, ModelOptions, PaperOptions,
+    PhysicalOptions,
+};
+pub use report::{Event, StepReport, ToolReport};
+pub use state::State;
+pub use step::Stepper;
+pub use tool::{TipShape, Tool, ToolMotion, ToolPose};

@@ -1,0 +1,194 @@
+//! Which membranes touch a tool, and where a point lies in the mesh.
+
+use super::closest::{Closest, segment_triangle};
+use super::{Coupling, Rule};
+use crate::membrane::{Membrane, NONE, OUTSIDE};
+use crate::sphere_tree::Spheres;
+use crate::tool::Rod;
+use crate::vec3::{V3, cross, dot, norm, scale, sub, unit, xyz};
+use crate::{Model, State};
+
+/// Stiffness of a contact in units of the tissue's modulus times the radius of the tool: stiff against the tissue,
+/// soft enough for the solver.
+const PENALTY: f32 = 100.0;
+
+/// Lists of a query, kept between steps.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Found {
+    stack: Vec<u32>,
+    tets: Vec<u32>,
+}
+
+/// A place in the mesh.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Place {
+    pub(crate) tet: u32,
+    pub(crate) weights: [f32; 4],
+}
+
+/// Side of the membranes a tool is on, and how much of it can touch them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Side {
+    /// Outside of the tissue: the whole rod touches the outer surface.
+    Outside,
+    /// The tip is in this region: only its end touches the walls to other regions.
+    Within(u8),
+}
+
+/// Adds a coupling for each membrane that the rod touches or is about to touch.
+pub(crate) fn membranes(
+    model: &Model,
+    state: &State,
+    spheres: &Spheres,
+    rod: &Rod,
+    side: Side,
+    tool: u32,
+    found: &mut Found,
+    out: &mut Vec<Coupling>,
+) {
+    let from = rod.at(rod.start);
+    let to = if side == Side::Outside { rod.at(rod.length) } else { from };
+    let reach = 1.5 * rod.radius;
+    collect(model, spheres, from, to, reach, found);
+    for &t in &found.tets {
+        for &m in &model.membranes.of_tet[t as usize] {
+            if m == NONE {
+                continue;
+            }
+            let face = &model.membranes.faces[m as usize];
+            // A wall has two elements: take it from the inner one only.
+            if face.inner != model.region[t as usize] {
+                continue;
+            }
+            if let Some(inward) = faces_tool(face, side) {
+                out.extend(touch(model, state, rod, face, inward, (from, to, side), tool));
+            }
+        }
+    }
+}
+
+fn collect(model: &Model, spheres: &Spheres, from: V3, to: V3, reach: f32, found: &mut Found) {
+    found.tets.clear();
+    let Found { stack, tets } = found;
+    model.tree.near_segment(spheres, from, to, reach, stack, |t| tets.push(t));
+}
+
+/// Sign that turns the normal of a membrane away from the tool; `None` when the tool is not on one of its sides.
+fn faces_tool(face: &Membrane, side: Side) -> Option<f32> {
+    match side {
+        Side::Outside => (face.outer == OUTSIDE).then_some(-1.0),
+        Side::Within(r) if face.outer == OUTSIDE => {
+            debug_assert!(r != OUTSIDE, "a region");
+            None
+        }
+        Side::Within(r) if face.inner == r => Some(1.0),
+        Side::Within(r) if face.outer == r => Some(-1.0),
+        Side::Within(_) => None,
+    }
+}
+
+fn touch(
+    model: &Model,
+    state: &State,
+    rod: &Rod,
+    face: &Membrane,
+    inward: f32,
+    (from, to, side): (V3, V3, Side),
+    tool: u32,
+) -> Option<Coupling> {
+    let tri = face.nodes.map(|v| xyz(state.positions[v as usize]));
+    let push = scale(unit(cross(sub(tri[1], tri[0]), sub(tri[2], tri[0])))?, inward);
+    let near = segment_triangle(from, to, tri);
+    let arc = rod.start + near.t * (rod.length - rod.start) * f32::from(u8::from(side == Side::Outside));
+    let radius = rod.radius_at(arc);
+    let centre = rod.at(arc);
+    let normal = direction(near, centre, tri, push, radius)?;
+    let tip = arc <= rod.start + 0.5 * rod.radius;
+    // A wall ahead of an advancing tip: not one that it has left behind.
+    if side != Side::Outside && dot(push, rod.back) > 0.0 {
+        return None;
+    }
+    let beyond = if inward > 0.0 { face.outer } else { face.inner };
+    let modulus = model.regions[face.inner as usize].material.young_kpa as f32;
+    Some(Coupling {
+        nodes: [face.nodes[0], face.nodes[1], face.nodes[2], face.nodes[0]],
+        weights: [near.weights[0], near.weights[1], near.weights[2], 0.0],
+        rule: Rule::Push { normal, bound: dot(normal, centre) + radius },
+        stiffness: PENALTY * modulus * rod.radius,
+        tool,
+        source: u32::from(beyond),
+        tip,
+        force: [0.0; 3],
+    })
+}
+
+/// Direction in which the tool pushes the nearest point of a face: away from its axis, or along the face's normal when
+/// the axis has just gone through. `None` when they do not touch.
+fn direction(near: Closest, centre: V3, tri: [V3; 3], push: V3, radius: f32) -> Option<V3> {
+    let ahead = dot(push, sub(tri[0], centre));
+    let distance = near.distance2.sqrt();
+    if ahead < 0.0 || distance < 1e-3 * radius {
+        return (distance < radius).then_some(push);
+    }
+    if distance > 1.5 * radius {
+        return None;
+    }
+    let at: V3 = core::array::from_fn(|a| (0..3).map(|i| tri[i][a] * near.weights[i]).sum());
+    let away = sub(at, centre);
+    Some(scale(away, 1.0 / norm(away)))
+}
+
+/// The element that holds the point `x`; `None` outside of the mesh.
+pub(crate) fn locate(model: &Model, state: &State, spheres: &Spheres, x: V3, found: &mut Found) -> Option<Place> {
+    collect(model, spheres, x, x, 0.0, found);
+    let mut best: Option<(f32, Place)> = None;
+    for &tet in &found.tets {
+        let Some(weights) = barycentric(model.corners(state, tet as usize), x) else { continue };
+        let least = weights.iter().copied().fold(f32::INFINITY, f32::min);
+        // Ties go to the lower number, so the order of the search does not matter.
+        let better = best.is_none_or(|(l, p)| least > l || (least == l && tet < p.tet));
+        if least >= -1e-4 && better {
+            best = Some((least, Place { tet, weights }));
+        }
+    }
+    best.map(|b| b.1)
+}
+
+/// Barycentric coordinates of `x`; `None` for a flat or inverted element.
+fn barycentric(p: [V3; 4], x: V3) -> Option<[f32; 4]> {
+    let [a, b, c] = [sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0])];
+    let r = sub(x, p[0]);
+    let volume = dot(cross(a, b), c);
+    if volume <= 0.0 {
+        return None;
+    }
+    let w1 = dot(cross(r, b), c) / volume;
+    let w2 = dot(cross(a, r), c) / volume;
+    let w3 = dot(cross(a, b), r) / volume;
+    Some([1.0 - w1 - w2 - w3, w1, w2, w3])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Model;
+    use crate::model::tests::{block, paper_options};
+    use crate::vec3::axpy;
+
+    #[test]
+    fn a_point_is_found_with_its_weights_and_one_outside_is_not() {
+        let mesh = block([3, 3, 3], 4.0);
+        let model = Model::new(&mesh, &paper_options()).expect("model");
+        let state = model.rest_state();
+        let mut spheres = Spheres::default();
+        model.tree.refit(&mut spheres, &state.positions, &model.tets);
+        let mut found = Found::default();
+        for x in [[0.1, 0.2, 0.3], [-5.9, 5.8, 1.0], [2.0, 2.0, 2.0]] {
+            let place = locate(&model, &state, &spheres, x, &mut found).expect("inside");
+            let tet = model.tets[place.tet as usize];
+            let back = (0..4).fold([0.0; 3], |s, i| axpy(s, place.weights[i], xyz(state.positions[tet[i] as usize])));
+            assert!((0..3).all(|a| (back[a] - x[a]).abs() < 1e-5));
+        }
+        assert!(locate(&model, &state, &spheres, [6.1, 0.0, 0.0], &mut found).is_none());
+    }
+}

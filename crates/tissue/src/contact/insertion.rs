@@ -1,0 +1,290 @@
+//! The way of a tool through tissue: press, puncture, cut, hold and rub, withdraw.
+//!
+//! Outside, the rod pushes the outer surface. When the force on its end (physical mode) or the dimple (both modes) reaches
+//! what the membrane bears, the membrane yields and the tip is inside. From there on the shaft holds the material points
+//! it has passed (`Anchor`): across its axis firmly, along it until the force exceeds the friction of that piece of shaft,
+//! at the tip until it exceeds what it takes to cut. A wall to another region is pushed, dimples and yields in turn.
+
+use super::detect::{self, Found, Side};
+use super::{Anchor, Coupling, Rule, ToolState};
+use crate::material::Insertion;
+use crate::membrane::OUTSIDE;
+use crate::sphere_tree::Spheres;
+use crate::tool::Rod;
+use crate::vec3::{V3, axpy, dot, sub, xyz};
+use crate::{CollisionResponse, Event, Material, Model, State};
+use monro_geometry::{Patient, Point};
+
+/// Distance of the anchors along the shaft, in radii of the tool.
+const SPACING: f32 = 1.0;
+/// Stiffness of an anchor over modulus times spacing: two orders above the tissue around the shaft.
+const PENALTY: f32 = 100.0;
+
+/// Whether the tip goes forwards along its own axis in this frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Advance {
+    Forwards,
+    Backwards,
+}
+
+/// Brings the memory of a tool up to date with its new pose and lists its couplings.
+pub(crate) fn prepare(
+    model: &Model,
+    state: &State,
+    spheres: &Spheres,
+    (tool, rod, advance): (usize, &Rod, Advance),
+    memory: &mut ToolState,
+    found: &mut Found,
+    couplings: &mut Vec<Coupling>,
+    events: &mut Vec<Event>,
+) {
+    let first = couplings.len();
+    if model.collision == CollisionResponse::Insertion {
+        follow_tip(model, state, spheres, (tool, rod, advance), memory, found, events);
+        renew_anchors(model, state, spheres, rod, memory, found);
+    }
+    match memory.inside {
+        None => detect::membranes(model, state, spheres, rod, Side::Outside, tool as u32, found, couplings),
+        Some(r) if advance == Advance::Forwards => {
+            detect::membranes(model, state, spheres, rod, Side::Within(r), tool as u32, found, couplings);
+            couplings.retain(|c| c.tool != tool as u32 || resists(model, r, c.source));
+        }
+        Some(_) => {}
+    }
+    debug_assert!(couplings.len() >= first, "only this tool's couplings are dropped");
+    hold(model, rod, tool, advance, memory, couplings);
+}
+
+/// A wall between two fluids is none.
+fn resists(model: &Model, from: u8, to: u32) -> bool {
+    let fluid = |r: usize| model.regions[r].material.fluid;
+    !(fluid(from as usize) && fluid(to as usize))
+}
+
+/// Notices where the tip has got to without having punctured anything in the last step.
+fn follow_tip(
+    model: &Model,
+    state: &State,
+    spheres: &Spheres,
+    (tool, rod, advance): (usize, &Rod, Advance),
+    memory: &mut ToolState,
+    found: &mut Found,
+    events: &mut Vec<Event>,
+) {
+    let Some(was) = memory.inside else { return };
+    let now = detect::locate(model, state, spheres, rod.tip, found).map(|p| model.region[p.tet as usize]);
+    let label = |r: u8| model.regions[r as usize].label;
+    memory.seen |= now.is_some();
+    match now {
+        Some(r) if r == was => {}
+        Some(r) if advance == Advance::Backwards => {
+            events.push(Event::Withdrawn { tool, from: label(was), to: Some(label(r)) });
+            (memory.inside, memory.press) = (Some(r), None);
+        }
+        Some(r) if !resists(model, was, u32::from(r)) => {
+            events.push(Event::Entered { tool, from: label(was), to: label(r), point: patient(model, rod.tip) });
+            memory.inside = Some(r);
+        }
+        // Advancing, the wall in front decides (`settle`).
+        Some(_) => {}
+        None if memory.seen => {
+            events.push(Event::Withdrawn { tool, from: label(was), to: None });
+            (memory.inside, memory.press, memory.seen) = (None, None, false);
+            memory.anchors.clear();
+        }
+        // Just punctured: the tip has not arrived yet.
+        None if advance == Advance::Backwards => memory.inside = None,
+        None => {}
+    }
+}
+
+fn spacing(rod: &Rod) -> f32 {
+    SPACING * rod.radius
+}
+
+/// Drops anchors that the shaft has left, and adds one wherever a piece of shaft in tissue has none.
+fn renew_anchors(
+    model: &Model,
+    state: &State,
+    spheres: &Spheres,
+    rod: &Rod,
+    memory: &mut ToolState,
+    found: &mut Found,
+) {
+    if memory.inside.is_none() {
+        memory.anchors.clear();
+        return;
+    }
+    let step = spacing(rod);
+    memory.anchors.retain(|a| a.arc > -0.5 * step && a.arc < rod.length);
+    memory.anchors.sort_by(|a, b| a.arc.total_cmp(&b.arc));
+    let old = memory.anchors.len();
+    // A new anchor at the tip takes over the load of the old one: cutting goes on, it does not start anew.
+    let load = memory.anchors.first().map_or(0.0, |a| a.stretch.min(0.0));
+    let mut next = 0;
+    let stations = (rod.length / step).min(4096.0) as usize;
+    for i in 0..=stations {
+        let arc = i as f32 * step;
+        while next < old && memory.anchors[next].arc < arc - 0.75 * step {
+            next += 1;
+        }
+        if next < old && memory.anchors[next].arc <= arc + 0.75 * step {
+            continue;
+        }
+        match detect::locate(model, state, spheres, rod.at(arc), found) {
+            Some(place) => memory.anchors.extend(anchor(model, place, arc, if i == 0 { load } else { 0.0 })),
+            // The shaft leaves the tissue here; beyond the last old anchor it does not come back.
+            None if i > 0 && next >= old => break,
+            None => {}
+        }
+    }
+    memory.anchors.sort_by(|a, b| a.arc.total_cmp(&b.arc));
+}
+
+fn anchor(model: &Model, place: detect::Place, arc: f32, stretch: f32) -> Option<Anchor> {
+    let region = model.region[place.tet as usize];
+    let nodes = model.tets[place.tet as usize];
+    let held = !model.regions[region as usize].material.fluid;
+    held.then_some(Anchor { nodes, weights: place.weights, region, slipping: false, arc: arc + stretch, stretch })
+}
+
+/// One coupling per anchor. Where forces mean nothing (paper mode), friction is a length: tissue is dragged as far as
+/// that friction would drag it if it had its modulus, and no further.
+fn hold(
+    model: &Model,
+    rod: &Rod,
+    tool: usize,
+    advance: Advance,
+    memory: &mut ToolState,
+    couplings: &mut Vec<Coupling>,
+) {
+    let step = spacing(rod);
+    for (i, a) in memory.anchors.iter_mut().enumerate() {
+        let material = &model.regions[a.region as usize].material;
+        let tip = i == 0 && a.arc <= step && advance == Advance::Forwards;
+        let mut limit = friction(&material.insertion, a.slipping, step, tip);
+        if !model.forces_are_physical() {
+            let drag = drag_length(material, rod.radius, tip);
+            let rest = rest_point(model, a);
+            let along = dot(rod.back, sub(rod.at(a.arc), rest));
+            a.arc += along.clamp(-drag, drag) - along;
+            limit = f32::INFINITY;
+        }
+        couplings.push(Coupling {
+            nodes: a.nodes,
+            weights: a.weights,
+            rule: Rule::Hold { axis: rod.back, target: rod.at(a.arc), limit },
+            stiffness: PENALTY * material.young_kpa as f32 * step,
+            tool: tool as u32,
+            source: i as u32,
+            tip,
+            force: [0.0; 3],
+        });
+    }
+}
+
+fn rest_point(model: &Model, a: &Anchor) -> V3 {
+    let shares = a.nodes.iter().zip(&a.weights);
+    shares.fold([0.0; 3], |x, (&n, &w)| axpy(x, w, xyz(model.rest[n as usize])))
+}
+
+/// How far friction and cutting drag an elastic tissue: a line load `f` per mm moves its line by about `f / (2 pi mu)`
+/// times the logarithm of outer over inner radius (3.3 for a rod of 1.5 mm in 40 mm of tissue), a sphere of radius `a`
+/// under a force `F` moves by `F / (6 pi mu a)`.
+fn drag_length(material: &Material, radius: f32, tip: bool) -> f32 {
+    let (shear, insertion) = (material.shear_kpa() as f32, &material.insertion);
+    let line = insertion.static_friction_mn_per_mm as f32 * 3.3 / (core::f32::consts::TAU * shear);
+    let front = insertion.cut_force_mn as f32 / (3.0 * core::f32::consts::TAU * shear * radius);
+    line + if tip { front } else { 0.0 }
+}
+
+fn friction(insertion: &Insertion, slipping: bool, length: f32, tip: bool) -> f32 {
+    let per_mm = if slipping { insertion.dynamic_friction_mn_per_mm } else { insertion.static_friction_mn_per_mm };
+    per_mm as f32 * length + if tip { insertion.cut_force_mn as f32 } else { 0.0 }
+}
+
+/// After the solve: lets anchors slip, and membranes yield.
+pub(crate) fn settle(
+    model: &Model,
+    positions: &[[f32; 4]],
+    (tool, rod): (usize, &Rod),
+    memory: &mut ToolState,
+    couplings: &[Coupling],
+    events: &mut Vec<Event>,
+) {
+    let forward = rod.back.map(|v| -v);
+    // Summed force on the end of the tool, and the region behind the membrane it touches.
+    let mut press: Option<(f32, u32)> = None;
+    for c in couplings.iter().filter(|c| c.tool == tool as u32) {
+        match c.rule {
+            Rule::Hold { axis, target, limit } => {
+                slip(
+                    &mut memory.anchors[c.source as usize],
+                    c,
+                    dot(axis, sub(target, c.point(positions))),
+                    axis,
+                    limit,
+                );
+            }
+            Rule::Push { .. } if c.tip => {
+                let along = dot(c.force, forward).max(0.0);
+                // The membrane that presses hardest is the one that yields.
+                press = Some(
+                    press.map_or((along, c.source), |(sum, to)| (sum + along, if along > sum { c.source } else { to })),
+                );
+            }
+            Rule::Push { .. } => {}
+        }
+    }
+    if model.collision == CollisionResponse::Insertion {
+        yield_membrane(model, (tool, rod, forward), memory, press, events);
+    }
+}
+
+/// Moves the place on the shaft that an anchor is tied to, so that what remains of its stretch carries its force.
+fn slip(anchor: &mut Anchor, coupling: &Coupling, stretch: f32, axis: V3, limit: f32) {
+    let force = dot(coupling.force, axis);
+    anchor.stretch = force / coupling.stiffness;
+    anchor.slipping = force.abs() >= limit * (1.0 - 1e-5);
+    if anchor.slipping {
+        anchor.arc += anchor.stretch - stretch;
+    }
+}
+
+fn yield_membrane(
+    model: &Model,
+    (tool, rod, forward): (usize, &Rod, V3),
+    memory: &mut ToolState,
+    press: Option<(f32, u32)>,
+    events: &mut Vec<Event>,
+) {
+    let Some((force, to)) = press else {
+        memory.press = None;
+        return;
+    };
+    if force <= 0.0 && memory.press.is_none() {
+        return;
+    }
+    let start = *memory.press.get_or_insert(rod.tip);
+    let depth = dot(sub(rod.tip, start), forward);
+    let region = &model.regions[to as usize];
+    let bears = region.material.insertion;
+    let torn = model.forces_are_physical() && f64::from(force) >= bears.puncture_force_mn;
+    if to == u32::from(OUTSIDE) || (!torn && f64::from(depth) < bears.puncture_depth_mm) {
+        return;
+    }
+    events.push(Event::Punctured {
+        tool,
+        from: memory.inside.map(|r| model.regions[r as usize].label),
+        to: region.label,
+        point: patient(model, rod.tip),
+        force_mn: force.into(),
+        depth_mm: depth.into(),
+    });
+    memory.seen = memory.inside.is_some();
+    (memory.inside, memory.press) = (Some(to as u8), None);
+}
+
+fn patient(model: &Model, x: V3) -> Point<Patient> {
+    model.to_patient([x[0], x[1], x[2], 0.0])
+}

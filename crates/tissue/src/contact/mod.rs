@@ -1,0 +1,44 @@
+//! Where tools meet tissue: what touches, what holds, what yields.
+//!
+//! A tool acts on the tissue only through [`Coupling`]s, each on one material point (a point of a face or of an element,
+//! by barycentric weights): membranes are *pushed*, tissue that has been cut is *held* by the shaft. Both solvers know
+//! couplings and nothing else of tools, and the force on a tool is the sum of its couplings.
+
+pub(crate) mod closest;
+mod coupling;
+mod detect;
+mod insertion;
+
+pub(crate) use coupling::{Coupling, Rule, project};
+pub(crate) use detect::Found;
+pub(crate) use insertion::{Advance, prepare, settle};
+
+use crate::vec3::V3;
+
+/// A material point held by the shaft.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Anchor {
+    pub(crate) nodes: [u32; 4],
+    pub(crate) weights: [f32; 4],
+    /// Region it lies in.
+    pub(crate) region: u8,
+    /// Whether it slides (dynamic friction) or sticks (static).
+    pub(crate) slipping: bool,
+    /// The place on the shaft it is tied to, mm behind the tip.
+    pub(crate) arc: f32,
+    /// How far along the axis that place is ahead of the material point (mm, positive towards the tail).
+    pub(crate) stretch: f32,
+}
+
+/// What the tissue remembers of a tool.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct ToolState {
+    /// Region the tip is in; `None` outside.
+    pub(crate) inside: Option<u8>,
+    /// Whether the tip has been found in the mesh since it went in.
+    pub(crate) seen: bool,
+    /// Material points held by the shaft, from the tip backwards.
+    pub(crate) anchors: Vec<Anchor>,
+    /// The tip when it began to press on the membrane it presses on now.
+    pub(crate) press: Option<V3>,
+}

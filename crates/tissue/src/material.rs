@@ -1,0 +1,140 @@
+//! What a region of tissue is made of, with the source of each default.
+
+/// Constitutive, numerical and insertion parameters of one region.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Material {
+    /// Young's modulus, kPa (physical mode).
+    pub young_kpa: f64,
+    /// Poisson's ratio, below 0.5 (physical mode).
+    pub poisson: f64,
+    /// Mass density, kg/m3.
+    pub density_kg_m3: f64,
+    /// Kelvin-Voigt damping time, s: viscous stress is this times the elastic modulus times the strain rate.
+    pub damping_s: f64,
+    /// Normalised coefficients of the paper's constraints (paper mode).
+    pub paper: PaperCoefficients,
+    /// How a tool gets into and through this region.
+    pub insertion: Insertion,
+    /// Whether the region is a fluid: no membrane between two fluids.
+    pub fluid: bool,
+}
+
+/// Stiffness of each of the paper's constraints in `0..=1`: 0 does nothing, 1 satisfies the constraint fully each step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PaperCoefficients {
+    /// Edge lengths, equation (6).
+    pub stretch: f64,
+    /// Dihedral angles, equation (7).
+    pub dihedral: f64,
+    /// Bending towards the centroid of a triangle, equation (8).
+    pub triangle: f64,
+    /// Volume of each tetrahedron, equation (10).
+    pub volume: f64,
+    /// Virtual springs from the centroid to the vertices, equation (11).
+    pub hetero: f64,
+}
+
+/// Resistance of a region to a rigid rod of 3 mm diameter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Insertion {
+    /// Axial force at which the membrane that bounds the region is punctured, mN (physical mode).
+    pub puncture_force_mn: f64,
+    /// Dimple at which the membrane is punctured whatever the force, mm.
+    pub puncture_depth_mm: f64,
+    /// Force at the tip that cuts the tissue, mN.
+    pub cut_force_mn: f64,
+    /// Static friction along the shaft, mN per mm of length.
+    pub static_friction_mn_per_mm: f64,
+    /// Dynamic friction along the shaft, mN per mm of length.
+    pub dynamic_friction_mn_per_mm: f64,
+}
+
+impl Material {
+    /// Brain parenchyma. E 3 kPa and nu 0.49 are the values of surgical simulation (Miller and Wittek; Wittek, Hawkins and
+    /// Miller 2009, PMC3224703); density of grey and white matter. The damping time is a choice: it settles the slowest
+    /// shear mode of a head (about 8 Hz at 3 kPa) within a few periods.
+    pub const BRAIN: Self = Self {
+        young_kpa: 3.0,
+        poisson: 0.49,
+        density_kg_m3: 1040.0,
+        damping_s: 0.02,
+        paper: PaperCoefficients { stretch: 0.5, dihedral: 0.2, triangle: 0.2, volume: 0.9, hetero: 0.3 },
+        insertion: Insertion::BRAIN,
+        fluid: false,
+    };
+
+    /// A ventricle as a very soft, compressible region: E 0.5 kPa, nu 0.3 as in the reference scenes; density of CSF.
+    pub const VENTRICLE: Self = Self {
+        young_kpa: 0.5,
+        poisson: 0.3,
+        density_kg_m3: 1007.0,
+        damping_s: 0.02,
+        paper: PaperCoefficients { stretch: 0.1, dihedral: 0.05, triangle: 0.05, volume: 0.5, hetero: 0.02 },
+        insertion: Insertion::VENTRICLE,
+        fluid: true,
+    };
+}
+
+impl Insertion {
+    /// Pia and parenchyma. Cutting: a 2.5 mm sphere drawn through living human brain met about 0.08 N (Howard et al. 1999,
+    /// IEEE Trans Biomed Eng 46:891). Friction: static and dynamic in the ratio of catheter on agarose, 0.295 to 0.255;
+    /// its level, and the puncture of the pia, are choices of the right order, to be set per study.
+    pub const BRAIN: Self = Self {
+        puncture_force_mn: 150.0,
+        puncture_depth_mm: 5.0,
+        cut_force_mn: 80.0,
+        static_friction_mn_per_mm: 1.2,
+        dynamic_friction_mn_per_mm: 1.04,
+    };
+
+    /// Ependyma in front of fluid: yields at a force or a dimple of the same order as the parenchyma's own resistance (a
+    /// choice); the fluid itself neither has to be cut nor rubs.
+    pub const VENTRICLE: Self = Self {
+        puncture_force_mn: 120.0,
+        puncture_depth_mm: 4.0,
+        cut_force_mn: 0.0,
+        static_friction_mn_per_mm: 0.0,
+        dynamic_friction_mn_per_mm: 0.0,
+    };
+
+    pub(crate) fn is_valid(&self) -> bool {
+        let all = [
+            self.puncture_force_mn,
+            self.puncture_depth_mm,
+            self.cut_force_mn,
+            self.static_friction_mn_per_mm,
+            self.dynamic_friction_mn_per_mm,
+        ];
+        all.iter().all(|v| v.is_finite() && *v >= 0.0)
+            && self.dynamic_friction_mn_per_mm <= self.static_friction_mn_per_mm
+    }
+}
+
+impl PaperCoefficients {
+    pub(crate) fn is_valid(&self) -> bool {
+        [self.stretch, self.dihedral, self.triangle, self.volume, self.hetero].iter().all(|k| (0.0..=1.0).contains(k))
+    }
+}
+
+impl Material {
+    /// Shear modulus mu = E / (2 (1 + nu)), kPa.
+    pub fn shear_kpa(&self) -> f64 {
+        self.young_kpa / (2.0 * (1.0 + self.poisson))
+    }
+
+    /// First Lamé constant lambda = E nu / ((1 + nu)(1 - 2 nu)), kPa.
+    pub fn lame_kpa(&self) -> f64 {
+        self.young_kpa * self.poisson / ((1.0 + self.poisson) * (1.0 - 2.0 * self.poisson))
+    }
+
+    pub(crate) fn is_valid(&self) -> bool {
+        let positive = |v: f64| v.is_finite() && v > 0.0;
+        positive(self.young_kpa)
+            && (0.0..0.4999).contains(&self.poisson)
+            && positive(self.density_kg_m3)
+            && self.damping_s.is_finite()
+            && self.damping_s >= 0.0
+            && self.paper.is_valid()
+            && self.insertion.is_valid()
+    }
+}

@@ -1,0 +1,79 @@
+//! Membranes: the faces where tissue meets the outside or another region.
+
+use crate::ModelError;
+
+/// Stands for the outside on one side of a membrane.
+pub(crate) const OUTSIDE: u8 = u8::MAX;
+/// Stands for "no membrane" in a list per element.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// A face between two regions, or between a region and the outside.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Membrane {
+    /// Its vertices; the normal `(b - a) x (c - a)` points from `inner` to `outer`.
+    pub(crate) nodes: [u32; 3],
+    /// Region behind it.
+    pub(crate) inner: u8,
+    /// Region in front of it, or [`OUTSIDE`].
+    pub(crate) outer: u8,
+}
+
+/// All membranes and, for each element, those on its four faces.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Membranes {
+    pub(crate) faces: Vec<Membrane>,
+    pub(crate) of_tet: Vec<[u32; 4]>,
+}
+
+/// Faces of a positive tetrahedron, seen from outside; face `i` lies opposite corner `i`.
+pub(crate) const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+
+/// Finds the membranes of a mesh whose element `t` belongs to region `region[t]`.
+pub(crate) fn find(tets: &[[u32; 4]], region: &[u8]) -> Result<Membranes, ModelError> {
+    let mut all: Vec<([u32; 3], u32, u8)> = Vec::with_capacity(tets.len() * 4);
+    for (t, tet) in tets.iter().enumerate() {
+        for (f, face) in FACES.iter().enumerate() {
+            let mut key = face.map(|i| tet[i]);
+            key.sort_unstable();
+            all.push((key, t as u32, f as u8));
+        }
+    }
+    all.sort_unstable();
+    let mut out = Membranes { faces: Vec::new(), of_tet: vec![[NONE; 4]; tets.len()] };
+    for same in all.chunk_by(|a, b| a.0 == b.0) {
+        if same.len() > 2 {
+            return Err(ModelError::CrowdedFace { nodes: same[0].0, tets: same.len() });
+        }
+        let (_, t, f) = same[0];
+        let inner = region[t as usize];
+        let outer = same.get(1).map_or(OUTSIDE, |s| region[s.1 as usize]);
+        if inner != outer {
+            let number = out.faces.len() as u32;
+            same.iter().for_each(|s| out.of_tet[s.1 as usize][s.2 as usize] = number);
+            out.faces.push(Membrane { nodes: FACES[f as usize].map(|i| tets[t as usize][i]), inner, outer });
+        }
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_glued_elements_of_two_regions_have_six_outer_faces_and_one_wall() {
+        let tets = [[0, 1, 2, 3], [0, 2, 1, 4]];
+        let m = find(&tets, &[0, 1]).expect("manifold");
+        assert_eq!(m.faces.len(), 7);
+        let wall: Vec<_> = m.faces.iter().filter(|f| f.outer != OUTSIDE).collect();
+        assert_eq!(wall.len(), 1);
+        assert_eq!((wall[0].inner, wall[0].outer), (0, 1));
+        assert_eq!(find(&tets, &[0, 0]).expect("manifold").faces.len(), 6);
+    }
+
+    #[test]
+    fn a_face_of_three_elements_is_refused() {
+        let tets = [[0, 1, 2, 3], [0, 2, 1, 4], [0, 1, 2, 5]];
+        assert_eq!(find(&tets, &[0; 3]).err(), Some(ModelError::CrowdedFace { nodes: [0, 1, 2], tets: 3 }));
+    }
+}

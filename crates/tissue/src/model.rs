@@ -1,0 +1,390 @@
+//! The constant part of a simulation.
+
+use crate::membrane::{self, Membranes};
+use crate::options::{AttachmentKind, CollisionResponse, Mode, ModelOptions};
+use crate::paper::PaperModel;
+use crate::sphere_tree::SphereTree;
+use crate::vec3::{six_volume, xyz};
+use crate::{Material, ModelError, State, validate};
+use monro_geometry::{Patient, Point, TetMesh, Vector};
+
+/// A region: a label and what it is made of.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Region {
+    pub(crate) label: u16,
+    pub(crate) material: Material,
+}
+
+/// A node tied to its rest position by a spring.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tether {
+    pub(crate) node: u32,
+    /// mN/mm.
+    pub(crate) stiffness: f32,
+}
+
+/// Constants of one mode.
+#[derive(Debug, Clone)]
+pub(crate) enum Solver {
+    Paper(PaperModel),
+}
+
+/// Mesh, materials, attachments and everything derived from them: constant, to be shared between threads.
+#[derive(Debug, Clone)]
+pub struct Model {
+    /// Where the model's coordinates start: single precision is then exact to nanometres.
+    pub(crate) origin: Point<Patient>,
+    /// x, y, z at rest (mm from the origin) and inverse mass (1/kg, 0 when fixed), in the model's order.
+    pub(crate) rest: Vec<[f32; 4]>,
+    /// Mass of each node, kg, also of the fixed ones.
+    pub(crate) mass: Vec<f32>,
+    pub(crate) tets: Vec<[u32; 4]>,
+    /// Region of each element.
+    pub(crate) region: Vec<u8>,
+    pub(crate) regions: Vec<Region>,
+    pub(crate) membranes: Membranes,
+    pub(crate) tethers: Vec<Tether>,
+    pub(crate) tree: SphereTree,
+    pub(crate) solver: Solver,
+    pub(crate) collision: CollisionResponse,
+    /// Whole volume at rest, mm3.
+    pub(crate) rest_volume: f64,
+    /// Model number of each vertex of the mesh.
+    pub(crate) number: Vec<u32>,
+    /// Model number of each element of the mesh.
+    tet_number: Vec<u32>,
+}
+
+impl Model {
+    /// Checks the mesh and the options and derives all constants.
+    ///
+    /// # Errors
+    /// The first fault, with the element or vertex named: not finite, inverted, flat, duplicate or isolated parts, a
+    /// label without a material, values out of range.
+    pub fn new(mesh: &TetMesh, options: &ModelOptions) -> Result<Self, ModelError> {
+        validate::mesh(mesh)?;
+        validate::options(mesh, options)?;
+        let origin = centre(mesh);
+        let order = spatial_order(mesh.vertices.iter().map(|&p| (p - origin).to_array()));
+        let number = inverse(&order);
+        let tet_order = spatial_order((0..mesh.tets.len()).map(|t| centroid(mesh, t, origin)));
+        let tets: Vec<[u32; 4]> =
+            tet_order.iter().map(|&t| mesh.tets[t as usize].map(|v| number[v as usize])).collect();
+        let regions: Vec<Region> =
+            options.materials.iter().map(|(&label, &material)| Region { label, material }).collect();
+        let region: Vec<u8> = tet_order.iter().map(|&t| region_of(&regions, mesh.labels[t as usize])).collect();
+        let mut rest: Vec<[f32; 4]> = order.iter().map(|&v| local(mesh.vertices[v as usize], origin)).collect();
+        let mass = node_masses(&rest, &tets, &region, &regions);
+        for (p, m) in rest.iter_mut().zip(&mass) {
+            p[3] = 1.0 / m;
+        }
+        let tethers = attach(&mut rest, options, &number);
+        let membranes = membrane::find(&tets, &region)?;
+        let tree = SphereTree::new(&rest, &tets);
+        let rest_volume = (0..mesh.tets.len()).map(|t| mesh.volume(t)).sum();
+        let Mode::Paper(paper) = options.mode else { return Err(ModelError::NotYet) };
+        let solver = Solver::Paper(PaperModel::new(&rest, &tets, &region, &regions, &membranes, &paper));
+        let tet_number = inverse(&tet_order);
+        let collision = options.collision;
+        Ok(Self {
+            origin,
+            rest,
+            mass,
+            tets,
+            region,
+            regions,
+            membranes,
+            tethers,
+            tree,
+            solver,
+            collision,
+            rest_volume,
+            number,
+            tet_number,
+        })
+    }
+
+    /// The state in which nothing has happened yet.
+    pub fn rest_state(&self) -> State {
+        State {
+            positions: self.rest.clone(),
+            velocities: vec![[0.0; 4]; self.rest.len()],
+            pressure: Vec::new(),
+            tools: Vec::new(),
+            time_s: 0.0,
+        }
+    }
+
+    /// Patient position of the model's own origin.
+    pub const fn origin(&self) -> Point<Patient> {
+        self.origin
+    }
+
+    /// Number of nodes: the vertices of the mesh.
+    pub fn node_count(&self) -> usize {
+        self.rest.len()
+    }
+
+    /// Number of elements.
+    pub fn tet_count(&self) -> usize {
+        self.tets.len()
+    }
+
+    /// Whole mass, kg.
+    pub fn mass_kg(&self) -> f64 {
+        self.mass.iter().map(|&m| f64::from(m)).sum()
+    }
+
+    /// Whole volume at rest, mm3.
+    pub const fn rest_volume_mm3(&self) -> f64 {
+        self.rest_volume
+    }
+
+    /// Current position of vertex `vertex` of the mesh.
+    pub fn position(&self, state: &State, vertex: usize) -> Point<Patient> {
+        self.to_patient(state.positions[self.number[vertex] as usize])
+    }
+
+    /// Current positions of all vertices in the order of the mesh; `out` is cleared first.
+    pub fn positions_into(&self, state: &State, out: &mut Vec<Point<Patient>>) {
+        out.clear();
+        out.extend(self.number.iter().map(|&n| self.to_patient(state.positions[n as usize])));
+    }
+
+    /// Displacement of a vertex of the mesh from rest, mm.
+    pub fn displacement(&self, state: &State, vertex: usize) -> Vector<Patient> {
+        let n = self.number[vertex] as usize;
+        Vector::from_array(core::array::from_fn(|a| f64::from(state.positions[n][a]) - f64::from(self.rest[n][a])))
+    }
+
+    /// Velocity of a vertex of the mesh, mm/s.
+    pub fn velocity(&self, state: &State, vertex: usize) -> Vector<Patient> {
+        let v = state.velocities[self.number[vertex] as usize];
+        Vector::new(v[0].into(), v[1].into(), v[2].into())
+    }
+
+    /// Moves a fixed vertex of the mesh to a place of the caller's choosing: how a node is driven from frame to frame.
+    /// Returns whether it is fixed; a free vertex is left alone, and so is one sent to a point that is not finite.
+    pub fn place_fixed(&self, state: &mut State, vertex: usize, to: Point<Patient>) -> bool {
+        let n = self.number[vertex] as usize;
+        let fixed = self.rest[n][3] == 0.0 && to.is_finite();
+        if fixed {
+            state.positions[n] = local(to, self.origin);
+        }
+        fixed
+    }
+
+    /// Current volume of the elements whose label `keep` accepts, mm3.
+    pub fn volume_mm3(&self, state: &State, keep: impl Fn(u16) -> bool) -> f64 {
+        let chosen = (0..self.tets.len()).filter(|&t| keep(self.regions[self.region[t] as usize].label));
+        chosen.map(|t| f64::from(six_volume(self.corners(state, t))) / 6.0).sum()
+    }
+
+    /// Current signed volume of element `tet` of the mesh, mm3.
+    pub fn tet_volume_mm3(&self, state: &State, tet: usize) -> f64 {
+        f64::from(six_volume(self.corners(state, self.tet_number[tet] as usize))) / 6.0
+    }
+
+    /// Whether forces come in mN (physical mode) or are only relative (paper mode).
+    pub(crate) const fn forces_are_physical(&self) -> bool {
+        match self.solver {
+            Solver::Paper(_) => false,
+        }
+    }
+
+    pub(crate) fn corners(&self, state: &State, tet: usize) -> [[f32; 3]; 4] {
+        self.tets[tet].map(|v| xyz(state.positions[v as usize]))
+    }
+
+    pub(crate) fn to_patient(&self, p: [f32; 4]) -> Point<Patient> {
+        self.origin + Vector::new(p[0].into(), p[1].into(), p[2].into())
+    }
+}
+
+fn centre(mesh: &TetMesh) -> Point<Patient> {
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for p in &mesh.vertices {
+        for (a, v) in p.to_array().into_iter().enumerate() {
+            low[a] = low[a].min(v);
+            high[a] = high[a].max(v);
+        }
+    }
+    // Whole millimetres: subtracting them loses nothing.
+    Point::from_array(core::array::from_fn(|a| (0.5 * (low[a] + high[a])).round()))
+}
+
+fn local(p: Point<Patient>, origin: Point<Patient>) -> [f32; 4] {
+    let d = p - origin;
+    [d.x as f32, d.y as f32, d.z as f32, 0.0]
+}
+
+fn centroid(mesh: &TetMesh, t: usize, origin: Point<Patient>) -> [f64; 3] {
+    let corners = mesh.corners(t);
+    core::array::from_fn(|a| corners.iter().map(|&p| (p - origin).to_array()[a]).sum::<f64>() / 4.0)
+}
+
+/// Indices along a Morton curve, so that neighbours in space are neighbours in memory.
+fn spatial_order(points: impl Iterator<Item = [f64; 3]>) -> Vec<u32> {
+    let points: Vec<[f64; 3]> = points.collect();
+    let reach = points.iter().flatten().fold(0f64, |m, v| m.max(v.abs())).max(f64::MIN_POSITIVE);
+    let cell = |v: f64| ((v / reach * 0.5 + 0.5) * 1023.0) as u64;
+    let spread = |v: u64| (0..10).fold(0u64, |s, bit| s | (((v >> bit) & 1) << (3 * bit)));
+    let key = |p: &[f64; 3]| spread(cell(p[0])) | spread(cell(p[1])) << 1 | spread(cell(p[2])) << 2;
+    let mut order: Vec<u32> = (0..points.len() as u32).collect();
+    order.sort_by_key(|&i| (key(&points[i as usize]), i));
+    order
+}
+
+fn inverse(order: &[u32]) -> Vec<u32> {
+    let mut out = vec![0; order.len()];
+    for (new, &old) in order.iter().enumerate() {
+        out[old as usize] = new as u32;
+    }
+    out
+}
+
+fn region_of(regions: &[Region], label: u16) -> u8 {
+    // Validation has made sure that every label has a material.
+    regions.iter().position(|r| r.label == label).unwrap_or(0) as u8
+}
+
+fn node_masses(rest: &[[f32; 4]], tets: &[[u32; 4]], region: &[u8], regions: &[Region]) -> Vec<f32> {
+    let mut mass = vec![0f64; rest.len()];
+    for (tet, &r) in tets.iter().zip(region) {
+        let volume = f64::from(six_volume(tet.map(|v| xyz(rest[v as usize])))) / 6.0;
+        // kg/m3 to kg/mm3.
+        let quarter = volume * regions[r as usize].material.density_kg_m3 * 1e-9 / 4.0;
+        tet.iter().for_each(|&v| mass[v as usize] += quarter);
+    }
+    mass.into_iter().map(|m| m as f32).collect()
+}
+
+fn attach(rest: &mut [[f32; 4]], options: &ModelOptions, number: &[u32]) -> Vec<Tether> {
+    let mut tethers = Vec::new();
+    for a in &options.attachments {
+        let node = number[a.node as usize];
+        match a.kind {
+            AttachmentKind::Fixed => rest[node as usize][3] = 0.0,
+            AttachmentKind::Spring { stiffness_mn_per_mm } => {
+                tethers.push(Tether { node, stiffness: stiffness_mn_per_mm as f32 });
+            }
+        }
+    }
+    tethers
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::{Attachment, PaperOptions};
+    use std::collections::BTreeMap;
+
+    /// A block of cubes of `size` mm, each cut into six tetrahedra around its diagonal.
+    pub(crate) fn block(cells: [usize; 3], size: f64) -> TetMesh {
+        let n = cells.map(|c| c + 1);
+        let at = |i: usize, j: usize, k: usize| (i + n[0] * (j + n[1] * k)) as u32;
+        let mut mesh = TetMesh::default();
+        for k in 0..n[2] {
+            for j in 0..n[1] {
+                for i in 0..n[0] {
+                    mesh.vertices.push(Point::new(i as f64 * size, j as f64 * size, k as f64 * size));
+                }
+            }
+        }
+        const PATHS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
+        for k in 0..cells[2] {
+            for j in 0..cells[1] {
+                for i in 0..cells[0] {
+                    for (p, path) in PATHS.iter().enumerate() {
+                        let mut c = [i, j, k];
+                        let mut tet = [at(c[0], c[1], c[2]); 4];
+                        for (corner, &axis) in tet[1..].iter_mut().zip(path) {
+                            c[axis] += 1;
+                            *corner = at(c[0], c[1], c[2]);
+                        }
+                        if p >= 3 {
+                            tet.swap(1, 2);
+                        }
+                        mesh.tets.push(tet);
+                        mesh.labels.push(4);
+                    }
+                }
+            }
+        }
+        mesh
+    }
+
+    pub(crate) fn paper_options() -> ModelOptions {
+        ModelOptions {
+            mode: Mode::Paper(PaperOptions::default()),
+            materials: BTreeMap::from([(4, Material::BRAIN), (5, Material::VENTRICLE)]),
+            attachments: Vec::new(),
+            collision: CollisionResponse::Insertion,
+        }
+    }
+
+    #[test]
+    fn mass_and_volume_are_those_of_the_block_and_vertices_keep_their_places() {
+        let mesh = block([3, 2, 4], 5.0);
+        mesh.validate().expect("block");
+        let model = Model::new(&mesh, &paper_options()).expect("model");
+        let volume = 15.0 * 10.0 * 20.0;
+        assert!((model.rest_volume_mm3() / volume - 1.0).abs() < 1e-12);
+        assert!((model.mass_kg() / (volume * 1040e-9) - 1.0).abs() < 1e-6);
+        let state = model.rest_state();
+        for (v, p) in mesh.vertices.iter().enumerate() {
+            assert!(model.position(&state, v).distance(*p) < 1e-5);
+        }
+        assert!((model.volume_mm3(&state, |l| l == 4) / volume - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn faulty_meshes_and_options_are_refused_by_name() {
+        let good = block([2, 1, 1], 1.0);
+        let refuse = |mesh: &TetMesh, options: &ModelOptions| Model::new(mesh, options).err();
+        let o = paper_options();
+        let mut m = good.clone();
+        m.vertices[3].y = f64::NAN;
+        assert!(matches!(refuse(&m, &o), Some(ModelError::Mesh(monro_geometry::TetMeshError::NotFinite(3)))));
+        let mut m = good.clone();
+        m.tets[4].swap(0, 1);
+        assert!(matches!(
+            refuse(&m, &o),
+            Some(ModelError::Mesh(monro_geometry::TetMeshError::Inverted { tet: 4, .. }))
+        ));
+        let mut m = good.clone();
+        m.vertices.push(Point::new(9.0, 9.0, 9.0));
+        assert_eq!(refuse(&m, &o), Some(ModelError::Isolated(12)));
+        let mut m = good.clone();
+        m.tets.push(m.tets[2]);
+        m.labels.push(4);
+        assert_eq!(refuse(&m, &o), Some(ModelError::DuplicateTet { first: 2, second: 12 }));
+        let mut m = good.clone();
+        m.labels[7] = 99;
+        assert_eq!(refuse(&m, &o), Some(ModelError::NoMaterial { label: 99, tet: 7 }));
+        assert_eq!(refuse(&TetMesh::default(), &o), Some(ModelError::Empty));
+        let mut bad = o.clone();
+        bad.materials.insert(4, Material { poisson: 0.5, ..Material::BRAIN });
+        assert!(matches!(refuse(&good, &bad), Some(ModelError::Material { label: 4, .. })));
+        let mut bad = o;
+        bad.attachments.push(Attachment { node: 12, kind: AttachmentKind::Fixed });
+        assert_eq!(refuse(&good, &bad), Some(ModelError::Attachment { attachment: 0, node: 12, vertices: 12 }));
+    }
+
+    #[test]
+    fn a_flat_element_and_twin_vertices_are_refused_whatever_the_unit() {
+        for unit in [1e-3, 1.0, 1e3] {
+            let mut m = block([1, 1, 1], unit);
+            m.vertices[0] = m.vertices[1] + (m.vertices[0] - m.vertices[1]) * 1e-12;
+            let refused = Model::new(&m, &paper_options()).err();
+            assert!(matches!(refused, Some(ModelError::Flat { .. })), "{refused:?}");
+        }
+        let mut m = block([1, 1, 1], 1.0);
+        let copy = block([1, 1, 1], 1.0);
+        m.vertices.extend(copy.vertices);
+        m.tets.extend(copy.tets.iter().map(|t| t.map(|v| v + 8)));
+        m.labels.extend(copy.labels);
+        let refused = Model::new(&m, &paper_options()).err();
+        assert_eq!(refused, Some(ModelError::DuplicateVertex { first: 0, second: 8 }));
+    }
+}

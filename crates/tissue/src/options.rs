@@ -1,0 +1,131 @@
+//! What a model is built from beside its mesh, and what a step is told.
+
+use crate::Material;
+use std::collections::BTreeMap;
+
+/// Everything but the mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelOptions {
+    /// Which mechanics.
+    pub mode: Mode,
+    /// Material of each label of the mesh; a label without one is refused.
+    pub materials: BTreeMap<u16, Material>,
+    /// Nodes held in place.
+    pub attachments: Vec<Attachment>,
+    /// What happens where a tool meets the tissue.
+    pub collision: CollisionResponse,
+}
+
+/// The two mechanics.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Mode {
+    /// Position-based dynamics as in the paper.
+    Paper(PaperOptions),
+    /// Energy minimisation with moduli.
+    Physical(PhysicalOptions),
+}
+
+/// Options of paper mode.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PaperOptions {
+    /// Coefficient of the global volume constraint, equation (9), in `0..=1`.
+    pub global_volume: f64,
+    /// Velocity damping of equation (1), in `0..=1` per second: the share of the non-rigid motion lost in a second is
+    /// `1 - (1 - damping)` to the power of the time.
+    pub damping: f64,
+    /// Where dihedral angles are kept.
+    pub dihedral: DihedralScope,
+}
+
+/// Where equation (7) acts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DihedralScope {
+    /// Between neighbouring triangles of the outer surface and of the walls between regions. The six edge lengths of a
+    /// tetrahedron already fix its own angles.
+    Surface,
+    /// Also at the six edges of each tetrahedron, as the paper's text has it: six more constraints per element.
+    Elements,
+}
+
+/// Options of physical mode.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PhysicalOptions {
+    /// Share of the volumetric stiffness beyond `2 mu` left in the elements (0: averaged over nodes as far as stability
+    /// allows, which does not lock; 1: all in the elements, which locks near incompressibility).
+    pub element_share: f64,
+}
+
+/// What a tool does to the tissue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CollisionResponse {
+    /// Membranes resist, dimple and yield; then the tip cuts, and the shaft holds and rubs.
+    Insertion,
+    /// The paper's plain response: tissue is pushed out of the tool, nothing is ever punctured.
+    Plain,
+}
+
+/// A node held in place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Attachment {
+    /// Vertex of the mesh.
+    pub node: u32,
+    /// How it is held.
+    pub kind: AttachmentKind,
+}
+
+/// How a node is held.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum AttachmentKind {
+    /// It does not move.
+    Fixed,
+    /// A spring of zero rest length ties it to its rest position.
+    Spring {
+        /// Stiffness, mN/mm.
+        stiffness_mn_per_mm: f64,
+    },
+}
+
+/// How one call of `step` goes through time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameSettings {
+    /// Time of the frame, s.
+    pub dt_s: f64,
+    /// Least number of equal steps the frame is cut into; a fast tool raises it.
+    pub substeps: u32,
+    /// Iterations of the solver per substep.
+    pub iterations: u32,
+    /// Gravity, mm/s2, patient frame.
+    pub gravity_mm_s2: [f64; 3],
+}
+
+impl Default for PaperOptions {
+    fn default() -> Self {
+        Self { global_volume: 0.5, damping: 0.95, dihedral: DihedralScope::Surface }
+    }
+}
+
+impl Default for PhysicalOptions {
+    fn default() -> Self {
+        Self { element_share: 0.0 }
+    }
+}
+
+impl Default for FrameSettings {
+    fn default() -> Self {
+        Self { dt_s: 1.0 / 60.0, substeps: 1, iterations: 10, gravity_mm_s2: [0.0; 3] }
+    }
+}
+
+impl FrameSettings {
+    /// The settings with what is unusable made usable: no step shorter than a microsecond, at least one iteration.
+    pub(crate) fn sane(&self) -> Self {
+        let dt_s = if self.dt_s.is_finite() { self.dt_s.clamp(1e-6, 1.0) } else { 1.0 / 60.0 };
+        let gravity_mm_s2 = self.gravity_mm_s2.map(|g| if g.is_finite() { g } else { 0.0 });
+        Self {
+            dt_s,
+            substeps: self.substeps.clamp(1, 1000),
+            iterations: self.iterations.clamp(1, 10_000),
+            gravity_mm_s2,
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! What a step gives back.
+
+use monro_geometry::{Patient, Point, Vector};
+
+/// Result of one step.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct StepReport {
+    /// What happened, in order.
+    pub events: Vec<Event>,
+    /// One entry per tool, in the order of the tools.
+    pub tools: Vec<ToolReport>,
+    /// Faces in contact with a tool at the end of the step.
+    pub contacts: usize,
+    /// Substeps taken (more than asked for when a tool is fast or after a rollback).
+    pub substeps: u32,
+    /// Times the step was taken back and tried again with half the time step.
+    pub rollbacks: u32,
+    /// Elements with negative volume at the end of the step.
+    pub inverted: usize,
+    /// Largest displacement of a node from rest, mm.
+    pub max_displacement_mm: f64,
+    /// Whole volume against rest: 0.01 is one per cent more.
+    pub volume_change: f64,
+    /// Largest motion of a node in the last iteration, mm: what the solver still had to say.
+    pub residual_mm: f64,
+    /// Nodes the solver worked on in the last substep.
+    pub active_nodes: usize,
+}
+
+/// What one tool felt.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ToolReport {
+    /// Force of the tissue on the tool at the end of the step, mN, patient frame. Only physical mode gives physical forces.
+    pub force_mn: Vector<Patient>,
+    /// Component of the force against the advance of the tool, mN.
+    pub axial_force_mn: f64,
+    /// Label the tip is in; `None` outside of the tissue.
+    pub label: Option<u16>,
+    /// Length of shaft held by tissue, mm.
+    pub inserted_mm: f64,
+    /// Whether the tip presses on a membrane that has not yielded.
+    pub dimpling: bool,
+}
+
+/// Something that happened to a tool or to the solution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Event {
+    /// The tip went through a membrane.
+    Punctured {
+        /// Index of the tool.
+        tool: usize,
+        /// Label it left; `None` for the outside.
+        from: Option<u16>,
+        /// Label it entered.
+        to: u16,
+        /// The tip.
+        point: Point<Patient>,
+        /// Axial force just before, mN.
+        force_mn: f64,
+        /// Depth of the dimple just before, mm.
+        depth_mm: f64,
+    },
+    /// The tip passed from one fluid to another: no membrane in between.
+    Entered {
+        /// Index of the tool.
+        tool: usize,
+        /// Label it left.
+        from: u16,
+        /// Label it entered.
+        to: u16,
+        /// The tip.
+        point: Point<Patient>,
+    },
+    /// The tip went back out of a region.
+    Withdrawn {
+        /// Index of the tool.
+        tool: usize,
+        /// Label it left.
+        from: u16,
+        /// Label it is in now; `None` outside.
+        to: Option<u16>,
+    },
+    /// The step led to a state that is not finite or inverted; it was taken back and tried with half the time step.
+    RolledBack {
+        /// Substeps of the failed attempt.
+        substeps: u32,
+        /// Elements inverted in it; `None` when coordinates were not finite.
+        inverted: Option<usize>,
+    },
+    /// Even the shortest steps failed: the tissue was left as it was before the step.
+    Held,
+    /// A tool's pose is not finite, has no length or no radius: it was ignored.
+    BadPose {
+        /// Index of the tool.
+        tool: usize,
+    },
+}

@@ -1,0 +1,275 @@
+//! One step through time.
+//!
+//! A frame is cut into substeps, more of them for a fast tool, so that no tool jumps over an element. Each substep refits
+//! the sphere tree, lists what touches, predicts, solves, and lets membranes yield and anchors slip. After all of them the
+//! state is checked at one place: if it is not finite, or elements have turned over, it is taken back and tried again with
+//! half the time step.
+
+use crate::contact::{self, Advance, Coupling, Rule, ToolState};
+use crate::model::Solver;
+use crate::options::FrameSettings;
+use crate::paper::{self, PaperScratch};
+use crate::report::{Event, StepReport, ToolReport};
+use crate::sphere_tree::Spheres;
+use crate::tool::{Rod, ToolMotion, travel};
+use crate::vec3::{V3, dot, norm, scale, six_volume, sub, xyz};
+use crate::{Model, State};
+use monro_geometry::Vector;
+
+/// A tool moves at most this share of its radius in a substep.
+const STRIDE: f64 = 0.5;
+/// No frame is cut finer than this for speed alone; what moves faster than that has been put elsewhere.
+const MOST_SUBSTEPS: u32 = 64;
+/// How often a frame that ended in numbers that are not finite is tried again with half the step. Turned elements are
+/// worth one more try: the solver turns them back by itself.
+const RETRIES: u32 = 4;
+
+/// Scratch memory of a running simulation: made once, so that a step does not allocate.
+#[derive(Debug, Clone)]
+pub struct Stepper {
+    backup: State,
+    previous: Vec<[f32; 4]>,
+    spheres: Spheres,
+    found: contact::Found,
+    couplings: Vec<Coupling>,
+    tethers: Vec<V3>,
+    paper: PaperScratch,
+    events: Vec<Event>,
+    residual: f32,
+}
+
+impl Stepper {
+    /// Scratch for a model.
+    pub fn new(model: &Model) -> Self {
+        Self {
+            backup: model.rest_state(),
+            previous: model.rest.clone(),
+            spheres: Spheres::default(),
+            found: contact::Found::default(),
+            couplings: Vec::new(),
+            tethers: vec![[0.0; 3]; model.tethers.len()],
+            paper: PaperScratch::default(),
+            events: Vec::new(),
+            residual: 0.0,
+        }
+    }
+
+    /// Advances `state` by one frame during which the tools move as told. Never fails: what goes wrong is taken back,
+    /// tried with smaller steps, and reported. The same input gives the same bits, on any number of threads.
+    pub fn step(
+        &mut self,
+        model: &Model,
+        state: &mut State,
+        tools: &[ToolMotion],
+        settings: &FrameSettings,
+    ) -> StepReport {
+        let settings = settings.sane();
+        state.tools.resize_with(tools.len(), ToolState::default);
+        self.backup.copy_from(state);
+        let before = inverted(model, &state.positions);
+        let mut report = StepReport::default();
+        let mut failures = Vec::new();
+        let mut substeps = substeps_for(&settings, tools);
+        for attempt in 0..=RETRIES {
+            self.events.clear();
+            self.attempt(model, state, tools, &settings, substeps);
+            report.substeps = substeps;
+            match judge(model, state, before) {
+                Verdict::Good => break,
+                Verdict::Inverted(_) if attempt > 0 || before > 0 => break,
+                verdict => {
+                    let inverted = if let Verdict::Inverted(n) = verdict { Some(n) } else { None };
+                    failures.push(Event::RolledBack { substeps, inverted });
+                    state.copy_from(&self.backup);
+                    substeps = substeps.saturating_mul(2).min(4096);
+                    if attempt == RETRIES {
+                        self.events.clear();
+                        state.velocities.fill([0.0; 4]);
+                        failures.push(Event::Held);
+                    }
+                }
+            }
+        }
+        report.rollbacks = failures.iter().filter(|e| matches!(e, Event::RolledBack { .. })).count() as u32;
+        report.events = failures;
+        report.events.append(&mut self.events);
+        self.fill(model, state, tools, &mut report);
+        report
+    }
+
+    fn attempt(
+        &mut self,
+        model: &Model,
+        state: &mut State,
+        tools: &[ToolMotion],
+        settings: &FrameSettings,
+        substeps: u32,
+    ) {
+        let dt = settings.dt_s / f64::from(substeps);
+        for i in 0..substeps {
+            let share = f64::from(i + 1) / f64::from(substeps);
+            self.substep(model, state, tools, settings, (dt, share));
+        }
+    }
+
+    fn substep(
+        &mut self,
+        model: &Model,
+        state: &mut State,
+        tools: &[ToolMotion],
+        settings: &FrameSettings,
+        (dt, share): (f64, f64),
+    ) {
+        if !tools.is_empty() {
+            model.tree.refit(&mut self.spheres, &state.positions, &model.tets);
+        }
+        self.touch(model, state, tools, share);
+        self.previous.clone_from(&state.positions);
+        predict(model, state, settings, dt);
+        self.solve(model, state, settings, dt as f32);
+        for ((p, v), old) in state.positions.iter().zip(&mut state.velocities).zip(&self.previous) {
+            // Equation (5).
+            let d = scale(sub(xyz(*p), xyz(*old)), 1.0 / dt as f32);
+            *v = [d[0], d[1], d[2], 0.0];
+        }
+        for (tool, motion) in tools.iter().enumerate() {
+            let Some(rod) = Rod::between(motion, model.origin, share) else { continue };
+            let memory = &mut state.tools[tool];
+            contact::settle(model, &state.positions, (tool, &rod), memory, &self.couplings, &mut self.events);
+        }
+        state.time_s += dt;
+    }
+
+    /// Lists what touches or is held.
+    fn touch(&mut self, model: &Model, state: &mut State, tools: &[ToolMotion], share: f64) {
+        self.couplings.clear();
+        for (tool, motion) in tools.iter().enumerate() {
+            let Some(rod) = Rod::between(motion, model.origin, share) else {
+                if !self.events.contains(&Event::BadPose { tool }) {
+                    self.events.push(Event::BadPose { tool });
+                }
+                continue;
+            };
+            let way = (motion.to.tip - motion.from.tip).to_array().map(|v| v as f32);
+            let advance = if dot(way, rod.back) > 0.0 { Advance::Backwards } else { Advance::Forwards };
+            let mut memory = core::mem::take(&mut state.tools[tool]);
+            contact::prepare(
+                model,
+                state,
+                &self.spheres,
+                (tool, &rod, advance),
+                &mut memory,
+                &mut self.found,
+                &mut self.couplings,
+                &mut self.events,
+            );
+            state.tools[tool] = memory;
+        }
+    }
+
+    fn solve(&mut self, model: &Model, state: &mut State, settings: &FrameSettings, dt: f32) {
+        let Solver::Paper(solver) = &model.solver;
+        solver.correct(&mut self.paper, settings.iterations);
+        self.tethers.fill([0.0; 3]);
+        for _ in 0..settings.iterations {
+            self.residual = solver.iterate(&mut state.positions, &mut self.paper);
+            self.pull_tethers(model, &mut state.positions, dt);
+            contact::project(&mut self.couplings, &mut state.positions, dt);
+        }
+    }
+
+    /// Springs to the rest positions, as compliant constraints.
+    fn pull_tethers(&mut self, model: &Model, positions: &mut [[f32; 4]], dt: f32) {
+        for (tether, force) in model.tethers.iter().zip(&mut self.tethers) {
+            let p = &mut positions[tether.node as usize];
+            let gap = sub(xyz(model.rest[tether.node as usize]), xyz(*p));
+            let denominator = p[3] * dt * dt * tether.stiffness + 1.0;
+            if denominator > 1.0 {
+                let change = scale(sub(scale(gap, tether.stiffness), *force), 1.0 / denominator);
+                crate::vec3::shift(p, p[3] * dt * dt, change);
+                *force = crate::vec3::add(*force, change);
+            }
+        }
+    }
+
+    fn fill(&self, model: &Model, state: &State, tools: &[ToolMotion], report: &mut StepReport) {
+        let (mut six, mut turned) = (0f64, 0);
+        for t in &model.tets {
+            let v = six_volume(t.map(|v| xyz(state.positions[v as usize])));
+            six += f64::from(v);
+            turned += usize::from(v <= 0.0);
+        }
+        report.inverted = turned;
+        report.volume_change = six / 6.0 / model.rest_volume - 1.0;
+        let moved = state.positions.iter().zip(&model.rest).map(|(p, r)| {
+            let d = sub(xyz(*p), xyz(*r));
+            dot(d, d)
+        });
+        report.max_displacement_mm = f64::from(moved.fold(0f32, f32::max).sqrt());
+        report.residual_mm = self.residual.into();
+        report.active_nodes = state.positions.iter().filter(|p| p[3] > 0.0).count();
+        report.contacts =
+            self.couplings.iter().filter(|c| matches!(c.rule, Rule::Push { .. }) && norm(c.force) > 0.0).count();
+        report.tools = tools.iter().enumerate().map(|(i, m)| self.felt(model, state, i, m)).collect();
+    }
+
+    /// What one tool felt in the last substep.
+    fn felt(&self, model: &Model, state: &State, tool: usize, motion: &ToolMotion) -> ToolReport {
+        let on_tissue = self.couplings.iter().filter(|c| c.tool as usize == tool);
+        let force: V3 = on_tissue.fold([0.0; 3], |s, c| sub(s, c.force));
+        let back = Rod::between(motion, model.origin, 1.0).map_or([0.0; 3], |r| r.back);
+        let memory = &state.tools[tool];
+        let inserted = memory.anchors.last().map_or(0.0, |a| f64::from(a.arc.max(0.0)));
+        ToolReport {
+            force_mn: Vector::from_array(force.map(f64::from)),
+            axial_force_mn: dot(force, back).into(),
+            label: memory.inside.map(|r| model.regions[r as usize].label),
+            inserted_mm: inserted,
+            dimpling: memory.press.is_some(),
+        }
+    }
+}
+
+/// Equations (1) and (2), the latter with the time step multiplied, not added.
+fn predict(model: &Model, state: &mut State, settings: &FrameSettings, dt: f64) {
+    let kick = settings.gravity_mm_s2.map(|g| (g * dt) as f32);
+    let Solver::Paper(solver) = &model.solver;
+    let damping = 1.0 - (1.0 - solver.damping).powf(dt);
+    paper::damp(&state.positions, &mut state.velocities, &model.mass, damping as f32);
+    for (p, v) in state.positions.iter_mut().zip(&mut state.velocities) {
+        if p[3] > 0.0 {
+            for a in 0..3 {
+                v[a] += kick[a];
+                p[a] += v[a] * dt as f32;
+            }
+        }
+    }
+}
+
+fn substeps_for(settings: &FrameSettings, tools: &[ToolMotion]) -> u32 {
+    let needed = |m: &ToolMotion| {
+        let stride = STRIDE * m.tool.radius_mm;
+        if stride > 0.0 { (travel(m) / stride).ceil().min(f64::from(MOST_SUBSTEPS)) as u32 } else { 1 }
+    };
+    tools.iter().map(needed).max().unwrap_or(1).max(settings.substeps)
+}
+
+enum Verdict {
+    Good,
+    NotFinite,
+    Inverted(usize),
+}
+
+/// The one place where a state is accepted.
+fn judge(model: &Model, state: &State, inverted_before: usize) -> Verdict {
+    let finite = |p: &[f32; 4]| (p[0] + p[1] + p[2]).is_finite();
+    if !(state.positions.iter().all(finite) && state.velocities.iter().all(finite)) {
+        return Verdict::NotFinite;
+    }
+    let now = inverted(model, &state.positions);
+    if now > inverted_before { Verdict::Inverted(now) } else { Verdict::Good }
+}
+
+fn inverted(model: &Model, positions: &[[f32; 4]]) -> usize {
+    model.tets.iter().filter(|t| six_volume(t.map(|v| xyz(positions[v as usize]))) <= 0.0).count()
+}

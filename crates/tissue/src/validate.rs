@@ -1,0 +1,86 @@
+//! What makes a mesh or a set of options unusable, found before anything is computed from it.
+
+use crate::ModelError;
+use crate::options::{AttachmentKind, Mode, ModelOptions};
+use monro_geometry::TetMesh;
+
+/// An element thinner than this share of its longest edge cubed is flat: single precision could not tell its sign.
+const FLAT: f64 = 1e-7;
+
+pub(crate) fn mesh(mesh: &TetMesh) -> Result<(), ModelError> {
+    mesh.validate()?;
+    if mesh.tets.is_empty() {
+        return Err(ModelError::Empty);
+    }
+    for tet in 0..mesh.tets.len() {
+        let p = mesh.corners(tet);
+        let pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
+        let edge_mm = pairs.iter().map(|&(a, b)| p[a].distance(p[b])).fold(0.0, f64::max);
+        let volume_mm3 = mesh.volume(tet);
+        if volume_mm3 < FLAT * edge_mm.powi(3) {
+            return Err(ModelError::Flat { tet, volume_mm3, edge_mm });
+        }
+    }
+    isolated(mesh)?;
+    duplicate_tets(mesh)?;
+    duplicate_vertices(mesh)
+}
+
+fn isolated(mesh: &TetMesh) -> Result<(), ModelError> {
+    let mut used = vec![false; mesh.vertices.len()];
+    mesh.tets.iter().flatten().for_each(|&v| used[v as usize] = true);
+    used.iter().position(|u| !u).map_or(Ok(()), |v| Err(ModelError::Isolated(v)))
+}
+
+fn duplicate_tets(mesh: &TetMesh) -> Result<(), ModelError> {
+    let mut keys: Vec<([u32; 4], usize)> = mesh.tets.iter().copied().zip(0..).collect();
+    keys.iter_mut().for_each(|k| k.0.sort_unstable());
+    keys.sort_unstable();
+    match keys.windows(2).find(|w| w[0].0 == w[1].0) {
+        Some(w) => Err(ModelError::DuplicateTet { first: w[0].1, second: w[1].1 }),
+        None => Ok(()),
+    }
+}
+
+fn duplicate_vertices(mesh: &TetMesh) -> Result<(), ModelError> {
+    // Adding zero makes one zero out of the two.
+    let mut keys: Vec<([u64; 3], usize)> =
+        mesh.vertices.iter().map(|p| p.to_array().map(|v| (v + 0.0).to_bits())).zip(0..).collect();
+    keys.sort_unstable();
+    match keys.windows(2).find(|w| w[0].0 == w[1].0) {
+        Some(w) => Err(ModelError::DuplicateVertex { first: w[0].1, second: w[1].1 }),
+        None => Ok(()),
+    }
+}
+
+pub(crate) fn options(mesh: &TetMesh, options: &ModelOptions) -> Result<(), ModelError> {
+    for (&label, m) in &options.materials {
+        if !m.is_valid() {
+            let (young_kpa, poisson, density_kg_m3) = (m.young_kpa, m.poisson, m.density_kg_m3);
+            return Err(ModelError::Material { label, young_kpa, poisson, density_kg_m3 });
+        }
+    }
+    share("number of materials", options.materials.len() as f64, 0.0, 255.0, "at most 255")?;
+    if let Some(tet) = mesh.labels.iter().position(|l| !options.materials.contains_key(l)) {
+        return Err(ModelError::NoMaterial { label: mesh.labels[tet], tet });
+    }
+    for (attachment, a) in options.attachments.iter().enumerate() {
+        if a.node as usize >= mesh.vertices.len() {
+            return Err(ModelError::Attachment { attachment, node: a.node, vertices: mesh.vertices.len() });
+        }
+        if let AttachmentKind::Spring { stiffness_mn_per_mm } = a.kind {
+            share("stiffness of an attachment", stiffness_mn_per_mm, 0.0, 1e9, "0 to 1e9 mN/mm")?;
+        }
+    }
+    match options.mode {
+        Mode::Paper(p) => {
+            share("coefficient of the global volume", p.global_volume, 0.0, 1.0, "0 to 1")?;
+            share("damping", p.damping, 0.0, 1.0, "0 to 1")
+        }
+        Mode::Physical(p) => share("share of the elements in the volume term", p.element_share, 0.0, 1.0, "0 to 1"),
+    }
+}
+
+fn share(name: &'static str, value: f64, low: f64, high: f64, wanted: &'static str) -> Result<(), ModelError> {
+    if (low..=high).contains(&value) { Ok(()) } else { Err(ModelError::Option { name, value, wanted }) }
+}
