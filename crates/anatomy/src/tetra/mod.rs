@@ -1,1 +1,191 @@
 //! Graded tetrahedra from a label volume.
+//!
+//! The route: smooth fields of the labels, a size field from distances, a graded body-centred-cubic lattice over a
+//! balanced octree, cutting along all label surfaces in one global order, local improvement.
+
+mod cut;
+mod fields;
+mod lattice;
+mod octree;
+mod quality;
+mod report;
+mod size;
+mod vec3;
+
+pub use report::{EdgeBand, InterfaceDistance, LabelReport, MeshReport};
+
+use cut::{RawMesh, cut_all};
+use fields::LabelFields;
+use monro_geometry::{Patient, Point, TetMesh, Volume};
+use octree::Octree;
+use size::SizeField;
+use thiserror::Error;
+
+/// Cell edge of a body-centred lattice over its mean tetrahedron edge (six long edges and eight of sqrt(3)/2 at a point).
+const CELL_PER_EDGE: f64 = 1.083;
+/// A cell is split when longer than this many wanted edges.
+const SPLIT: f64 = 1.41;
+/// Levels of the octree at most: coordinates are packed into 21 bits.
+const MOST_LEVELS: u32 = 18;
+
+/// What to mesh and how finely.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeshOptions {
+    /// Labels to mesh; everything else is outside.
+    pub keep: Vec<u16>,
+    /// Labels to be fine in and around.
+    pub fine: Vec<u16>,
+    /// A planned path to be fine along, e.g. entry and target.
+    pub path: Option<[Point<Patient>; 2]>,
+    /// Wanted number of elements.
+    pub elements: usize,
+    /// Growth of the edge length with the distance from what is fine, mm a mm.
+    pub growth: f64,
+    /// Longest edge over the finest.
+    pub coarsest: f64,
+}
+
+impl MeshOptions {
+    /// The usual grading for these labels and this count.
+    pub fn new(keep: &[u16], fine: &[u16], elements: usize) -> Self {
+        Self { keep: keep.to_vec(), fine: fine.to_vec(), path: None, elements, growth: 0.5, coarsest: 5.0 }
+    }
+}
+
+/// Why there is no mesh.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum MeshError {
+    /// None of the labels to keep occurs.
+    #[error("none of the labels {keep:?} occurs in the volume of {voxels} voxels; check the labels to keep")]
+    Empty {
+        /// Labels asked for.
+        keep: Vec<u16>,
+        /// Voxels looked at.
+        voxels: usize,
+    },
+    /// More labels than the mesher tells apart.
+    #[error("{0} labels to mesh, but at most 200 are told apart; merge some")]
+    TooManyLabels(usize),
+    /// An option makes no sense.
+    #[error("{name} is {value}; it must be {rule}")]
+    Option {
+        /// The option.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        rule: &'static str,
+    },
+    /// The count cannot be met.
+    #[error(
+        "{wanted} elements were asked for, the nearest mesh has {found}; ask for a count near that or change the grading"
+    )]
+    Count {
+        /// Elements wanted.
+        wanted: usize,
+        /// Elements of the nearest mesh found.
+        found: usize,
+    },
+}
+
+/// Meshes the labels in `options.keep` of a label volume.
+///
+/// Faces conform between all labels and at the outer surface; elements carry the values of the volume as labels; all
+/// have positive volume. The same input gives the same bits on any number of threads.
+///
+/// # Errors
+/// Nothing to mesh, options out of range, or a count that cannot be met within 5 %.
+pub fn mesh<T: Copy + Into<u16> + Sync>(
+    labels: &Volume<T>,
+    options: &MeshOptions,
+) -> Result<(TetMesh, MeshReport), MeshError> {
+    check(options)?;
+    let empty = || MeshError::Empty { keep: options.keep.clone(), voxels: labels.grid().len() };
+    let fields = LabelFields::new(labels, &options.keep).ok_or_else(empty)?;
+    let fine: Vec<usize> = (0..fields.labels.len()).filter(|&i| options.fine.contains(&fields.labels[i])).collect();
+    let size = SizeField::new(&fields, &fine, options.path, options.growth, options.coarsest).ok_or_else(empty)?;
+    let raw = to_count(&fields, &size, options.elements)?;
+    let mesh = finish(raw, &fields);
+    let report = report::report(&mesh, &fields, &size);
+    Ok((mesh, report))
+}
+
+fn check(options: &MeshOptions) -> Result<(), MeshError> {
+    if options.keep.len() > 200 {
+        return Err(MeshError::TooManyLabels(options.keep.len()));
+    }
+    let rule = |name, value: f64, low: f64, high: f64, rule| {
+        if value >= low && value <= high { Ok(()) } else { Err(MeshError::Option { name, value, rule }) }
+    };
+    rule("elements", options.elements as f64, 100.0, 2e7, "between 100 and 20 million")?;
+    rule("growth", options.growth, 0.01, 2.0, "between 0.01 and 2 mm a mm")?;
+    rule("coarsest", options.coarsest, 1.0, 64.0, "between 1 and 64 times the finest")
+}
+
+/// Finds the finest edge that gives the count.
+fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<RawMesh, MeshError> {
+    let mut ratio = 1.0;
+    let mut best: Option<RawMesh> = None;
+    let miss = |n: usize| (n as f64 / wanted as f64).ln().abs();
+    for _ in 0..8 {
+        let finest = finest_for(size, wanted as f64 / ratio);
+        let raw = build(fields, size, finest);
+        let found = raw.tets.len();
+        if best.as_ref().is_none_or(|b| miss(found) < miss(b.tets.len())) {
+            best = Some(raw);
+        }
+        if found == 0 || miss(found) < 0.01 {
+            break;
+        }
+        ratio *= found as f64 / (wanted as f64);
+    }
+    let raw = best.unwrap_or_default();
+    if raw.tets.is_empty() || miss(raw.tets.len()) > 0.05 {
+        return Err(MeshError::Count { wanted, found: raw.tets.len() });
+    }
+    Ok(raw)
+}
+
+/// Bisects for the finest edge whose estimated count is `count`.
+fn finest_for(size: &SizeField, count: f64) -> f64 {
+    let (mut low, mut high) = (0.05f64, 100f64);
+    for _ in 0..40 {
+        let middle = (low * high).sqrt();
+        let cell = |edge: f64| {
+            let finest = CELL_PER_EDGE * middle;
+            finest * (SPLIT * edge / finest).log2().floor().max(0.0).exp2()
+        };
+        if size.estimate(middle, cell) > count { low = middle } else { high = middle }
+    }
+    (low * high).sqrt()
+}
+
+/// Octree, lattice and cuts for one finest edge.
+fn build(fields: &LabelFields, size: &SizeField, finest: f64) -> RawMesh {
+    let cell = CELL_PER_EDGE * finest;
+    let (low, high) = size.bounds();
+    let extent = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max) + 2.0 * cell;
+    let levels = (extent / cell).log2().ceil().clamp(1.0, f64::from(MOST_LEVELS)) as u32;
+    let unit = 0.5 * cell;
+    let span = f64::from(2u32 << levels) * unit;
+    let origin: [f64; 3] = std::array::from_fn(|a| 0.5 * (low[a] + high[a] - span));
+    let place = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| origin[a] + p[a] * unit) };
+    let tree = Octree::new(levels, |corner, edge| {
+        let centre = place(corner.map(|c| f64::from(c) + 0.5 * f64::from(edge)));
+        f64::from(edge) * unit > SPLIT * size.edge(centre, finest)
+    });
+    let lattice = lattice::lattice(&tree);
+    let points = lattice.points.iter().map(|p| place(p.map(f64::from))).collect();
+    cut_all(points, lattice.tets, fields)
+}
+
+fn finish(raw: RawMesh, fields: &LabelFields) -> TetMesh {
+    TetMesh {
+        vertices: raw.points.into_iter().map(Point::from_array).collect(),
+        tets: raw.tets,
+        labels: raw.labels.into_iter().map(|l| fields.labels[usize::from(l)]).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

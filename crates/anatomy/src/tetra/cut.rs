@@ -1,0 +1,300 @@
+//! Cutting the lattice along the surfaces so that every element lies on one side.
+//!
+//! For each surface in turn: points close to a cut move onto it, then the edges still crossing are split one by one in
+//! one global order. Both sides of each face see the same order, so the mesh conforms whatever meets where; three labels
+//! in one element are just two surfaces after each other.
+
+use super::fields::LabelFields;
+use super::lattice::PackedMap;
+use super::quality::quality;
+use super::vec3::{V3, distance, lerp};
+
+/// A point moves onto a cut within this fraction of the edge. Beyond 0.3 whole elements come to lie on the surface.
+const WARP: f64 = 0.25;
+/// A warp may not leave an element worse than this.
+const WORST: f64 = 0.08;
+/// Label of elements not yet given away.
+pub(super) const PENDING: u8 = u8::MAX;
+/// Label of elements outside.
+pub(super) const OUTSIDE: u8 = u8::MAX - 1;
+
+/// A mesh under construction: positions in patient mm, label indices.
+#[derive(Debug, Clone, Default)]
+pub(super) struct RawMesh {
+    pub(super) points: Vec<V3>,
+    pub(super) tets: Vec<[u32; 4]>,
+    pub(super) labels: Vec<u8>,
+}
+
+impl RawMesh {
+    pub(super) fn corners(&self, t: [u32; 4]) -> [V3; 4] {
+        t.map(|v| self.points[v as usize])
+    }
+}
+
+/// Cuts along all surfaces and labels the elements; those outside are dropped.
+pub(super) fn cut_all(points: Vec<V3>, tets: Vec<[u32; 4]>, fields: &LabelFields) -> RawMesh {
+    let mut mesh = RawMesh { labels: vec![PENDING; tets.len()], points, tets };
+    let mut pinned = vec![false; mesh.points.len()];
+    for s in 0..fields.surfaces() {
+        // Surface 0 keeps its inner side pending; later ones give their inner side to the label.
+        let (plus, minus) = if s == 0 { (PENDING, OUTSIDE) } else { ((s - 1) as u8, PENDING) };
+        Cut::new(&mut mesh, &mut pinned, fields, s).run(plus, minus);
+        if s == 0 {
+            drop_outside(&mut mesh, &mut pinned);
+        }
+    }
+    let rest = (fields.surfaces() - 1) as u8;
+    mesh.labels.iter_mut().filter(|l| **l == PENDING).for_each(|l| *l = rest);
+    mesh
+}
+
+/// Removes elements labelled [`OUTSIDE`] and points no longer used.
+fn drop_outside(mesh: &mut RawMesh, pinned: &mut Vec<bool>) {
+    let keep: Vec<bool> = mesh.labels.iter().map(|&l| l != OUTSIDE).collect();
+    let mut each = keep.iter();
+    mesh.tets.retain(|_| each.next().copied().unwrap_or(false));
+    mesh.labels.retain(|&l| l != OUTSIDE);
+    let order = compact(mesh);
+    *pinned = order.iter().map(|&v| pinned[v as usize]).collect();
+}
+
+/// Renumbers the points in use in order of first appearance; returns the old number of each.
+pub(super) fn compact(mesh: &mut RawMesh) -> Vec<u32> {
+    let mut number = vec![u32::MAX; mesh.points.len()];
+    let mut order = Vec::new();
+    for v in mesh.tets.iter_mut().flatten() {
+        let n = &mut number[*v as usize];
+        if *n == u32::MAX {
+            *n = order.len() as u32;
+            order.push(*v);
+        }
+        *v = *n;
+    }
+    mesh.points = order.iter().map(|&v| mesh.points[v as usize]).collect();
+    order
+}
+
+/// A crossing edge, lower vertex first, and where it is cut.
+#[derive(Debug, Clone, Copy)]
+struct Crossing {
+    ends: [u32; 2],
+    at: V3,
+    /// Fraction from the first end.
+    t: f64,
+    length: f64,
+}
+
+struct Cut<'a> {
+    mesh: &'a mut RawMesh,
+    /// Points on an earlier surface, which stay.
+    pinned: &'a mut Vec<bool>,
+    fields: &'a LabelFields,
+    surface: usize,
+    side: Vec<i8>,
+}
+
+impl<'a> Cut<'a> {
+    fn new(mesh: &'a mut RawMesh, pinned: &'a mut Vec<bool>, fields: &'a LabelFields, surface: usize) -> Self {
+        // Only points of pending elements have a side; the others take no part.
+        let mut asked = vec![false; mesh.points.len()];
+        for (t, _) in mesh.tets.iter().zip(&mesh.labels).filter(|(_, l)| **l == PENDING) {
+            t.iter().for_each(|&v| asked[v as usize] = true);
+        }
+        let side = |(v, &p): (usize, &V3)| if asked[v] { sign(fields.side(surface, p)) } else { 0 };
+        let side: Vec<i8> = mesh.points.iter().enumerate().map(side).collect();
+        for v in 0..side.len() {
+            pinned[v] |= asked[v] && side[v] == 0;
+        }
+        Self { mesh, pinned, fields, surface, side }
+    }
+
+    fn run(&mut self, plus: u8, minus: u8) {
+        let mut crossings = self.crossings();
+        self.warp(&crossings);
+        crossings.retain(|c| self.crosses(c.ends));
+        self.split(crossings);
+        self.classify(plus, minus);
+    }
+
+    fn crosses(&self, [a, b]: [u32; 2]) -> bool {
+        self.side[a as usize] * self.side[b as usize] < 0
+    }
+
+    fn crossings(&self) -> Vec<Crossing> {
+        const PAIRS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+        let mut keys = Vec::new();
+        for (t, _) in self.mesh.tets.iter().zip(&self.mesh.labels).filter(|(_, l)| **l == PENDING) {
+            for [i, j] in PAIRS {
+                if self.crosses([t[i], t[j]]) {
+                    keys.push(edge_key(t[i], t[j]));
+                }
+            }
+        }
+        keys.sort_unstable();
+        keys.dedup();
+        keys.into_iter().map(|k| self.crossing([(k >> 32) as u32, k as u32])).collect()
+    }
+
+    /// Where the field along an edge is zero, by the Illinois variant of regula falsi.
+    fn crossing(&self, ends: [u32; 2]) -> Crossing {
+        let [a, b] = ends.map(|v| self.mesh.points[v as usize]);
+        let f = |t: f64| self.fields.side(self.surface, lerp(a, b, t));
+        let (mut low, mut high) = ((0.0, f(0.0)), (1.0, f(1.0)));
+        let mut t = 0.5;
+        for i in 0..12 {
+            // The fields saturate: the first steps halve, later ones follow the slope.
+            t = if i < 3 { 0.5 * (low.0 + high.0) } else { (low.0 * high.1 - high.0 * low.1) / (high.1 - low.1) };
+            let value = f(t);
+            if value.abs() < 1e-4 || high.0 - low.0 < 1e-3 {
+                break;
+            }
+            if (value > 0.0) == (high.1 > 0.0) {
+                high = (t, value);
+                low.1 *= if i < 3 { 1.0 } else { 0.5 };
+            } else {
+                low = (t, value);
+                high.1 *= if i < 3 { 1.0 } else { 0.5 };
+            }
+        }
+        Crossing { ends, at: lerp(a, b, t), t, length: distance(a, b) }
+    }
+
+    /// Moves points near a cut onto the nearest one, in the order of their numbers.
+    fn warp(&mut self, crossings: &[Crossing]) {
+        let mut wishes: Vec<(u32, f64, u32)> = Vec::new();
+        for (i, c) in crossings.iter().enumerate() {
+            for (v, t) in [(c.ends[0], c.t), (c.ends[1], 1.0 - c.t)] {
+                if t < WARP && !self.pinned[v as usize] {
+                    wishes.push((v, t * c.length, i as u32));
+                }
+            }
+        }
+        wishes.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+        let around = Incidence::new(self.mesh);
+        for of_one in wishes.chunk_by(|a, b| a.0 == b.0) {
+            for &(v, _, i) in of_one {
+                let c = &crossings[i as usize];
+                if self.crosses(c.ends) && self.try_move(v, c.at, around.of(v)) {
+                    self.side[v as usize] = 0;
+                    self.pinned[v as usize] = true;
+                    break;
+                }
+            }
+        }
+    }
+
+    fn try_move(&mut self, v: u32, to: V3, around: &[u32]) -> bool {
+        let from = std::mem::replace(&mut self.mesh.points[v as usize], to);
+        let good = |&t: &u32| quality(self.mesh.corners(self.mesh.tets[t as usize])) > WORST;
+        if around.iter().all(good) {
+            return true;
+        }
+        self.mesh.points[v as usize] = from;
+        false
+    }
+
+    /// Splits the crossing edges, longest first.
+    fn split(&mut self, mut crossings: Vec<Crossing>) {
+        crossings.sort_unstable_by(|a, b| b.length.total_cmp(&a.length).then(a.ends.cmp(&b.ends)));
+        let first = self.mesh.points.len() as u32;
+        let mut rank: PackedMap<u32> = PackedMap::default();
+        rank.reserve(crossings.len());
+        for (i, c) in crossings.iter().enumerate() {
+            rank.insert(edge_key(c.ends[0], c.ends[1]), i as u32);
+            self.mesh.points.push(c.at);
+            self.side.push(0);
+            self.pinned.push(true);
+        }
+        let (tets, labels) = (std::mem::take(&mut self.mesh.tets), std::mem::take(&mut self.mesh.labels));
+        let mut stack = Vec::new();
+        for (t, label) in tets.into_iter().zip(labels) {
+            stack.push(t);
+            while let Some(t) = stack.pop() {
+                match self.first_cut(t, &rank) {
+                    Some((i, j, r)) => {
+                        let (mut low, mut high) = (t, t);
+                        low[j] = first + r;
+                        high[i] = first + r;
+                        stack.push(high);
+                        stack.push(low);
+                    }
+                    None => {
+                        self.mesh.tets.push(t);
+                        self.mesh.labels.push(label);
+                    }
+                }
+            }
+        }
+    }
+
+    fn first_cut(&self, t: [u32; 4], rank: &PackedMap<u32>) -> Option<(usize, usize, u32)> {
+        let mut best: Option<(usize, usize, u32)> = None;
+        for i in 0..4 {
+            for j in i + 1..4 {
+                if self.crosses([t[i], t[j]])
+                    && let Some(&r) = rank.get(&edge_key(t[i], t[j]))
+                    && best.is_none_or(|b| r < b.2)
+                {
+                    best = Some((i, j, r));
+                }
+            }
+        }
+        best
+    }
+
+    fn classify(&mut self, plus: u8, minus: u8) {
+        for (t, label) in self.mesh.tets.iter().zip(&mut self.mesh.labels).filter(|(_, l)| **l == PENDING) {
+            let sum: i8 = t.iter().map(|&v| self.side[v as usize]).sum();
+            let inner = match sum {
+                0 => {
+                    let p = t.iter().fold([0.0; 3], |s, &v| super::vec3::add(s, self.mesh.points[v as usize]));
+                    self.fields.side(self.surface, super::vec3::scale(p, 0.25)) >= 0.0
+                }
+                s => s > 0,
+            };
+            *label = if inner { plus } else { minus };
+        }
+    }
+}
+
+const fn edge_key(a: u32, b: u32) -> u64 {
+    if a < b { (a as u64) << 32 | b as u64 } else { (b as u64) << 32 | a as u64 }
+}
+
+fn sign(x: f64) -> i8 {
+    match x {
+        x if x > 0.0 => 1,
+        x if x < 0.0 => -1,
+        _ => 0,
+    }
+}
+
+/// The elements around each point, in one flat list.
+pub(super) struct Incidence {
+    first: Vec<u32>,
+    list: Vec<u32>,
+}
+
+impl Incidence {
+    pub(super) fn new(mesh: &RawMesh) -> Self {
+        let mut first = vec![0u32; mesh.points.len() + 1];
+        mesh.tets.iter().flatten().for_each(|&v| first[v as usize + 1] += 1);
+        for i in 1..first.len() {
+            first[i] += first[i - 1];
+        }
+        let mut at = first.clone();
+        let mut list = vec![0; mesh.tets.len() * 4];
+        for (t, tet) in mesh.tets.iter().enumerate() {
+            for &v in tet {
+                list[at[v as usize] as usize] = t as u32;
+                at[v as usize] += 1;
+            }
+        }
+        Self { first, list }
+    }
+
+    pub(super) fn of(&self, v: u32) -> &[u32] {
+        &self.list[self.first[v as usize] as usize..self.first[v as usize + 1] as usize]
+    }
+}

@@ -1,0 +1,110 @@
+//! How long edges should be where.
+
+use super::fields::LabelFields;
+use crate::surface::distance::squared_distance;
+use monro_geometry::{Grid, Patient, Point, Volume};
+
+/// Cell of the lattice on which the size is kept, mm.
+const STEP: f64 = 1.8;
+/// Full resolution reaches this far from the fine labels and the path, mm.
+const CORE: f64 = 1.0;
+
+/// Distances from which the wanted edge length follows, with a free scale.
+#[derive(Debug, Clone)]
+pub(super) struct SizeField {
+    distance: super::fields::Field,
+    /// Cells of the lattice inside the meshed region: their distance, for estimates of the count.
+    inside: Vec<f32>,
+    growth: f64,
+    coarsest: f64,
+    low: [f64; 3],
+    high: [f64; 3],
+}
+
+impl SizeField {
+    /// Distances to the labels numbered in `fine` (indices into the fields' labels) and to the path. Edges grow by
+    /// `growth` mm a mm up to `coarsest` times the finest. With nothing to be fine about, all edges are alike.
+    pub(super) fn new(
+        fields: &LabelFields,
+        fine: &[usize],
+        path: Option<[Point<Patient>; 2]>,
+        growth: f64,
+        coarsest: f64,
+    ) -> Option<Self> {
+        let corners = fields.union.volume().grid().corners().map(Point::to_array);
+        let low: [f64; 3] = std::array::from_fn(|a| corners.iter().map(|c| c[a]).fold(f64::INFINITY, f64::min));
+        let high: [f64; 3] = std::array::from_fn(|a| corners.iter().map(|c| c[a]).fold(f64::NEG_INFINITY, f64::max));
+        let dims: [usize; 3] = std::array::from_fn(|a| ((high[a] - low[a]) / STEP).ceil() as usize + 3);
+        let grid = Grid::axis_aligned(dims, [STEP; 3], low.map(|x| x - STEP)).ok()?;
+        let mut sites = vec![false; grid.len()];
+        mark_labels(fields, fine, &grid, &mut sites);
+        if let Some(path) = path {
+            mark_path(path, &grid, &mut sites);
+        }
+        let distance = if sites.contains(&true) {
+            squared_distance(&sites, dims, [STEP; 3]).into_iter().map(f32::sqrt).collect()
+        } else {
+            vec![0.0; grid.len()]
+        };
+        let centre = |at: usize| {
+            let [i, j, k] = grid.voxel(at);
+            grid.centre(i, j, k).to_array()
+        };
+        let inside = (0..grid.len()).filter(|&at| fields.side(0, centre(at)) >= 0.0).map(|at| distance[at]).collect();
+        let distance = super::fields::Field::new(Volume::new(grid, distance).ok()?);
+        Some(Self { distance, inside, growth, coarsest, low, high })
+    }
+
+    /// Box of the region, mm.
+    pub(super) const fn bounds(&self) -> ([f64; 3], [f64; 3]) {
+        (self.low, self.high)
+    }
+
+    /// Distance to what is to be fine, mm (to half a lattice cell).
+    pub(super) fn distance(&self, p: [f64; 3]) -> f64 {
+        self.distance.at(p)
+    }
+
+    /// Wanted edge length at `p` when the finest is `finest`.
+    pub(super) fn edge(&self, p: [f64; 3], finest: f64) -> f64 {
+        self.edge_at(self.distance.at(p), finest)
+    }
+
+    fn edge_at(&self, distance: f64, finest: f64) -> f64 {
+        (finest + self.growth * (distance - CORE).max(0.0)).min(finest * self.coarsest)
+    }
+
+    /// Elements that a lattice with this finest edge would have, before cutting: 12 to each cell.
+    pub(super) fn estimate(&self, finest: f64, cell: impl Fn(f64) -> f64) -> f64 {
+        let per = |&d: &f32| 12.0 / cell(self.edge_at(f64::from(d), finest)).powi(3);
+        self.inside.iter().map(per).sum::<f64>() * STEP.powi(3)
+    }
+}
+
+fn mark_labels(fields: &LabelFields, fine: &[usize], grid: &Grid, sites: &mut [bool]) {
+    for &label in fine {
+        let source = fields.parts.get(label).unwrap_or(&fields.union).volume();
+        for (at, &value) in source.data().iter().enumerate() {
+            if value >= 0.5 {
+                let [i, j, k] = source.grid().voxel(at);
+                let p = source.grid().centre(i, j, k);
+                if label < fields.parts.len() || fields.label_at(p.to_array()) == Some(label) {
+                    mark(p, grid, sites);
+                }
+            }
+        }
+    }
+}
+
+fn mark_path([from, to]: [Point<Patient>; 2], grid: &Grid, sites: &mut [bool]) {
+    let steps = (from.distance(to) / (0.5 * STEP)).ceil().clamp(1.0, 1e4) as usize;
+    for i in 0..=steps {
+        mark(from.lerp(to, i as f64 / steps as f64), grid, sites);
+    }
+}
+
+fn mark(p: Point<Patient>, grid: &Grid, sites: &mut [bool]) {
+    if let Some([i, j, k]) = grid.containing(p) {
+        sites[grid.index(i, j, k)] = true;
+    }
+}
