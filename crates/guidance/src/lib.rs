@@ -1,11 +1,20 @@
 //! Plan, needle pose, angles and distances, calibration and registration, each with its error.
 //!
-//! Pure functions; time, where it matters, is an argument. Lengths in mm, angles in radians.
+//! Pure functions; time, where it matters, is an argument. Lengths in mm, angles in radians. The linear algebra library
+//! stays inside: no type of it is in a public signature.
 
+pub mod calibration;
+mod covariance;
 mod kakarla;
+mod linear;
 mod needle;
 mod plan;
+mod random;
+pub mod registration;
+pub mod simulation;
 
+pub use covariance::Covariance;
 pub use kakarla::{Kakarla, TipSite};
 pub use needle::{NeedleError, NeedlePose, Reading, TargetReading, skull_angle};
 pub use plan::{Plan, PlanError, Side};
+pub use random::Random;

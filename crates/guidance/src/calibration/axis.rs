@@ -1,0 +1,146 @@
+//! Axis calibration: the direction of a straight shaft in its tool's frame.
+
+use crate::linear::{mat3, vec3};
+use monro_geometry::{Point, Rigid, Tool, Tracker, Vector};
+use nalgebra::Matrix3;
+use thiserror::Error;
+
+/// Why an axis calibration was refused.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum AxisError {
+    /// Too few poses.
+    #[error("{found} valid poses; turn the tool about its shaft until there are at least {needed}")]
+    TooFew {
+        /// Poses given.
+        found: usize,
+        /// Poses needed.
+        needed: usize,
+    },
+    /// The tool was hardly turned.
+    #[error("the tool was turned by {found:.0} degrees about its shaft, at least {needed:.0} are needed")]
+    TooLittleMotion {
+        /// Root mean square turn, degrees.
+        found: f64,
+        /// Needed, degrees.
+        needed: f64,
+    },
+    /// The shaft itself moved.
+    #[error(
+        "the shaft wobbled by {found:.1} degrees while it was turned, {allowed:.1} are allowed: hold it in a guide"
+    )]
+    Wobble {
+        /// Root mean square wobble, degrees.
+        found: f64,
+        /// Allowed, degrees.
+        allowed: f64,
+    },
+    /// Tip and hub coincide.
+    #[error("tip and hub are {0:.1} mm apart; two points at least 20 mm apart are needed for a direction")]
+    TooClose(f64),
+}
+
+/// A calibrated axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AxisCalibration {
+    /// Unit vector from the hub towards the tip, in the tool's frame.
+    pub axis: Vector<Tool>,
+    /// Root mean square angle between the axis in single poses and its mean, rad.
+    pub wobble: f64,
+    /// Standard deviation of the axis, rad.
+    pub sigma: f64,
+}
+
+const POSES: usize = 30;
+const LEAST_TURN_DEGREES: f64 = 20.0;
+const MOST_WOBBLE_DEGREES: f64 = 3.0;
+
+/// The axis of a shaft that was turned about itself in a fixed guide: the direction that the mean rotation shrinks least.
+/// `tip` (of the pivot calibration) tells which of its two senses leads to the tip.
+///
+/// # Errors
+/// When the poses are too few, turn too little, or the shaft moved.
+pub fn calibrate_axis(
+    tracker_from_tool: &[Rigid<Tracker, Tool>],
+    tip: Point<Tool>,
+) -> Result<AxisCalibration, AxisError> {
+    let n = tracker_from_tool.len();
+    if n < POSES {
+        return Err(AxisError::TooFew { found: n, needed: POSES });
+    }
+    let mean = tracker_from_tool.iter().map(|m| mat3(&m.rotation())).sum::<Matrix3<f64>>() / n as f64;
+    let eigen = (mean.transpose() * mean).symmetric_eigen();
+    let order = eigen.eigenvalues.imax();
+    let shrink = |k: usize| (1.0 - eigen.eigenvalues[k]).clamp(0.0, 1.0).sqrt().asin();
+    let turn = (0..3).filter(|&k| k != order).map(shrink).fold(f64::INFINITY, f64::min);
+    let wobble = shrink(order);
+    if turn.to_degrees() < LEAST_TURN_DEGREES {
+        return Err(AxisError::TooLittleMotion { found: turn.to_degrees(), needed: LEAST_TURN_DEGREES });
+    }
+    if wobble.to_degrees() > MOST_WOBBLE_DEGREES {
+        return Err(AxisError::Wobble { found: wobble.to_degrees(), allowed: MOST_WOBBLE_DEGREES });
+    }
+    let axis = eigen.eigenvectors.column(order).into_owned();
+    let sense = if axis.dot(&vec3(tip.to_array())) < 0.0 { -1.0 } else { 1.0 };
+    let sigma = wobble / (n as f64).sqrt() / turn.sin();
+    Ok(AxisCalibration { axis: Vector::from_array((axis * sense).into()), wobble, sigma })
+}
+
+/// The axis through two calibrated points of the shaft.
+///
+/// # Errors
+/// When they are less than 20 mm apart.
+pub fn axis_through(hub: Point<Tool>, tip: Point<Tool>) -> Result<Vector<Tool>, AxisError> {
+    let length = hub.distance(tip);
+    if length < 20.0 {
+        return Err(AxisError::TooClose(length));
+    }
+    (tip - hub).normalized().ok_or(AxisError::TooClose(length))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    const TIP: Point<Tool> = Point::new(5.0, 0.0, -100.0);
+
+    /// Turned about `axis` by up to `turn` rad, with `noise` rad of random rotation on top.
+    fn turned(axis: Vector<Tool>, turn: f64, noise: f64, seed: u64) -> Vec<Rigid<Tracker, Tool>> {
+        let mut random = Random::new(seed);
+        let tilt =
+            Rigid::<Tracker, Tool>::from_axis_angle(Vector::new(0.2, 1.0, 0.4), 0.8, Vector::ZERO).expect("axis");
+        (0..200)
+            .map(|_| {
+                let own = Rigid::<Tool, Tool>::from_axis_angle(axis, random.between(0.0, turn), Vector::ZERO);
+                let d = Vector::from_array(random.direction());
+                let shake = Rigid::<Tool, Tool>::from_axis_angle(d, noise * random.normal(), Vector::ZERO);
+                tilt.after(&own.expect("axis").after(&shake.expect("axis")))
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_axis_is_found_and_points_to_the_tip() {
+        let true_axis = Vector::new(0.05, 0.0, -1.0);
+        let exact = calibrate_axis(&turned(true_axis, 5.0, 0.0, 1), TIP).expect("axis");
+        assert!(exact.axis.angle(true_axis) < 1e-7);
+        let noisy = calibrate_axis(&turned(true_axis, 5.0, 0.01, 2), TIP).expect("axis");
+        assert!(noisy.axis.angle(true_axis) < 4.0 * 0.01 / 200f64.sqrt(), "{}", noisy.axis.angle(true_axis));
+        assert!((0.004..0.012).contains(&noisy.wobble) && noisy.sigma < 0.001);
+    }
+
+    #[test]
+    fn little_turning_and_much_wobble_are_refused() {
+        let axis = Vector::new(0.0, 0.0, -1.0);
+        assert!(matches!(calibrate_axis(&turned(axis, 0.3, 0.0, 3), TIP), Err(AxisError::TooLittleMotion { .. })));
+        assert!(matches!(calibrate_axis(&turned(axis, 5.0, 0.2, 4), TIP), Err(AxisError::Wobble { .. })));
+        assert!(matches!(calibrate_axis(&[], TIP), Err(AxisError::TooFew { .. })));
+    }
+
+    #[test]
+    fn two_points_make_an_axis_unless_too_close() {
+        let a = axis_through(Point::new(0.0, 0.0, 20.0), Point::new(0.0, 0.0, -80.0)).expect("axis");
+        assert!((a - Vector::new(0.0, 0.0, -1.0)).norm() < 1e-12);
+        assert_eq!(axis_through(TIP, TIP), Err(AxisError::TooClose(0.0)));
+    }
+}

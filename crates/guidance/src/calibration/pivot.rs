@@ -1,0 +1,335 @@
+//! Pivot calibration: the tip rests in a divot while the tool is swung about it.
+//!
+//! Algebraic one-step (Yaniv, "Which pivot calibration?", SPIE 9415, 2015): `R_i t + p_i = c` for all poses, solved for
+//! tip `t` and divot `c` at once; made robust by random samples of poses whose median residual is least (Rousseeuw 1984),
+//! for which no noise level need be known beforehand.
+
+use crate::Covariance;
+use crate::linear::{mat3, point, vec3};
+use crate::random::Random;
+use monro_geometry::{Point, Rigid, Tool, Tracker};
+use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
+use thiserror::Error;
+
+/// Why a pivot calibration was refused.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum PivotError {
+    /// Too few poses.
+    #[error("{found} valid poses; swing the tool until there are at least {needed}")]
+    TooFew {
+        /// Poses given.
+        found: usize,
+        /// Poses needed.
+        needed: usize,
+    },
+    /// The tool was hardly tilted, or about one axis only.
+    #[error(
+        "the tool was tilted by {found:.0} degrees about its stiffest axis, at least {needed:.0} are needed: swing it in a cone, in all directions"
+    )]
+    TooLittleMotion {
+        /// Root mean square tilt, degrees.
+        found: f64,
+        /// Needed, degrees.
+        needed: f64,
+    },
+    /// The tip did not stay in one place.
+    #[error("only {inliers} of {total} poses agree on one tip: did the tip leave the divot?")]
+    NotPivoting {
+        /// Poses that agree.
+        inliers: usize,
+        /// Poses given.
+        total: usize,
+    },
+    /// The result is too uncertain.
+    #[error(
+        "the tip is known to {found:.2} mm only (one standard deviation), {allowed:.2} mm are allowed: swing longer and wider"
+    )]
+    Uncertain {
+        /// Standard deviation in the worst direction, mm.
+        found: f64,
+        /// Allowed, mm.
+        allowed: f64,
+    },
+}
+
+/// What is demanded of a pivot calibration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PivotOptions {
+    /// Fewest poses.
+    pub poses: usize,
+    /// Least root mean square tilt about the stiffest axis, rad.
+    pub tilt: f64,
+    /// Largest standard deviation of the tip, mm.
+    pub sigma: f64,
+    /// Smallest fraction of poses that must agree.
+    pub inliers: f64,
+    /// Random samples drawn.
+    pub samples: usize,
+    /// Seed of the samples.
+    pub seed: u64,
+}
+
+impl Default for PivotOptions {
+    fn default() -> Self {
+        Self { poses: 50, tilt: 10f64.to_radians(), sigma: 0.5, inliers: 0.6, samples: 200, seed: 1 }
+    }
+}
+
+/// A calibrated tip.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PivotCalibration {
+    /// The tip in the tool's frame, mm.
+    pub tip: Point<Tool>,
+    /// The divot in the tracker's frame, mm.
+    pub divot: Point<Tracker>,
+    /// Root mean square distance between the tips of single poses and the divot, over the poses used, mm. It is the noise
+    /// of one pose at the tip, not the error of the calibration.
+    pub residual: f64,
+    /// Covariance of the tip, from the residuals as they are (White 1980).
+    pub covariance: Covariance<Tool>,
+    /// Root mean square tilt about the stiffest axis, rad.
+    pub tilt: f64,
+    /// Which poses were used.
+    pub used: Vec<bool>,
+}
+
+struct Pose {
+    r: Matrix3<f64>,
+    p: Vector3<f64>,
+}
+
+struct Solution {
+    tip: Vector3<f64>,
+    divot: Vector3<f64>,
+    inverse: Matrix6<f64>,
+}
+
+impl Solution {
+    fn residual(&self, pose: &Pose) -> Vector3<f64> {
+        pose.r * self.tip + pose.p - self.divot
+    }
+}
+
+/// Finds the tip of a tool from poses taken while it was swung about its resting tip.
+///
+/// # Errors
+/// When the poses are too few, span too little, do not share one tip, or leave it too uncertain.
+pub fn calibrate_pivot(
+    tracker_from_tool: &[Rigid<Tracker, Tool>],
+    options: &PivotOptions,
+) -> Result<PivotCalibration, PivotError> {
+    let poses: Vec<Pose> = tracker_from_tool
+        .iter()
+        .map(|m| Pose { r: mat3(&m.rotation()), p: vec3(m.translation().to_array()) })
+        .collect();
+    let needed = options.poses.max(4);
+    if poses.len() < needed {
+        return Err(PivotError::TooFew { found: poses.len(), needed });
+    }
+    require_tilt(&poses, options)?;
+    let used = agreeing(&poses, options);
+    let inliers: Vec<&Pose> = poses.iter().zip(&used).filter(|(_, u)| **u).map(|(p, _)| p).collect();
+    if (inliers.len() as f64) < options.inliers * poses.len() as f64 || inliers.len() < 4 {
+        return Err(PivotError::NotPivoting { inliers: inliers.len(), total: poses.len() });
+    }
+    let tilt = require_tilt_of(&inliers, options)?;
+    let solution =
+        solve(&inliers).ok_or(PivotError::TooLittleMotion { found: 0.0, needed: options.tilt.to_degrees() })?;
+    let covariance = sandwich(&solution, &inliers);
+    let worst = covariance.symmetric_eigenvalues().max().max(0.0).sqrt();
+    if worst > options.sigma {
+        return Err(PivotError::Uncertain { found: worst, allowed: options.sigma });
+    }
+    let squares: f64 = inliers.iter().map(|p| solution.residual(p).norm_squared()).sum();
+    let residual = (squares / inliers.len() as f64).sqrt();
+    let (tip, divot) = (point(&solution.tip), point(&solution.divot));
+    Ok(PivotCalibration { tip, divot, residual, covariance: Covariance::of(&covariance), tilt, used })
+}
+
+fn require_tilt(poses: &[Pose], options: &PivotOptions) -> Result<f64, PivotError> {
+    require_tilt_of(&poses.iter().collect::<Vec<_>>(), options)
+}
+
+/// The mean rotation shrinks every direction that was tilted; the one that it shrinks least was tilted least.
+fn require_tilt_of(poses: &[&Pose], options: &PivotOptions) -> Result<f64, PivotError> {
+    let mean = poses.iter().map(|p| p.r).sum::<Matrix3<f64>>() / poses.len() as f64;
+    let least = (mean.transpose() * mean).symmetric_eigenvalues().max();
+    let tilt = (1.0 - least).clamp(0.0, 1.0).sqrt().asin();
+    if tilt < options.tilt {
+        return Err(PivotError::TooLittleMotion { found: tilt.to_degrees(), needed: options.tilt.to_degrees() });
+    }
+    Ok(tilt)
+}
+
+/// The least squares solution of `R t - c = -p`; `None` when the poses do not determine it.
+fn solve(poses: &[&Pose]) -> Option<Solution> {
+    let n = poses.len() as f64;
+    let (mut h, mut g) = (Matrix6::identity() * n, Vector6::zeros());
+    for pose in poses {
+        let mut upper = h.fixed_view_mut::<3, 3>(0, 3);
+        upper -= pose.r.transpose();
+        let mut lower = h.fixed_view_mut::<3, 3>(3, 0);
+        lower -= pose.r;
+        let mut head = g.fixed_rows_mut::<3>(0);
+        head -= pose.r.transpose() * pose.p;
+        let mut tail = g.fixed_rows_mut::<3>(3);
+        tail += pose.p;
+    }
+    let determined = h.symmetric_eigenvalues().min() > 1e-6 * n;
+    let inverse = h.try_inverse().filter(|_| determined)?;
+    let x = inverse * g;
+    Some(Solution { tip: x.fixed_rows::<3>(0).into_owned(), divot: x.fixed_rows::<3>(3).into_owned(), inverse })
+}
+
+/// The poses within three robust standard deviations of the sample solution whose median residual is least.
+fn agreeing(poses: &[Pose], options: &PivotOptions) -> Vec<bool> {
+    let mut random = Random::new(options.seed);
+    let mut best: Option<(f64, Solution)> = None;
+    for _ in 0..options.samples {
+        let sample: [&Pose; 6] = core::array::from_fn(|_| &poses[random.index(poses.len())]);
+        let Some(solution) = solve(&sample) else { continue };
+        let median = median(poses.iter().map(|p| solution.residual(p).norm()).collect());
+        if best.as_ref().is_none_or(|(m, _)| median < *m) {
+            best = Some((median, solution));
+        }
+    }
+    let Some((_, mut solution)) = best else { return vec![true; poses.len()] };
+    // A sample of six poses is itself noisy: refit on the poses that agree, and judge again.
+    let mut used = vec![true; poses.len()];
+    for _ in 0..5 {
+        let lengths: Vec<f64> = poses.iter().map(|p| solution.residual(p).norm()).collect();
+        // The median length of a three-dimensional normal error is 1.538 standard deviations of one axis; 1e-6 mm guards
+        // noiseless data against rounding.
+        let limit = 4.0 * median(lengths.clone()) / 1.538 + 1e-6;
+        used = lengths.iter().map(|l| *l <= limit).collect();
+        let inliers: Vec<&Pose> = poses.iter().zip(&used).filter(|(_, u)| **u).map(|(p, _)| p).collect();
+        match solve(&inliers) {
+            Some(refit) => solution = refit,
+            None => break,
+        }
+    }
+    used
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    let middle = values.len() / 2;
+    values.select_nth_unstable_by(middle, f64::total_cmp);
+    values[middle]
+}
+
+fn sandwich(solution: &Solution, poses: &[&Pose]) -> Matrix3<f64> {
+    let mut meat = Matrix6::zeros();
+    for pose in poses {
+        let mut a = SMatrix::<f64, 3, 6>::zeros();
+        a.fixed_view_mut::<3, 3>(0, 0).copy_from(&pose.r);
+        a.fixed_view_mut::<3, 3>(0, 3).copy_from(&-Matrix3::identity());
+        let v = a.transpose() * solution.residual(pose);
+        meat += v * v.transpose();
+    }
+    let n = poses.len() as f64;
+    let cov = solution.inverse * meat * solution.inverse * (n / (n - 2.0));
+    cov.fixed_view::<3, 3>(0, 0).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulation::MarkerTool;
+    use monro_geometry::Vector;
+    use proptest::prelude::*;
+
+    const TIP: [f64; 3] = [10.0, -5.0, -120.0];
+
+    /// Poses that swing about a divot at (50, 60, 70), tilted by up to `cone` rad.
+    fn swing(n: usize, cone: f64, random: &mut Random) -> Vec<Rigid<Tracker, Tool>> {
+        let divot = Point::new(50.0, 60.0, 70.0);
+        crate::simulation::swing(n, cone, Point::from_array(TIP), divot, random)
+    }
+
+    #[test]
+    fn noiseless_poses_give_the_tip_exactly() {
+        let poses = swing(60, 0.6, &mut Random::new(1));
+        let c = calibrate_pivot(&poses, &PivotOptions::default()).expect("pivot");
+        assert!(c.tip.distance(Point::from_array(TIP)) < 1e-9 && c.residual < 1e-9);
+        assert!(c.divot.distance(Point::new(50.0, 60.0, 70.0)) < 1e-9);
+    }
+
+    #[test]
+    fn too_little_motion_is_refused_with_its_angle() {
+        let still = swing(60, 0.05, &mut Random::new(2));
+        let e = calibrate_pivot(&still, &PivotOptions::default()).expect_err("still");
+        assert!(matches!(e, PivotError::TooLittleMotion { found, .. } if found < 5.0), "{e}");
+        let about_one_axis: Vec<_> = (0..60)
+            .map(|i| {
+                let axis = Vector::new(1.0, 0.0, 0.0);
+                Rigid::from_axis_angle(axis, 0.03 * f64::from(i), Vector::ZERO).expect("axis")
+            })
+            .collect();
+        let e = calibrate_pivot(&about_one_axis, &PivotOptions::default()).expect_err("hinge");
+        assert!(matches!(e, PivotError::TooLittleMotion { .. }), "{e}");
+        assert!(matches!(
+            calibrate_pivot(&still[..10], &PivotOptions::default()),
+            Err(PivotError::TooFew { found: 10, needed: 50 })
+        ));
+    }
+
+    #[test]
+    fn poses_off_the_divot_are_found_and_left_out() {
+        let mut poses = swing(100, 0.6, &mut Random::new(3));
+        for p in poses.iter_mut().step_by(4) {
+            let off = p.translation() + Vector::new(0.0, 20.0, 5.0);
+            *p = Rigid::from_quaternion(p.quaternion_wxyz(), off).expect("pose");
+        }
+        let c = calibrate_pivot(&poses, &PivotOptions::default()).expect("pivot");
+        assert!(c.tip.distance(Point::from_array(TIP)) < 1e-6, "{:?}", c.tip);
+        assert!(c.used.iter().enumerate().all(|(i, u)| *u == (i % 4 != 0)));
+    }
+
+    #[test]
+    fn a_tip_that_wanders_is_refused() {
+        let mut random = Random::new(4);
+        let mut poses = swing(100, 0.6, &mut random);
+        for p in poses.iter_mut().skip(40) {
+            let off = p.translation() + Vector::from_array(random.normal3()) * 40.0;
+            *p = Rigid::from_quaternion(p.quaternion_wxyz(), off).expect("pose");
+        }
+        let e = calibrate_pivot(&poses, &PivotOptions::default()).expect_err("wanders");
+        assert!(matches!(e, PivotError::NotPivoting { .. } | PivotError::Uncertain { .. }), "{e}");
+    }
+
+    /// With marker noise of 0.12 mm across and 0.74 mm along the view, over many trials, the tip's error has the size
+    /// that its covariance says, within 25 %.
+    #[test]
+    fn the_covariance_tells_the_error_of_the_tip() {
+        let mut random = Random::new(5);
+        let tool = MarkerTool::stylus(Point::from_array(TIP));
+        let noise = Covariance::of_view(Vector::new(0.0, 1.0, 0.3), 0.12, 0.74);
+        let (mut actual, mut predicted, trials) = (0.0, 0.0, 60);
+        for _ in 0..trials {
+            let true_poses = swing(300, 0.6, &mut random);
+            let seen: Vec<_> = true_poses.iter().map(|p| tool.see(p, &noise, &mut random)).collect();
+            let c = calibrate_pivot(&seen, &PivotOptions::default()).expect("pivot");
+            actual += c.tip.distance(Point::from_array(TIP)).powi(2);
+            predicted += c.covariance.rms().powi(2);
+        }
+        let (rms, ratio) = ((actual / f64::from(trials)).sqrt(), (predicted / actual).sqrt());
+        assert!(rms < 0.5, "tip {rms} mm");
+        assert!((0.75..1.25).contains(&ratio), "predicted / actual {ratio}");
+    }
+
+    proptest! {
+        #[test]
+        fn any_tip_and_divot_are_found(seed: u64, tip in proptest::array::uniform3(-200.0..200.0f64), divot in proptest::array::uniform3(-900.0..900.0f64)) {
+            let mut random = Random::new(seed);
+            let poses = crate::simulation::swing(60, 0.7, Point::from_array(tip), Point::from_array(divot), &mut random);
+            let c = calibrate_pivot(&poses, &PivotOptions::default()).expect("pivot");
+            prop_assert!(c.tip.distance(Point::from_array(tip)) < 1e-6);
+        }
+
+        #[test]
+        fn degenerate_poses_never_give_a_tip(seed: u64, n in 0usize..80) {
+            let pose = swing(1, 0.3, &mut Random::new(seed))[0];
+            prop_assert!(calibrate_pivot(&vec![pose; n], &PivotOptions::default()).is_err());
+        }
+    }
+}

@@ -1,0 +1,16 @@
+//! From the tracker to the patient: landmarks, surface, and how wrong the result is expected to be.
+
+mod landmarks;
+mod normal;
+mod recheck;
+mod surface;
+#[cfg(test)]
+mod tests;
+mod tre;
+
+pub use landmarks::{
+    Landmark, LandmarkRegistration, LandmarkResidual, Pair, RegistrationError, register_landmarks, rigid_from_pairs,
+};
+pub use recheck::{Recheck, recheck};
+pub use surface::{RefineOptions, Refined, Surface, SurfaceError, SurfaceResidual, SurfaceSample, refine_on_surface};
+pub use tre::{PoseUncertainty, fitzpatrick_tre};

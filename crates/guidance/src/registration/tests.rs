@@ -1,0 +1,219 @@
+//! Closed forms, Monte-Carlo against prediction, convergence and refusals.
+
+use super::*;
+use crate::simulation::{FORAMEN, LANDMARKS, head, head_point};
+use crate::{Covariance, Random};
+use monro_geometry::{Patient, Point, Rigid, Tracker, Vector};
+use proptest::prelude::*;
+
+type Pose = Rigid<Patient, Tracker>;
+type Mark = Landmark<Patient, Tracker>;
+
+fn truth() -> Pose {
+    Rigid::from_axis_angle(Vector::new(0.3, -1.0, 0.5), 2.0, Vector::new(100.0, 200.0, -300.0)).expect("axis")
+}
+
+fn marks() -> Vec<Point<Patient>> {
+    LANDMARKS.iter().map(|(_, d)| head_point(Vector::from_array(*d))).collect()
+}
+
+/// The landmarks touched with noise (zero random numbers for `None`).
+fn touched(noise: Covariance<Tracker>, mut random: Option<&mut Random>) -> Vec<Mark> {
+    let one = |(marked, (name, _)): (Point<Patient>, &(&str, [f64; 3]))| {
+        let error = random.as_mut().map_or(Vector::ZERO, |r| noise.sample(r));
+        Landmark { name: (*name).to_owned(), touched: truth().inverse().point(marked) + error, marked, noise }
+    };
+    marks().into_iter().zip(&LANDMARKS).map(one).collect()
+}
+
+fn off(a: &Pose, at: Point<Patient>) -> f64 {
+    a.point(truth().inverse().point(at)).distance(at)
+}
+
+#[test]
+fn exact_landmarks_give_the_exact_registration() {
+    let r = register_landmarks(&touched(Covariance::isotropic(1.0), None)).expect("registration");
+    assert!(off(&r.to_from, FORAMEN) < 1e-9 && r.variance_ratio < 1e-12 && r.outlier.is_none());
+}
+
+#[test]
+fn the_general_prediction_is_fitzpatricks_formula_for_equal_isotropic_noise() {
+    let fle: f64 = 1.3;
+    let r = register_landmarks(&touched(Covariance::isotropic(fle / 3f64.sqrt()), None)).expect("registration");
+    for target in [FORAMEN, Point::new(80.0, 20.0, -60.0), Point::new(0.0, 0.0, 300.0)] {
+        let closed = fitzpatrick_tre(&marks(), target, fle).expect("spread out");
+        assert!((r.uncertainty.at(target).rms() / closed - 1.0).abs() < 1e-9, "{target:?}");
+    }
+}
+
+#[test]
+fn predicted_and_actual_landmark_tre_agree_with_anisotropic_noise() {
+    let noise = Covariance::of_view(Vector::new(0.2, 1.0, -0.3), 0.4, 2.0);
+    let (mut random, n) = (Random::new(11), 400);
+    let predicted = register_landmarks(&touched(noise, None)).expect("registration").uncertainty.at(FORAMEN).rms();
+    let mut squares = 0.0;
+    for _ in 0..n {
+        let r = register_landmarks(&touched(noise, Some(&mut random))).expect("registration");
+        squares += off(&r.to_from, FORAMEN).powi(2);
+    }
+    let ratio = predicted / (squares / f64::from(n)).sqrt();
+    assert!((0.85..1.15).contains(&ratio), "predicted / actual {ratio}");
+}
+
+#[test]
+fn the_weights_of_anisotropic_noise_pay_off() {
+    let noise = Covariance::of_view(Vector::new(0.0, 1.0, 0.0), 0.1, 2.0);
+    let mut random = Random::new(12);
+    let (mut weighted, mut plain) = (0.0, 0.0);
+    for _ in 0..200 {
+        let marks = touched(noise, Some(&mut random));
+        weighted += off(&register_landmarks(&marks).expect("registration").to_from, FORAMEN).powi(2);
+        let pairs: Vec<_> = marks.iter().map(|l| (l.touched, l.marked, 1.0)).collect();
+        plain += off(&rigid_from_pairs(&pairs).expect("pairs"), FORAMEN).powi(2);
+    }
+    assert!(weighted < plain, "{weighted} {plain}");
+}
+
+#[test]
+fn a_landmark_that_the_others_contradict_is_named() {
+    let mut random = Random::new(13);
+    let mut marks = touched(Covariance::isotropic(0.5), Some(&mut random));
+    assert_eq!(register_landmarks(&marks).expect("registration").outlier, None);
+    marks[3].touched += Vector::new(0.0, 12.0, 0.0);
+    let r = register_landmarks(&marks).expect("registration");
+    assert_eq!(r.outlier, Some(3));
+    assert!(r.residuals[3].left_out.expect("five others") > 10.0 && r.variance_ratio > 5.0);
+}
+
+#[test]
+fn three_landmarks_on_a_line_or_two_at_all_are_refused() {
+    let mut marks = touched(Covariance::isotropic(1.0), None);
+    assert!(matches!(register_landmarks(&marks[..2]), Err(RegistrationError::TooFew { found: 2, needed: 3 })));
+    for (i, m) in marks.iter_mut().enumerate() {
+        m.marked = Point::new(20.0 * i as f64, 0.0, 0.0);
+    }
+    assert!(matches!(register_landmarks(&marks), Err(RegistrationError::OnALine { .. })));
+    marks[0].touched.x = f64::NAN;
+    assert!(matches!(register_landmarks(&marks), Err(RegistrationError::NotFinite(n)) if n == "nasion"));
+}
+
+#[test]
+fn a_recheck_knows_a_moved_head_from_noise() {
+    let (tre, noise) = (Covariance::isotropic(0.8), Covariance::isotropic(0.5));
+    let at = Point::<Patient>::ORIGIN;
+    assert!(recheck(at, Point::new(1.3, 0.0, 0.0), &tre, &noise).holds());
+    let moved = recheck(at, Point::new(0.0, 6.0, 0.0), &tre, &noise);
+    assert!(!moved.holds() && (moved.distance - 6.0).abs() < 1e-12 && (2.5..2.8).contains(&moved.limit));
+}
+
+/// Points traced over the upper half of the head, with 0.5 mm noise.
+fn traced(n: usize, sigma: f64, random: &mut Random) -> Vec<SurfaceSample<Tracker>> {
+    let noise = Covariance::isotropic(sigma);
+    let one = |_| loop {
+        let d = Vector::from_array(random.direction());
+        if d.z > -0.1 {
+            let at = truth().inverse().point(head_point(d));
+            return SurfaceSample { point: at + noise.sample(random), noise };
+        }
+    };
+    (0..n).map(one).collect()
+}
+
+fn started_off(angle: f64, random: &mut Random) -> Pose {
+    let turn = Rigid::<Patient, Patient>::from_axis_angle(Vector::from_array(random.direction()), angle, Vector::ZERO);
+    turn.expect("axis").after(&truth())
+}
+
+#[test]
+fn the_surface_brings_a_rough_start_home() {
+    let (surface, mut random) = (Surface::new(&head()).expect("mesh"), Random::new(21));
+    for degrees in [2.0f64, 5.0, 10.0, 15.0] {
+        let samples = traced(150, 0.5, &mut random);
+        let start = started_off(degrees.to_radians(), &mut random);
+        let r = refine_on_surface(&start, &samples, &[], &surface, &RefineOptions::default()).expect("refined");
+        assert!(off(&r.patient_from, FORAMEN) < 1.0, "{degrees}: {}", off(&r.patient_from, FORAMEN));
+    }
+}
+
+#[test]
+fn traced_points_that_are_no_skin_are_named() {
+    let (surface, mut random) = (Surface::new(&head()).expect("mesh"), Random::new(22));
+    let mut samples = traced(120, 0.4, &mut random);
+    for s in samples.iter_mut().take(10) {
+        let out = s.point - truth().inverse().point(Point::ORIGIN);
+        s.point += out * (12.0 / out.norm());
+    }
+    let start = started_off(0.05, &mut random);
+    let r = refine_on_surface(&start, &samples, &[], &surface, &RefineOptions::default()).expect("refined");
+    assert!(r.residuals[..10].iter().all(|x| !x.used && x.distance > 8.0));
+    assert!(r.residuals[10..].iter().filter(|x| !x.used).count() <= 2);
+    assert!(off(&r.patient_from, FORAMEN) < 1.0);
+}
+
+#[test]
+fn predicted_and_actual_surface_tre_agree() {
+    let (surface, mut random) = (Surface::new(&head()).expect("mesh"), Random::new(23));
+    let options = RefineOptions { surface_sigma: 0.05, ..RefineOptions::default() };
+    let landmark_noise = Covariance::isotropic(1.5);
+    let (mut actual, mut predicted, n) = (0.0, 0.0, 40);
+    for _ in 0..n {
+        let marks = touched(landmark_noise, Some(&mut random));
+        let start = register_landmarks(&marks).expect("landmarks").to_from;
+        let samples = traced(100, 0.5, &mut random);
+        let r = refine_on_surface(&start, &samples, &marks, &surface, &options).expect("refined");
+        actual += off(&r.patient_from, FORAMEN).powi(2);
+        predicted += r.uncertainty.at(FORAMEN).rms().powi(2);
+    }
+    let ratio = (predicted / actual).sqrt();
+    assert!((0.75..1.25).contains(&ratio), "predicted / actual {ratio}");
+}
+
+#[test]
+fn a_patch_that_slides_and_a_strange_surface_are_refused() {
+    let mut random = Random::new(24);
+    let surface = Surface::new(&head()).expect("mesh");
+    let samples = traced(100, 0.5, &mut random);
+    let far = Vector::new(0.0, 400.0, 0.0);
+    let moved = Rigid::from_quaternion(truth().quaternion_wxyz(), truth().translation() + far).expect("pose");
+    let short = RefineOptions { iterations: 3, ..RefineOptions::default() };
+    let e = refine_on_surface(&moved, &samples, &[], &surface, &short).expect_err("far away");
+    assert!(matches!(e, SurfaceError::Rejected { .. } | SurfaceError::Slides), "{e}");
+    let few = refine_on_surface(&truth(), &samples[..5], &[], &surface, &RefineOptions::default());
+    assert_eq!(few.err(), Some(SurfaceError::TooFew(5)));
+    let plane = monro_geometry::TriangleMesh {
+        vertices: [[-1e3, -1e3, 0.0], [1e3, -1e3, 0.0], [0.0, 1e3, 0.0]].map(Point::from_array).to_vec(),
+        triangles: vec![[0, 1, 2]],
+    };
+    let on_plane = |_| {
+        let p = Point::new(random.between(-50.0, 50.0), random.between(-50.0, 50.0), 0.0);
+        SurfaceSample { point: truth().inverse().point(p), noise: Covariance::isotropic(0.5) }
+    };
+    let samples: Vec<_> = (0..50).map(on_plane).collect();
+    let flat = Surface::new(&plane).expect("mesh");
+    let e = refine_on_surface(&truth(), &samples, &[], &flat, &RefineOptions::default()).expect_err("slides");
+    assert_eq!(e, SurfaceError::Slides);
+    assert!(matches!(Surface::new(&monro_geometry::TriangleMesh::default()), Err(SurfaceError::Empty)));
+}
+
+proptest! {
+    #[test]
+    fn any_motion_is_recovered_from_exact_landmarks(q in proptest::array::uniform4(-1.0..1.0f64), t in proptest::array::uniform3(-900.0..900.0f64)) {
+        prop_assume!(q.iter().map(|v| v * v).sum::<f64>() > 1e-2);
+        let pose = Rigid::<Tracker, Patient>::from_quaternion(q, Vector::from_array(t)).expect("rigid");
+        let mut marks = touched(Covariance::isotropic(1.0), None);
+        marks.iter_mut().for_each(|m| m.touched = pose.point(m.marked));
+        let r = register_landmarks(&marks).expect("registration");
+        prop_assert!(r.to_from.point(pose.point(FORAMEN)).distance(FORAMEN) < 1e-6);
+    }
+
+    #[test]
+    fn wild_landmarks_never_panic(coordinates in proptest::collection::vec(proptest::array::uniform6(-1e6..1e6f64), 0..6)) {
+        let marks: Vec<Mark> = coordinates.iter().map(|c| Landmark {
+            name: "x".to_owned(),
+            touched: Point::new(c[0], c[1], c[2]),
+            marked: Point::new(c[3], c[4], c[5]),
+            noise: Covariance::isotropic(1.0),
+        }).collect();
+        let _ = register_landmarks(&marks);
+    }
+}
