@@ -1,1 +1,40 @@
-//! A case and time to snapshots: the scripted and the live insertion.
+//! A case and time to snapshots: the scripted insertion of a catheter, and what deforms with it.
+//!
+//! No clock, no files, no sockets: the caller measures time and writes results. Given the same case and settings, every
+//! frame is the same bit for bit, whatever the number of threads.
+
+mod deformation;
+mod insertion;
+mod tissue_model;
+
+pub use deformation::{DeformedSampler, Follower};
+pub use insertion::{Frame, Insertion, InsertionSettings, Mode};
+pub use tissue_model::{BURR_HOLE_RADIUS_MM, ModelSettings};
+
+use monro_geometry::EmbeddingError;
+use monro_guidance::NeedleError;
+use monro_tissue::ModelError;
+use thiserror::Error;
+
+/// Why a session could not be started.
+#[derive(Debug, Error)]
+pub enum SessionError {
+    /// The speed is not usable.
+    #[error("a speed of {0} mm/s cannot be simulated; give one between {min} and {max} mm/s", min = insertion::SPEED_MM_S.start(), max = insertion::SPEED_MM_S.end())]
+    Speed(f64),
+    /// The mesh cannot be simulated.
+    #[error("the tetrahedra of the case cannot be simulated: {0}")]
+    Model(#[from] ModelError),
+    /// A surface cannot be bound to the mesh.
+    #[error("a surface of the case cannot be bound to its tetrahedra: {0}")]
+    Embedding(#[from] EmbeddingError),
+    /// The plan gives no needle pose.
+    #[error(transparent)]
+    Needle(#[from] NeedleError),
+    /// The path never meets the tissue.
+    #[error("the planned path of {length_mm:.1} mm does not meet the brain; is the plan of this patient?")]
+    PathMisses {
+        /// Length of the path.
+        length_mm: f64,
+    },
+}

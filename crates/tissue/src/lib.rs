@@ -10,7 +10,7 @@
 //! | [`StepReport`] | events, forces, counts of one step | given back by the step |
 //!
 //! Two modes share all of it. **Paper mode** is position-based dynamics with the constraints and the normalised
-//! coefficients of Koo et al. 2023 (equations 1 to 11, its slips corrected where they are used). **Physical mode**
+//! coefficients of the paper that Monro starts from (see README; equations 1 to 11, its slips corrected where they are used). **Physical mode**
 //! minimises the energy of a near-incompressible neo-Hookean solid, so that moduli in kPa go in and come out again.
 //!
 //! Units: mm, s, kg, hence mN and kPa (1 kPa = 1 mN/mm2). The model knows labels and regions, no organs.

@@ -151,6 +151,12 @@ impl Model {
         out.extend(self.number.iter().map(|&n| self.to_patient(state.positions[n as usize])));
     }
 
+    /// Current nodes in the order of the mesh, for an embedding: x, y, z in mm from [`Model::origin`]; `out` is cleared first.
+    pub fn nodes_into(&self, state: &State, out: &mut Vec<[f32; 4]>) {
+        out.clear();
+        out.extend(self.number.iter().map(|&n| state.positions[n as usize]));
+    }
+
     /// Displacement of a vertex of the mesh from rest, mm.
     pub fn displacement(&self, state: &State, vertex: usize) -> Vector<Patient> {
         let n = self.number[vertex] as usize;

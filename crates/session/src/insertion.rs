@@ -1,0 +1,185 @@
+//! A catheter is pushed along the plan of a case, and everything of interest is read off frame by frame.
+
+use crate::deformation::at;
+use crate::tissue_model::{self, ModelSettings};
+use crate::{Follower, SessionError};
+use core::ops::RangeInclusive;
+use monro_case::Case;
+use monro_geometry::{Patient, Point, Structure, TetMesh};
+use monro_guidance::{NeedlePose, Plan, Reading, TargetReading};
+use monro_tissue::{Event, FrameSettings, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose};
+
+pub use monro_tissue::Mode;
+
+/// Speeds that can be simulated, mm/s.
+pub(crate) const SPEED_MM_S: RangeInclusive<f64> = 0.1..=500.0;
+
+/// Length of the catheter behind its tip, mm (ventricular catheters are 200 to 350 mm long).
+const CATHETER_LENGTH_MM: f64 = 250.0;
+
+/// How the insertion is done.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InsertionSettings {
+    /// The soft body.
+    pub model: ModelSettings,
+    /// Speed of the tip, mm/s.
+    pub speed_mm_s: f64,
+    /// Outer diameter of the catheter, mm (9 Fr is 3 mm).
+    pub diameter_mm: f64,
+    /// Time the catheter rests at the target before the end, s.
+    pub hold_s: f64,
+    /// Time stepping of the soft body.
+    pub frame: FrameSettings,
+}
+
+/// One moment of the insertion. Lengths in mm, angles in radians, patient frame (LPS).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    /// Time since the start at the skin, s.
+    pub time_s: f64,
+    /// Tip of the catheter.
+    pub tip: Point<Patient>,
+    /// Depth of the tip under the entry.
+    pub depth_mm: f64,
+    /// Distance from the tip to the planned target.
+    pub distance_rigid_mm: f64,
+    /// Distance from the tip to where the tissue of the target is now.
+    pub distance_deformed_mm: f64,
+    /// Angle between the catheter and the planned path.
+    pub entry_angle_error: f64,
+    /// How far the tissue of the target has moved.
+    pub target_displacement_mm: f64,
+    /// Structure at the tip; `None` outside of the simulated tissue.
+    pub at_tip: Option<Structure>,
+    /// What the soft body said of this frame.
+    pub step: StepReport,
+}
+
+/// A running insertion.
+#[derive(Debug)]
+pub struct Insertion {
+    model: Model,
+    state: State,
+    stepper: Stepper,
+    /// Nodes in the order of the mesh, mm from the model's origin.
+    nodes: Vec<[f32; 4]>,
+    rest: TetMesh,
+    plan: Plan,
+    target: Follower,
+    settings: InsertionSettings,
+    tool: Tool,
+    frames_done: usize,
+    frames_in_all: usize,
+}
+
+impl Insertion {
+    /// Prepares the insertion of a case.
+    ///
+    /// # Errors
+    /// A speed out of range, a mesh that cannot be simulated, a path beside the brain.
+    pub fn new(case: &Case, settings: &InsertionSettings) -> Result<Self, SessionError> {
+        if !SPEED_MM_S.contains(&settings.speed_mm_s) {
+            return Err(SessionError::Speed(settings.speed_mm_s));
+        }
+        let length_mm = case.plan.length();
+        let (opening, _) =
+            tissue_model::opening(&case.tets, &case.plan).ok_or(SessionError::PathMisses { length_mm })?;
+        let model = Model::new(&case.tets, &tissue_model::options(&case.tets, opening, &settings.model))?;
+        let moving = (length_mm / settings.speed_mm_s / settings.frame.dt_s).ceil();
+        let resting = (settings.hold_s / settings.frame.dt_s).ceil();
+        Ok(Self {
+            state: model.rest_state(),
+            stepper: Stepper::new(&model),
+            nodes: Vec::with_capacity(case.tets.vertices.len()),
+            model,
+            rest: case.tets.clone(),
+            plan: case.plan,
+            target: Follower::new(&case.tets, &[case.plan.target()])?,
+            settings: *settings,
+            tool: Tool { tip: TipShape::Round, radius_mm: settings.diameter_mm / 2.0 },
+            frames_done: 0,
+            frames_in_all: (moving + resting) as usize,
+        })
+    }
+
+    /// Frames done and in all.
+    pub const fn progress(&self) -> (usize, usize) {
+        (self.frames_done, self.frames_in_all)
+    }
+
+    /// One frame further; `None` at the end.
+    ///
+    /// # Errors
+    /// When the needle pose is not usable.
+    pub fn advance(&mut self) -> Result<Option<Frame>, SessionError> {
+        if self.frames_done >= self.frames_in_all {
+            return Ok(None);
+        }
+        let motion =
+            ToolMotion { tool: self.tool, from: self.pose(self.frames_done), to: self.pose(self.frames_done + 1) };
+        let step = self.stepper.step(&self.model, &mut self.state, &[motion], &self.settings.frame);
+        self.model.nodes_into(&self.state, &mut self.nodes);
+        self.frames_done += 1;
+        self.read(motion.to, step).map(Some)
+    }
+
+    /// The mesh as it is now.
+    pub fn deformed(&self) -> TetMesh {
+        let origin = self.model.origin();
+        let vertices = self.nodes().iter().map(|p| at(p, origin)).collect();
+        TetMesh { vertices, ..self.rest.clone() }
+    }
+
+    /// The mesh at rest.
+    pub const fn rest(&self) -> &TetMesh {
+        &self.rest
+    }
+
+    /// Nodes now, mm from [`Insertion::origin`].
+    pub fn nodes(&self) -> &[[f32; 4]] {
+        &self.nodes
+    }
+
+    /// Origin of the nodes.
+    pub fn origin(&self) -> Point<Patient> {
+        self.model.origin()
+    }
+
+    fn pose(&self, frame: usize) -> ToolPose {
+        let depth = (frame as f64 * self.settings.frame.dt_s * self.settings.speed_mm_s).min(self.plan.length());
+        ToolPose { tip: self.plan.at_depth(depth), tail: self.plan.at_depth(depth - CATHETER_LENGTH_MM) }
+    }
+
+    fn read(&mut self, pose: ToolPose, step: StepReport) -> Result<Frame, SessionError> {
+        let needle = NeedlePose::new(pose.tip, pose.tip - pose.tail)?;
+        let target_now = self.target.follow(&self.nodes, self.model.origin())[0];
+        let reading = Reading::new(&self.plan, &needle);
+        let label = step.tools.first().and_then(|t| t.label);
+        Ok(Frame {
+            time_s: self.frames_done as f64 * self.settings.frame.dt_s,
+            tip: pose.tip,
+            depth_mm: reading.depth,
+            distance_rigid_mm: TargetReading::new(&needle, self.plan.target()).distance,
+            distance_deformed_mm: TargetReading::new(&needle, target_now).distance,
+            entry_angle_error: reading.entry_angle,
+            target_displacement_mm: target_now.distance(self.plan.target()),
+            at_tip: label.and_then(|l| u8::try_from(l).ok()).and_then(Structure::from_label),
+            step,
+        })
+    }
+}
+
+impl Frame {
+    /// Whether the tip is in a ventricle: cerebrospinal fluid drips.
+    pub fn in_ventricle(&self) -> bool {
+        self.at_tip.is_some_and(Structure::is_ventricle)
+    }
+
+    /// Punctures of this frame: (depth of the dimple in mm, axial force in mN, label entered).
+    pub fn punctures(&self) -> impl Iterator<Item = (f64, f64, u16)> + '_ {
+        self.step.events.iter().filter_map(|e| match e {
+            Event::Punctured { depth_mm, force_mn, to, .. } => Some((*depth_mm, *force_mn, *to)),
+            _ => None,
+        })
+    }
+}
