@@ -1,0 +1,166 @@
+//! A plane seen by a viewer: where a point of the patient appears on the picture.
+
+use monro_geometry::{Patient, Plane, Point, Vector};
+
+/// A picture plane through the patient. Column and row directions are unit vectors at a right angle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SliceView {
+    centre: Point<Patient>,
+    right: Vector<Patient>,
+    down: Vector<Patient>,
+    mm_per_pixel: f64,
+    pixels: [usize; 2],
+}
+
+/// The three standard orientations, in radiological convention: the patient's right is on the viewer's left, and a
+/// sagittal picture looks from the patient's left, face to the viewer's left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Orientation {
+    /// Seen from the feet.
+    Axial,
+    /// Seen from the front.
+    Coronal,
+    /// Seen from the patient's left.
+    Sagittal,
+}
+
+impl Orientation {
+    /// All three.
+    pub const ALL: [Self; 3] = [Self::Axial, Self::Coronal, Self::Sagittal];
+
+    /// `Axial`, `Coronal` or `Sagittal`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Axial => "Axial",
+            Self::Coronal => "Coronal",
+            Self::Sagittal => "Sagittal",
+        }
+    }
+
+    const fn axes(self) -> [[f64; 3]; 2] {
+        match self {
+            Self::Axial => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+            Self::Coronal => [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]],
+            Self::Sagittal => [[0.0, 1.0, 0.0], [0.0, 0.0, -1.0]],
+        }
+    }
+}
+
+impl SliceView {
+    /// A standard slice through a point, `field_mm` wide and high, drawn on `pixels` x `pixels`.
+    pub fn standard(orientation: Orientation, centre: Point<Patient>, field_mm: f64, pixels: usize) -> Self {
+        let [right, down] = orientation.axes().map(Vector::from_array);
+        let pixels = pixels.max(1);
+        Self { centre, right, down, mm_per_pixel: field_mm / pixels as f64, pixels: [pixels, pixels] }
+    }
+
+    /// The plane that holds a path and comes nearest to `facing`'s plane: the path in full length, upright.
+    /// `None` when the path has no length or is at a right angle to that plane.
+    pub fn along_path(
+        from: Point<Patient>,
+        to: Point<Patient>,
+        facing: Orientation,
+        field_mm: f64,
+        pixels: usize,
+    ) -> Option<Self> {
+        let [right, down] = facing.axes().map(Vector::from_array);
+        let direction = (to - from).normalized()?;
+        let flat = direction - right.cross(down) * direction.dot(right.cross(down));
+        // A path nearly at a right angle to the slice would turn the plane by almost that angle.
+        if flat.norm() < 0.3 {
+            return None;
+        }
+        let normal = direction.cross(right.cross(down).cross(direction)).normalized()?;
+        let across = (right - normal * right.dot(normal)).normalized()?;
+        let pixels = pixels.max(1);
+        Some(Self {
+            centre: from.lerp(to, 0.5),
+            right: across,
+            down: normal.cross(across),
+            mm_per_pixel: field_mm / pixels as f64,
+            pixels: [pixels, pixels],
+        })
+    }
+
+    /// The same plane and scale around another point of the picture.
+    pub fn centred_at(self, p: Point<Patient>) -> Self {
+        Self { centre: p, ..self }
+    }
+
+    /// Width and height in pixels.
+    pub const fn pixels(&self) -> [usize; 2] {
+        self.pixels
+    }
+
+    /// Size of a pixel, mm.
+    pub const fn mm_per_pixel(&self) -> f64 {
+        self.mm_per_pixel
+    }
+
+    /// The plane, its normal pointing away from the viewer.
+    pub fn plane(&self) -> Plane<Patient> {
+        Plane { point: self.centre, normal: self.right.cross(self.down) }
+    }
+
+    /// Where a point appears, in pixels from the picture's top left corner (pixel centres are at halves).
+    pub fn project(&self, p: Point<Patient>) -> [f64; 2] {
+        let d = (p - self.centre) / self.mm_per_pixel;
+        [d.dot(self.right) + self.pixels[0] as f64 / 2.0, d.dot(self.down) + self.pixels[1] as f64 / 2.0]
+    }
+
+    /// The point of the plane at a picture position.
+    pub fn unproject(&self, [x, y]: [f64; 2]) -> Point<Patient> {
+        let (x, y) = (x - self.pixels[0] as f64 / 2.0, y - self.pixels[1] as f64 / 2.0);
+        self.centre + self.right * (x * self.mm_per_pixel) + self.down * (y * self.mm_per_pixel)
+    }
+
+    /// Letters for the left, right, upper and lower edge of the picture.
+    pub fn letters(&self) -> [String; 4] {
+        [-self.right, self.right, -self.down, self.down].map(letters_of)
+    }
+}
+
+/// The anatomical direction of a vector: its largest component, and further ones above a half.
+fn letters_of(v: Vector<Patient>) -> String {
+    let named = [(v.x, ['L', 'R']), (v.y, ['P', 'A']), (v.z, ['S', 'I'])];
+    let mut parts: Vec<(f64, char)> =
+        named.into_iter().map(|(c, [plus, minus])| (c.abs(), if c > 0.0 { plus } else { minus })).collect();
+    parts.sort_by(|a, b| b.0.total_cmp(&a.0));
+    parts.iter().enumerate().filter(|(i, p)| *i == 0 || p.0 > 0.5).map(|(_, p)| p.1).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_follow_the_radiological_convention() {
+        let letters = |o| SliceView::standard(o, Point::ORIGIN, 200.0, 100).letters().join("");
+        assert_eq!(letters(Orientation::Axial), "RLAP");
+        assert_eq!(letters(Orientation::Coronal), "RLSI");
+        assert_eq!(letters(Orientation::Sagittal), "APSI");
+        assert_eq!(letters_of(Vector::new(0.7, -0.6, 0.2)), "LA");
+    }
+
+    #[test]
+    fn projecting_and_unprojecting_are_inverse_and_the_left_is_on_the_right() {
+        let v = SliceView::standard(Orientation::Coronal, Point::new(3.0, 4.0, 5.0), 200.0, 400);
+        assert_eq!(v.project(Point::new(13.0, 4.0, 5.0)), [220.0, 200.0]);
+        let p = v.unproject([37.5, 90.25]);
+        assert_eq!(v.project(p), [37.5, 90.25]);
+        assert!(v.plane().signed_distance(p).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_view_along_a_path_holds_both_ends_and_stays_upright() {
+        let (a, b) = (Point::new(30.0, -60.0, 60.0), Point::new(4.0, 0.0, 2.0));
+        for facing in [Orientation::Coronal, Orientation::Sagittal] {
+            let v = SliceView::along_path(a, b, facing, 160.0, 320).unwrap();
+            assert!(v.plane().signed_distance(a).abs() < 1e-9 && v.plane().signed_distance(b).abs() < 1e-9);
+            assert!(v.right.dot(v.down).abs() < 1e-12 && v.down.z < 0.0);
+            let standard = facing.axes().map(Vector::from_array);
+            assert!(v.right.dot(standard[0]) > 0.5 && v.down.dot(standard[1]) > 0.2, "{v:?}");
+        }
+        assert!(SliceView::along_path(a, a, Orientation::Axial, 160.0, 320).is_none());
+    }
+}
