@@ -4,12 +4,15 @@
 //! stays inside: no type of it is in a public signature.
 
 pub mod calibration;
+pub mod clock;
 mod covariance;
 mod kakarla;
 mod linear;
 mod needle;
+pub mod optics;
 mod plan;
 mod random;
+pub mod reference;
 pub mod registration;
 pub mod simulation;
 

@@ -1,5 +1,9 @@
 //! Known truth for Monte-Carlo: a tool seen by noisy cameras, a swing about a divot, a head to be registered.
 
+mod trials;
+
+pub use trials::{Scene, Trial, TrialOptions, quantile, rms};
+
 use crate::Covariance;
 use crate::random::Random;
 use crate::registration::rigid_from_pairs;
