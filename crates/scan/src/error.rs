@@ -60,6 +60,16 @@ pub enum Problem {
         /// The angle between them.
         degrees: f64,
     },
+    /// Slices so tilted or so unevenly spaced that an even grid would be mostly made up.
+    #[error(
+        "its slices lie so unevenly that an even grid needs {dims:?} voxels, more than {limit}; use another series"
+    )]
+    TooUneven {
+        /// Columns, rows, slices of that grid.
+        dims: [u64; 3],
+        /// The limit, in voxels.
+        limit: u64,
+    },
     /// Dimensions or placement that make no grid.
     #[error("{0}")]
     Grid(#[from] GridError),

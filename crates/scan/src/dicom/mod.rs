@@ -11,6 +11,7 @@ mod folder;
 mod image;
 mod outline;
 mod pixels;
+mod rle;
 mod series;
 mod write;
 
@@ -57,7 +58,12 @@ fn survey(path: &Path) -> Result<Survey, ScanError> {
 }
 
 pub(crate) fn inspect(path: &Path) -> Result<Inspection, ScanError> {
-    let survey = survey(path)?;
+    let mut survey = survey(path)?;
+    if survey.images.is_empty()
+        && let Some((file, problem)) = survey.broken.pop()
+    {
+        return Err(ScanError::File { file, problem });
+    }
     let mut warnings = survey.skipped();
     for (file, problem) in &survey.broken {
         warnings.push(format!("{}: {problem}", folder::name(file)));

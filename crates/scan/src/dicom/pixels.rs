@@ -3,6 +3,7 @@
 use super::codestream;
 use super::image::{Image, Stored, chain};
 use super::outline::{Outline, Pixels, outline};
+use super::rle;
 use super::series::PADDING_HU;
 use crate::error::{Problem, ScanError, header};
 use crate::raster::{AIR, HuNotes};
@@ -73,8 +74,15 @@ fn decompressed(
     if !pixels.complete {
         return Err(Problem::Corrupt("the compressed pixel data end early: the file is truncated".into()));
     }
-    if image.stored.syntax != uids::RLE_LOSSLESS {
-        check_fragments(image, &outline.data[pixels.range.clone()])?;
+    let fragments = fragments(&outline.data[pixels.range.clone()]);
+    if image.stored.syntax == uids::RLE_LOSSLESS {
+        let pixels = image.size[0] * image.size[1];
+        return rle::decode(&fragments, image.frames, pixels, image.stored.allocated as usize / 8);
+    }
+    // Every fragment that begins a frame must agree with the header.
+    let begins = |f: &&&[u8]| matches!(f, [0xFF, 0x4F, 0xFF, 0x51, ..] | [0xFF, 0xD8, 0xFF, ..]);
+    for fragment in fragments.iter().filter(begins) {
+        codestream::check(fragment, image.size, image.stored.signed)?;
     }
     // The codecs index by what the stream says; should one fail on a damaged stream, that is an error of the file.
     let decoded = std::panic::catch_unwind(|| {
@@ -90,21 +98,17 @@ fn decompressed(
     Ok(data)
 }
 
-/// Compares every fragment that begins a frame with the header.
-fn check_fragments(image: &Image, mut rest: &[u8]) -> Result<(), Problem> {
-    let mut first = true;
+/// The fragments after the offset table, which is the first item.
+fn fragments(mut rest: &[u8]) -> Vec<&[u8]> {
+    let mut out = Vec::new();
     while let [0xFE, 0xFF, 0x00, 0xE0, a, b, c, d, tail @ ..] = rest {
         let length = (u32::from_le_bytes([*a, *b, *c, *d]) as usize).min(tail.len());
         let (fragment, after) = tail.split_at(length);
+        out.push(fragment);
         rest = after;
-        // The first item is the offset table.
-        let begins = matches!(fragment, [0xFF, 0x4F, 0xFF, 0x51, ..] | [0xFF, 0xD8, 0xFF, ..]);
-        if !first && begins {
-            codestream::check(fragment, image.size, image.stored.signed)?;
-        }
-        first = false;
     }
-    Ok(())
+    out.drain(..out.len().min(1));
+    out
 }
 
 /// Stored samples to HU (PS3.3, C.11.1): the stored bits, signed or not, times slope plus intercept.

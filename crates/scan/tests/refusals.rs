@@ -1,0 +1,201 @@
+//! Wrong input of each kind gets an error that names the file, the rule and the numbers. (More kinds, made by foreign
+//! writers, stand in `scripts/oracle_scan.py`.)
+
+mod common;
+
+use common::{grid, sampled};
+use dicom_core::value::PrimitiveValue;
+use dicom_core::{DataElement, Tag, VR};
+use dicom_dictionary_std::tags;
+use monro_geometry::{Grid, Volume};
+use monro_scan::dicom::{SeriesMeta, write_series};
+use monro_scan::{ReadOptions, head_extent_check, inspect, nifti, read, read_labels};
+use std::fs;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+fn any_size() -> ReadOptions {
+    ReadOptions { any_size: true, ..ReadOptions::default() }
+}
+
+fn folder() -> TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+#[track_caller]
+fn refused(path: &Path, fragments: &[&str]) {
+    let message = read(path, &any_size()).expect_err("a refusal").to_string();
+    for f in fragments {
+        assert!(message.contains(f), "{f:?} is not in {message:?}");
+    }
+}
+
+/// A small sound series; gives its files.
+fn series(dir: &Path, meta: &SeriesMeta) -> Vec<PathBuf> {
+    let volume = sampled(grid([5, 4, 6], [1.0, 1.5, 2.0], [0.1, 0.2, 0.3], [1.0, 2.0, 3.0], false));
+    write_series(&volume, dir, meta).expect("written")
+}
+
+/// Replaces a text attribute of a file.
+fn edit(file: &Path, tag: Tag, vr: VR, value: &str) {
+    let mut object = dicom_object::open_file(file).expect("DICOM");
+    object.put(DataElement::new(tag, vr, PrimitiveValue::from(value)));
+    object.write_to_file(file).expect("written");
+}
+
+#[test]
+fn folders_without_a_series() {
+    let f = folder();
+    refused(f.path(), &["holds no file"]);
+    fs::write(f.path().join("a.dcm"), "a letter").expect("written");
+    refused(f.path(), &["no DICOM image among its 1 files", "a.dcm"]);
+    refused(&f.path().join("a.dcm"), &["a.dcm", "is not a CT in a known format", "8 bytes that begin with 61 20"]);
+    refused(&f.path().join("nothing"), &["nothing", "cannot be read"]);
+}
+
+#[test]
+fn truncated_slices() {
+    let f = folder();
+    let files = series(f.path(), &SeriesMeta::default());
+    let whole = fs::read(&files[2]).expect("there");
+    fs::write(&files[2], &whole[..whole.len() - 7]).expect("written");
+    refused(f.path(), &["0003.dcm", "truncated", "40 bytes", "33 are there"]);
+    fs::write(&files[2], &whole[..400]).expect("written");
+    refused(f.path(), &["0003.dcm", "truncated"]);
+    let listed = inspect(f.path()).expect("still a listing");
+    assert!(listed.chosen.is_none() && listed.warnings.iter().any(|w| w.contains("0003.dcm")), "{listed:?}");
+}
+
+#[test]
+fn two_patients_are_refused_without_naming_them() {
+    let f = folder();
+    series(f.path(), &SeriesMeta::default());
+    let other = SeriesMeta { patient_id: "OTHER".into(), seed: 2, ..SeriesMeta::default() };
+    let files = series(&f.path().join("b"), &other);
+    refused(f.path(), &["2 patients", "patient 1: 6", "patient 2: 6"]);
+    let message = read(f.path(), &any_size()).expect_err("a refusal").to_string();
+    assert!(!message.contains("OTHER") && !message.contains("PHANTOM"), "{message}");
+    assert!(inspect(f.path()).expect("a listing").chosen.is_none());
+    // A choice resolves it.
+    let listed = inspect(f.path()).expect("a listing");
+    let chosen = ReadOptions { series_uid: Some(listed.series[1].source.series.clone()), ..any_size() };
+    assert!(read(f.path(), &chosen).is_ok());
+    for file in files {
+        edit(&file, tags::PATIENT_ID, VR::LO, "PHANTOM");
+    }
+    assert!(read(f.path(), &any_size()).is_ok());
+}
+
+#[test]
+fn attributes_that_make_no_head_ct() {
+    for (tag, vr, value, fragments) in [
+        (tags::MODALITY, VR::CS, "MR", &["MR", "is not CT"][..]),
+        (tags::IMAGE_TYPE, VR::CS, "ORIGINAL\\PRIMARY\\LOCALIZER", &["localizer"]),
+        (tags::PHOTOMETRIC_INTERPRETATION, VR::CS, "MONOCHROME1", &["0001.dcm", "MONOCHROME1"]),
+        (tags::IMAGE_ORIENTATION_PATIENT, VR::DS, "1\\0\\0\\1\\0\\0", &["0001.dcm", "ImageOrientationPatient"]),
+        (tags::IMAGE_POSITION_PATIENT, VR::DS, "1\\2", &["0001.dcm", "ImagePositionPatient", "not 3 numbers"]),
+        (tags::PIXEL_SPACING, VR::DS, "0\\1", &["PixelSpacing", "not positive"]),
+        (tags::RESCALE_SLOPE, VR::DS, "0", &["RescaleSlope"]),
+    ] {
+        let f = folder();
+        for file in series(f.path(), &SeriesMeta::default()) {
+            edit(&file, tag, vr, value);
+        }
+        refused(f.path(), fragments);
+    }
+}
+
+#[test]
+fn too_few_slices_wide_gaps_and_conflicts() {
+    let f = folder();
+    let files = series(f.path(), &SeriesMeta::default());
+    edit(&files[2], tags::IMAGE_POSITION_PATIENT, VR::DS, "1\\2\\3");
+    refused(f.path(), &["0001.dcm", "0003.dcm", "same position"]);
+    let far = folder();
+    let files = series(far.path(), &SeriesMeta::default());
+    let object = dicom_object::open_file(&files[5]).expect("DICOM");
+    let p = object.element(tags::IMAGE_POSITION_PATIENT).expect("there").to_multi_float64().expect("numbers");
+    edit(&files[5], tags::IMAGE_POSITION_PATIENT, VR::DS, &format!("{:.6}\\{:.6}\\{:.6}", p[0], p[1], p[2] + 20.0));
+    refused(far.path(), &["slices 5 and 6", "expected 2.000", "more than 10.0 mm"]);
+    for file in &files[1..] {
+        fs::remove_file(file).expect("removed");
+    }
+    refused(far.path(), &["1 slices make no volume"]);
+    refused(&files[0], &["1 slices make no volume"]);
+}
+
+#[test]
+fn copies_and_foreign_files_are_left_out_with_a_warning() {
+    let f = folder();
+    let files = series(f.path(), &SeriesMeta::default());
+    let alone = read(f.path(), &any_size()).expect("read");
+    fs::copy(&files[3], f.path().join("again")).expect("copied");
+    fs::write(f.path().join("readme.txt"), "text").expect("written");
+    let scan = read(f.path(), &any_size()).expect("read");
+    assert_eq!(scan.volume, alone.volume);
+    assert!(scan.warnings.iter().any(|w| w.contains("1 copies")), "{:?}", scan.warnings);
+    assert!(scan.warnings.iter().any(|w| w.contains("1 of 8 files are not DICOM")), "{:?}", scan.warnings);
+}
+
+#[test]
+fn compressed_series_give_their_values() {
+    for codec in ["jpeg-lossless", "jpeg-2000", "rle"] {
+        let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data")).join(codec);
+        let scan = read(&path, &any_size()).expect(codec);
+        assert_eq!(scan.volume.grid().dims(), [16, 12, 3]);
+        for n in 0..scan.volume.grid().len() {
+            let [i, j, k] = scan.volume.grid().voxel(n);
+            // As the files were made, by GDCM and pydicom.
+            assert_eq!(usize::try_from(scan.volume.at(i, j, k)), Ok(20 * i + 7 * j + 100 * k + i * j % 5), "{codec}");
+        }
+    }
+}
+
+/// A cylinder of tissue in air.
+fn cylinder(radius_mm: f64, height: usize) -> Volume<i16> {
+    let grid = Grid::axis_aligned([125, 125, height], [2.0, 2.0, 2.0], [-124.0, -124.0, 0.0]).expect("a grid");
+    let hu = |n: usize| {
+        let [i, j, k] = grid.voxel(n);
+        let p = grid.centre(i, j, k);
+        if p.x.hypot(p.y) <= radius_mm { 60 } else { -1000 }
+    };
+    Volume::new(grid, (0..grid.len()).map(hu).collect()).expect("a volume")
+}
+
+#[test]
+fn a_knee_is_no_head() {
+    let knee = head_extent_check(&cylinder(58.0, 80)).expect_err("a refusal").to_string();
+    assert!(knee.contains("not a head"), "{knee}");
+    // Long, but thin.
+    let leg = head_extent_check(&cylinder(62.0, 120)).expect_err("a refusal").to_string();
+    assert!(leg.contains("not a head") && leg.contains("cm2"), "{leg}");
+    let slab = head_extent_check(&cylinder(80.0, 20)).expect_err("a refusal").to_string();
+    assert!(slab.contains("250 x 250 x 40 mm"), "{slab}");
+    assert!(head_extent_check(&cylinder(80.0, 60)).is_ok());
+    let small = sampled(grid([60, 60, 50], [2.0; 3], [0.0; 3], [0.0; 3], false));
+    let small = head_extent_check(&small).expect_err("a refusal").to_string();
+    assert!(small.contains("120 x 120 x 100 mm"), "{small}");
+}
+
+#[test]
+fn a_knee_written_as_any_format_is_refused_by_read() {
+    let f = folder();
+    write_series(&cylinder(58.0, 80), &f.path().join("knee"), &SeriesMeta::default()).expect("written");
+    fs::write(f.path().join("knee.nii.gz"), nifti::encode_i16(&cylinder(58.0, 80))).expect("written");
+    for name in ["knee", "knee.nii.gz"] {
+        let message = read(&f.path().join(name), &ReadOptions::default()).expect_err("a refusal").to_string();
+        assert!(message.contains("not a head"), "{message}");
+    }
+}
+
+#[test]
+fn labels_must_be_whole_numbers() {
+    let f = folder();
+    let mut volume = Volume::filled(grid([3, 3, 3], [1.0; 3], [0.0; 3], [0.0; 3], false), 1);
+    let at = volume.grid().index(1, 0, 2);
+    volume.data_mut()[at] = -7;
+    let path = f.path().join("labels.nii.gz");
+    fs::write(&path, nifti::encode_i16(&volume)).expect("written");
+    let message = read_labels(&path).expect_err("a refusal").to_string();
+    assert!(message.contains("-7") && message.contains("[1, 0, 2]"), "{message}");
+}
