@@ -62,6 +62,8 @@ pub(super) struct LabelFields {
     pub(super) volumes: Vec<f64>,
     /// Whether something kept reaches the border of the volume.
     pub(super) at_border: bool,
+    /// Cell edge, mm.
+    pub(super) step: f64,
 }
 
 impl LabelFields {
@@ -85,6 +87,7 @@ impl LabelFields {
             labels: present.iter().map(|p| p.0).collect(),
             volumes: present.iter().map(|p| p.1.count as f64 * labels.grid().voxel_volume()).collect(),
             at_border,
+            step,
         })
     }
 
@@ -110,6 +113,19 @@ impl LabelFields {
             }
         }
         own - other.max(rest)
+    }
+
+    /// Positive on the side of label `a`, zero on its surface with label `b` (`None`: with the outside).
+    pub(super) fn between(&self, a: u8, b: Option<u8>, p: [f64; 3]) -> f64 {
+        let Some(b) = b else { return self.union.at(p) - 0.5 };
+        self.value(usize::from(a), p) - self.value(usize::from(b), p)
+    }
+
+    fn value(&self, l: usize, p: [f64; 3]) -> f64 {
+        match self.parts.get(l) {
+            Some(part) => part.at(p),
+            None => self.union.at(p) - self.parts.iter().map(|f| f.at(p)).sum::<f64>(),
+        }
     }
 
     /// Positive inside label `l`, the distance in field values to the next label or to the outside.

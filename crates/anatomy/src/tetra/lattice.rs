@@ -20,8 +20,11 @@ impl Hasher for PackedHasher {
         bytes.iter().for_each(|&b| self.write_u64(u64::from(b)));
     }
     fn write_u64(&mut self, x: u64) {
-        let h = (self.0 ^ x).wrapping_mul(0x9E37_79B9_7F4A_7C15);
-        self.0 = h ^ h >> 32;
+        // The finaliser of MurmurHash3: one product alone leaves high coordinates out of the low bits.
+        let h = self.0 ^ x;
+        let h = (h ^ h >> 33).wrapping_mul(0xFF51_AFD7_ED55_8CCD);
+        let h = (h ^ h >> 33).wrapping_mul(0xC4CE_B9FE_1A85_EC53);
+        self.0 = h ^ h >> 33;
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod cut;
 mod fields;
+mod improve;
 mod lattice;
 mod octree;
 mod quality;
@@ -16,6 +17,7 @@ pub use report::{EdgeBand, InterfaceDistance, LabelReport, MeshReport};
 
 use cut::{RawMesh, cut_all};
 use fields::LabelFields;
+use improve::Work;
 use monro_geometry::{Patient, Point, TetMesh, Volume};
 use octree::Octree;
 use size::SizeField;
@@ -64,7 +66,7 @@ pub enum MeshError {
         voxels: usize,
     },
     /// More labels than the mesher tells apart.
-    #[error("{0} labels to mesh, but at most 200 are told apart; merge some")]
+    #[error("{0} labels to mesh, but at most 60 are told apart; merge some")]
     TooManyLabels(usize),
     /// An option makes no sense.
     #[error("{name} is {value}; it must be {rule}")]
@@ -99,19 +101,56 @@ pub fn mesh<T: Copy + Into<u16> + Sync>(
     labels: &Volume<T>,
     options: &MeshOptions,
 ) -> Result<(TetMesh, MeshReport), MeshError> {
+    mesh_observed(labels, options, |_| {})
+}
+
+/// A stage of [`mesh`] that has just ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Smooth fields of the labels.
+    Fields,
+    /// Size field.
+    Size,
+    /// Octree, lattice and cuts, as often as the count needs.
+    Cut,
+    /// Coarsening and improvement.
+    Improve,
+    /// Report.
+    Report,
+}
+
+/// As [`mesh`], telling `done` at the end of each stage (for progress and timing; this crate has no clock).
+///
+/// # Errors
+/// As [`mesh`].
+pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
+    labels: &Volume<T>,
+    options: &MeshOptions,
+    mut done: impl FnMut(Stage),
+) -> Result<(TetMesh, MeshReport), MeshError> {
     check(options)?;
     let empty = || MeshError::Empty { keep: options.keep.clone(), voxels: labels.grid().len() };
     let fields = LabelFields::new(labels, &options.keep).ok_or_else(empty)?;
+    done(Stage::Fields);
     let fine: Vec<usize> = (0..fields.labels.len()).filter(|&i| options.fine.contains(&fields.labels[i])).collect();
     let size = SizeField::new(&fields, &fine, options.path, options.growth, options.coarsest).ok_or_else(empty)?;
-    let raw = to_count(&fields, &size, options.elements)?;
+    done(Stage::Size);
+    let (raw, finest) = to_count(&fields, &size, options.elements)?;
+    done(Stage::Cut);
+    let raw = improved(raw, &fields, &size, finest, options.elements);
     let mesh = finish(raw, &fields);
+    done(Stage::Improve);
+    let found = mesh.tets.len();
+    if (found as f64 / options.elements as f64 - 1.0).abs() > 0.05 {
+        return Err(MeshError::Count { wanted: options.elements, found });
+    }
     let report = report::report(&mesh, &fields, &size);
+    done(Stage::Report);
     Ok((mesh, report))
 }
 
 fn check(options: &MeshOptions) -> Result<(), MeshError> {
-    if options.keep.len() > 200 {
+    if options.keep.len() > 60 {
         return Err(MeshError::TooManyLabels(options.keep.len()));
     }
     let rule = |name, value: f64, low: f64, high: f64, rule| {
@@ -122,28 +161,40 @@ fn check(options: &MeshOptions) -> Result<(), MeshError> {
     rule("coarsest", options.coarsest, 1.0, 64.0, "between 1 and 64 times the finest")
 }
 
-/// Finds the finest edge that gives the count.
-fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<RawMesh, MeshError> {
+/// Coarsening takes back this part of the elements that the powers of two waste.
+const SURPLUS: f64 = 1.22;
+
+/// Finds the finest edge that gives the count with its surplus; a mesh that cannot have it is left as near as it comes.
+fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<(RawMesh, f64), MeshError> {
+    let aim = wanted as f64 * SURPLUS;
     let mut ratio = 1.0;
-    let mut best: Option<RawMesh> = None;
-    let miss = |n: usize| (n as f64 / wanted as f64).ln().abs();
+    let mut best: Option<(RawMesh, f64)> = None;
+    let miss = |n: usize| (n as f64 / aim).ln().abs();
     for _ in 0..8 {
-        let finest = finest_for(size, wanted as f64 / ratio);
+        let finest = finest_for(size, aim / ratio);
         let raw = build(fields, size, finest);
         let found = raw.tets.len();
-        if best.as_ref().is_none_or(|b| miss(found) < miss(b.tets.len())) {
-            best = Some(raw);
+        if best.as_ref().is_none_or(|b| miss(found) < miss(b.0.tets.len())) {
+            best = Some((raw, finest));
         }
-        if found == 0 || miss(found) < 0.01 {
+        if found == 0 || miss(found) < 0.03 {
             break;
         }
-        ratio *= found as f64 / (wanted as f64);
+        ratio *= found as f64 / aim;
     }
-    let raw = best.unwrap_or_default();
-    if raw.tets.is_empty() || miss(raw.tets.len()) > 0.05 {
-        return Err(MeshError::Count { wanted, found: raw.tets.len() });
+    match best {
+        Some((raw, finest)) if !raw.tets.is_empty() => Ok((raw, finest)),
+        _ => Err(MeshError::Count { wanted, found: 0 }),
     }
-    Ok(raw)
+}
+
+/// Coarsens to the count and improves the shapes.
+fn improved(raw: RawMesh, fields: &LabelFields, size: &SizeField, finest: f64, wanted: usize) -> RawMesh {
+    let mut work = Work::new(raw, fields);
+    work.coarsen(size, finest, wanted, 0.9);
+    work.improve();
+    work.coarsen(size, finest, wanted, 2.0);
+    work.into_raw()
 }
 
 /// Bisects for the finest edge whose estimated count is `count`.
@@ -171,6 +222,10 @@ fn build(fields: &LabelFields, size: &SizeField, finest: f64) -> RawMesh {
     let origin: [f64; 3] = std::array::from_fn(|a| 0.5 * (low[a] + high[a] - span));
     let place = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| origin[a] + p[a] * unit) };
     let tree = Octree::new(levels, |corner, edge| {
+        let (from, to) = (place(corner.map(f64::from)), place(corner.map(|c| f64::from(c + edge))));
+        if (0..3).any(|a| to[a] < low[a] || from[a] > high[a]) {
+            return false;
+        }
         let centre = place(corner.map(|c| f64::from(c) + 0.5 * f64::from(edge)));
         f64::from(edge) * unit > SPLIT * size.edge(centre, finest)
     });
@@ -187,5 +242,7 @@ fn finish(raw: RawMesh, fields: &LabelFields) -> TetMesh {
     }
 }
 
+#[cfg(test)]
+mod test_head;
 #[cfg(test)]
 mod tests;

@@ -62,12 +62,13 @@ impl SizeField {
 
     /// Distance to what is to be fine, mm (to half a lattice cell).
     pub(super) fn distance(&self, p: [f64; 3]) -> f64 {
-        self.distance.at(p)
+        // Beyond the box the distance at its rim serves: the lattice's cube is larger than the region.
+        self.distance.at(std::array::from_fn(|a| p[a].clamp(self.low[a], self.high[a])))
     }
 
     /// Wanted edge length at `p` when the finest is `finest`.
     pub(super) fn edge(&self, p: [f64; 3], finest: f64) -> f64 {
-        self.edge_at(self.distance.at(p), finest)
+        self.edge_at(self.distance(p), finest)
     }
 
     fn edge_at(&self, distance: f64, finest: f64) -> f64 {

@@ -1,38 +1,5 @@
+use super::test_head::head;
 use super::*;
-use monro_geometry::Grid;
-
-/// A brain-like ellipsoid (half-axes 60, 75, 55 mm) with two curved horns, a thin septum between them and a third
-/// ventricle that both touch.
-pub(super) fn head(spacing: [f64; 3]) -> Volume<u8> {
-    let half = [64.0, 80.0, 60.0];
-    let dims: [usize; 3] = std::array::from_fn(|a| (2.0 * half[a] / spacing[a]).ceil() as usize);
-    let grid = Grid::axis_aligned(dims, spacing, half.map(|h| -h)).expect("grid");
-    let data = (0..grid.len()).map(|at| {
-        let [i, j, k] = grid.voxel(at);
-        head_label(grid.centre(i, j, k).to_array())
-    });
-    Volume::new(grid, data.collect()).expect("count")
-}
-
-fn head_label([x, y, z]: [f64; 3]) -> u8 {
-    if (x / 60.0).powi(2) + (y / 75.0).powi(2) + (z / 55.0).powi(2) > 1.0 {
-        return 0;
-    }
-    // A horn: an arc of radius 25 mm in the plane x = 8, 6 mm thick in front and 3 mm behind.
-    let lateral = |x: f64| {
-        let angle = z.atan2(y + 5.0);
-        let along = (y + 5.0).hypot(z) - 25.0;
-        let thick = 3.5 + 2.5 * (angle * 0.5).cos();
-        x > 1.0 && angle > -0.6 && angle < 2.6 && ((x - 7.0) / 1.2).hypot(along) < thick
-    };
-    let third = (x / 2.6).powi(2) + ((y - 14.0) / 12.0).powi(2) + ((z - 12.0) / 9.0).powi(2) < 1.0;
-    match () {
-        () if third => 7,
-        () if lateral(x) => 5,
-        () if lateral(-x) => 6,
-        () => 4,
-    }
-}
 
 fn check(mesh: &TetMesh, report: &MeshReport, elements: usize) {
     mesh.validate().expect("valid");
@@ -51,5 +18,8 @@ fn a_head_with_horns_is_meshed_to_count() {
     let mut options = MeshOptions::new(&[4, 5, 6, 7], &[5, 6, 7], 37_336);
     options.path = Some([Point::new(30.0, 40.0, 38.0), Point::new(7.0, 15.0, 10.0)]);
     let (mesh, report) = mesh(&labels, &options).expect("mesh");
+    if std::env::var_os("MONRO_SHOW").is_some() {
+        eprintln!("{report:#?}");
+    }
     check(&mesh, &report, options.elements);
 }

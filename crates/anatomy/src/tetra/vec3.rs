@@ -31,7 +31,6 @@ pub(super) fn lerp(a: V3, b: V3, t: f64) -> V3 {
 }
 
 /// Six times the signed volume.
-#[cfg(test)]
 pub(super) fn volume6([a, b, c, d]: [V3; 4]) -> f64 {
     dot(cross(sub(b, a), sub(c, a)), sub(d, a))
 }

@@ -1,0 +1,155 @@
+//! Merging a point into a neighbour.
+
+use super::super::vec3::{add, distance, scale};
+use super::ring::{LONGEST, Ring};
+use super::work::{OUTSIDE_BIT, Work};
+
+/// Longer rings than this are not collapsed (their link would have to be stored).
+const MOST_NEIGHBOURS: usize = 96;
+
+impl Work<'_> {
+    /// Merges `v` into `w` when the mesh stays what it is (link condition in the mesh and in the surfaces), no element
+    /// gets worse than `floor`, and surfaces keep within `sag` mm of where they belong.
+    pub(super) fn collapse(&mut self, v: u32, w: u32, floor: f64, sag: f64) -> bool {
+        let (mv, mw) = (self.masks[v as usize], self.masks[w as usize]);
+        let inner = mv.count_ones() == 1;
+        if mv & !mw != 0 || (!inner && !self.surface_link(v, w)) {
+            return false;
+        }
+        // Elements with both points vanish, the others must stay good.
+        for &t in &self.stars[v as usize] {
+            let tet = self.tets[t as usize];
+            if !tet.contains(&w) && self.worth(tet.map(|x| if x == v { w } else { x })) <= floor {
+                return false;
+            }
+        }
+        if !inner && !self.surface_keeps(v, w, sag) {
+            return false;
+        }
+        self.merge(v, w, inner);
+        true
+    }
+
+    fn merge(&mut self, v: u32, w: u32, inner: bool) {
+        let star = self.stars[v as usize].clone();
+        let mut touched = Vec::new();
+        for t in star {
+            let (tet, label) = (self.tets[t as usize], self.labels[t as usize]);
+            touched.extend(tet);
+            self.remove(t);
+            if !tet.contains(&w) {
+                self.insert(tet.map(|x| if x == v { w } else { x }), label);
+            }
+        }
+        if !inner {
+            touched.sort_unstable();
+            touched.dedup();
+            touched.into_iter().filter(|&x| x != v).for_each(|x| self.refresh_mask(x));
+        }
+    }
+
+    /// Neighbours of a point, sorted.
+    fn neighbours(&self, v: u32) -> Vec<u32> {
+        let mut all: Vec<u32> =
+            self.stars[v as usize].iter().flat_map(|&t| self.tets[t as usize]).filter(|&x| x != v).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    /// Link condition for a point on a surface: the edge lies on the same surfaces as the point, and the only common
+    /// neighbours are those around the edge.
+    fn surface_link(&self, v: u32, w: u32) -> bool {
+        let Some(ring) = Ring::new(self, v, w) else { return false };
+        let labels = ring.tets[..ring.len].iter().fold(0u64, |m, &t| m | 1 << self.labels[t as usize]);
+        let outside = if ring.closed { 0 } else { OUTSIDE_BIT };
+        if labels | outside != self.masks[v as usize] {
+            return false;
+        }
+        let (a, b) = (self.neighbours(v), self.neighbours(w));
+        if a.len() > MOST_NEIGHBOURS || b.len() > MOST_NEIGHBOURS {
+            return false;
+        }
+        let around = if ring.closed { ring.len } else { ring.len + 1 };
+        debug_assert!(around <= LONGEST + 1);
+        a.iter().filter(|x| b.binary_search(x).is_ok()).count() == around && self.sheets_link(v, w, &a, &b)
+    }
+
+    /// In each label's surface the two points may share two neighbours only (an edge to a third point may lie in the
+    /// surface on both sides without its triangle doing so).
+    fn sheets_link(&self, v: u32, w: u32, a: &[u32], b: &[u32]) -> bool {
+        let mask = self.masks[v as usize];
+        for x in a.iter().filter(|x| b.binary_search(x).is_ok()) {
+            let common = self.masks[*x as usize] & mask;
+            if common.count_ones() < 2 || (self.edge_mask(v, *x) & mask).count_ones() < 2 {
+                continue;
+            }
+            if (self.edge_mask(w, *x) & mask).count_ones() >= 2 && !self.face_on_surface(v, w, *x) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Labels around an edge, with the outside.
+    fn edge_mask(&self, a: u32, b: u32) -> u64 {
+        match Ring::new(self, a, b) {
+            Some(r) => {
+                let labels = r.tets[..r.len].iter().fold(0u64, |m, &t| m | 1 << self.labels[t as usize]);
+                labels | if r.closed { 0 } else { OUTSIDE_BIT }
+            }
+            // Too long a ring to order: assume the worst.
+            None => u64::MAX,
+        }
+    }
+
+    fn face_on_surface(&self, a: u32, b: u32, c: u32) -> bool {
+        let mut labels = self.stars[a as usize]
+            .iter()
+            .filter(|&&t| self.tets[t as usize].contains(&b) && self.tets[t as usize].contains(&c))
+            .map(|&t| self.labels[t as usize]);
+        match (labels.next(), labels.next()) {
+            (Some(x), Some(y)) => x != y,
+            (Some(_), None) => true,
+            _ => false,
+        }
+    }
+
+    /// Whether the surface triangles around `v` still follow their surface after the merge.
+    fn surface_keeps(&self, v: u32, w: u32, sag: f64) -> bool {
+        let to = self.points[w as usize];
+        for &t in &self.stars[v as usize] {
+            let tet = self.tets[t as usize];
+            if tet.contains(&w) {
+                continue;
+            }
+            for &skip in tet.iter().filter(|&&x| x != v) {
+                let Some(pair) = self.face_pair(t, skip) else { continue };
+                let others: Vec<_> =
+                    tet.iter().filter(|&&x| x != v && x != skip).map(|&x| self.points[x as usize]).collect();
+                let middle = scale(add(add(others[0], others[1]), to), 1.0 / 3.0);
+                let reach = distance(middle, to);
+                let half = |p| scale(add(p, to), 0.5);
+                let tests = [middle, half(others[0]), half(others[1])];
+                if tests.into_iter().any(|p| self.sag(pair, p, reach) > sag) {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
+    /// What the face of `t` opposite to `skip` separates; `None` inside one label, or seen from its higher label.
+    fn face_pair(&self, t: u32, skip: u32) -> Option<(u8, Option<u8>)> {
+        let face: Vec<u32> = self.tets[t as usize].into_iter().filter(|&x| x != skip).collect();
+        let holds = |&x: &u32| x != t && face.iter().all(|v| self.tets[x as usize].contains(v));
+        let own = self.labels[t as usize];
+        match self.stars[face[0] as usize].iter().copied().find(holds) {
+            None => Some((own, None)),
+            Some(other) => {
+                let other = self.labels[other as usize];
+                (own < other).then_some((own, Some(other)))
+            }
+        }
+    }
+}

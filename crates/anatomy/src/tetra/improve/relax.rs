@@ -1,0 +1,189 @@
+//! Moving single points: inside freely, on a surface along it, on a line where three labels meet along that.
+
+use super::super::vec3::{V3, add, cross, distance, dot, scale, sub};
+use super::work::{OUTSIDE_BIT, Work};
+
+/// What a point may do.
+enum Freedom {
+    Free,
+    /// On the surface between a label and another or the outside.
+    Surface(Pair),
+    /// On the line where two surfaces meet.
+    Line(Pair, Pair),
+    Fixed,
+}
+
+/// A label and what lies behind its surface (`None`: the outside).
+pub(super) type Pair = (u8, Option<u8>);
+
+impl Work<'_> {
+    fn freedom(&self, v: u32) -> Freedom {
+        let mask = self.masks[v as usize];
+        let outside = mask & OUTSIDE_BIT != 0;
+        let labels = mask & !OUTSIDE_BIT;
+        let nth = |n: u32| {
+            let rest = (0..n).fold(labels, |m, _| m & (m - 1));
+            rest.trailing_zeros() as u8
+        };
+        match (labels.count_ones(), outside) {
+            (1, false) => Freedom::Free,
+            (1, true) => Freedom::Surface((nth(0), None)),
+            (2, false) => Freedom::Surface((nth(0), Some(nth(1)))),
+            (2, true) => Freedom::Line((nth(0), None), (nth(0), Some(nth(1)))),
+            (3, false) => Freedom::Line((nth(0), Some(nth(1))), (nth(0), Some(nth(2)))),
+            _ => Freedom::Fixed,
+        }
+    }
+
+    /// Gradient of the function whose zero is the surface of a pair.
+    fn slope(&self, pair: Pair, p: V3) -> V3 {
+        let h = 0.25 * self.fields.step;
+        let f = |q: V3| self.fields.between(pair.0, pair.1, q);
+        let d = |a: usize| {
+            let mut q = [p, p];
+            q[0][a] += h;
+            q[1][a] -= h;
+            (f(q[0]) - f(q[1])) / (2.0 * h)
+        };
+        [d(0), d(1), d(2)]
+    }
+
+    /// The nearest point of a surface by Newton steps; `None` where the field is flat or the surface further off than
+    /// `reach`.
+    pub(super) fn project(&self, pair: Pair, mut p: V3, reach: f64) -> Option<V3> {
+        let start = p;
+        for _ in 0..4 {
+            let value = self.fields.between(pair.0, pair.1, p);
+            if value.abs() < 2e-3 {
+                return Some(p);
+            }
+            let g = self.slope(pair, p);
+            let g2 = dot(g, g);
+            if g2 < 1e-6 {
+                return None;
+            }
+            // A step may not exceed a cell: the field is steep only near its surface.
+            let step = (-value / g2).clamp(-self.fields.step / g2.sqrt(), self.fields.step / g2.sqrt());
+            p = add(p, scale(g, step));
+            if distance(p, start) > reach {
+                return None;
+            }
+        }
+        (self.fields.between(pair.0, pair.1, p).abs() < 2e-2).then_some(p)
+    }
+
+    fn constrain(&self, freedom: &Freedom, p: V3, reach: f64) -> Option<V3> {
+        match *freedom {
+            Freedom::Free => Some(p),
+            Freedom::Surface(pair) => self.project(pair, p, reach),
+            Freedom::Line(one, two) => {
+                let mut p = p;
+                for _ in 0..3 {
+                    p = self.project(two, self.project(one, p, reach)?, reach)?;
+                }
+                Some(p)
+            }
+            Freedom::Fixed => None,
+        }
+    }
+
+    /// Moves a point to where its worst element is better: the middle of its star, else a pattern search.
+    pub(super) fn relax(&mut self, v: u32) -> bool {
+        let freedom = self.freedom(v);
+        if matches!(freedom, Freedom::Fixed) {
+            return false;
+        }
+        let mut best = self.worst_around(v);
+        let start = best;
+        let (middle, edge) = self.middle(v);
+        if self.try_place(v, &freedom, middle, edge, &mut best) {
+            self.try_place(v, &freedom, self.middle(v).0, edge, &mut best);
+        }
+        let mut step = 0.12 * edge;
+        for _ in 0..3 {
+            let directions = self.directions(&freedom, v);
+            let mut moved = false;
+            for d in directions {
+                let target = add(self.points[v as usize], scale(d, step));
+                moved |= self.try_place(v, &freedom, target, edge, &mut best);
+            }
+            if !moved {
+                step *= 0.4;
+            }
+        }
+        best > start
+    }
+
+    fn directions(&self, freedom: &Freedom, v: u32) -> [V3; 6] {
+        let axes = match *freedom {
+            Freedom::Surface(pair) => {
+                let g = self.slope(pair, self.points[v as usize]);
+                let low = if g[0].abs() < 0.6 * dot(g, g).sqrt() { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+                let s = unit(cross(g, low));
+                let t = unit(cross(g, s));
+                let half = std::f64::consts::FRAC_1_SQRT_2;
+                [s, t, scale(add(s, t), half)]
+            }
+            _ => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        };
+        [axes[0], axes[1], axes[2], scale(axes[0], -1.0), scale(axes[1], -1.0), scale(axes[2], -1.0)]
+    }
+
+    /// Volume-weighted mean of the star's centroids (half a step of optimal Delaunay smoothing), and a mean edge.
+    fn middle(&self, v: u32) -> (V3, f64) {
+        let (mut sum, mut weight, mut edge) = ([0.0; 3], 0.0, 0.0);
+        let p = self.points[v as usize];
+        let star = &self.stars[v as usize];
+        for &t in star {
+            let c = self.corners(self.tets[t as usize]);
+            let w = super::super::vec3::volume6(c).max(0.0);
+            let centroid = scale(add(add(c[0], c[1]), add(c[2], c[3])), 0.25);
+            sum = add(sum, scale(centroid, w));
+            weight += w;
+            edge += c.iter().map(|&q| distance(p, q)).sum::<f64>() / 3.0;
+        }
+        let middle = if weight > 0.0 { scale(sum, 1.0 / weight) } else { p };
+        // The mean of centroids has a quarter of the point itself in it: 4/3 undoes that.
+        (add(p, scale(sub(middle, p), 4.0 / 3.0)), edge / star.len().max(1) as f64)
+    }
+
+    fn try_place(&mut self, v: u32, freedom: &Freedom, target: V3, edge: f64, best: &mut f64) -> bool {
+        let Some(target) = self.constrain(freedom, target, 0.5 * edge) else { return false };
+        let from = std::mem::replace(&mut self.points[v as usize], target);
+        let mut worst = f64::INFINITY;
+        for &t in &self.stars[v as usize] {
+            worst = worst.min(self.worth(self.tets[t as usize]));
+            if worst <= *best + 1e-6 {
+                self.points[v as usize] = from;
+                return false;
+            }
+        }
+        *best = worst;
+        self.rate_around(v);
+        true
+    }
+
+    /// Whether a surface edge `new` lies about as close to its surface as `old`: the sag of its middle may be as large
+    /// as that of the old one, or a twentieth of its length.
+    pub(super) fn edge_fits(&self, new: [u32; 2], old: [u32; 2], pair: Pair) -> bool {
+        let ends = |e: [u32; 2]| e.map(|v| self.points[v as usize]);
+        let sag = |e: [u32; 2]| {
+            let [a, b] = ends(e);
+            self.sag(pair, scale(add(a, b), 0.5), 0.5 * distance(a, b))
+        };
+        let [a, b] = ends(new);
+        let allowed = 0.05 * distance(a, b);
+        let found = sag(new);
+        found <= allowed || found <= sag(old)
+    }
+
+    /// Distance of a point to a surface, infinite beyond `reach`.
+    pub(super) fn sag(&self, pair: Pair, p: V3, reach: f64) -> f64 {
+        self.project(pair, p, reach).map_or(f64::INFINITY, |q| distance(p, q))
+    }
+}
+
+fn unit(a: V3) -> V3 {
+    let n = dot(a, a).sqrt();
+    if n > 0.0 { scale(a, 1.0 / n) } else { [1.0, 0.0, 0.0] }
+}

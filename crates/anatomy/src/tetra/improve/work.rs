@@ -1,0 +1,158 @@
+//! A tetrahedral mesh that can be changed locally.
+
+use super::super::cut::RawMesh;
+use super::super::fields::LabelFields;
+use super::super::quality::quality;
+use super::super::vec3::V3;
+
+/// Label of a removed element.
+pub(super) const DEAD: u8 = u8::MAX;
+/// Bit of the outside in a point's mask.
+pub(super) const OUTSIDE_BIT: u64 = 1 << 63;
+
+/// Points, elements, the elements around each point, and the labels that meet at each point.
+#[derive(Debug)]
+pub(in super::super) struct Work<'a> {
+    pub(super) points: Vec<V3>,
+    pub(super) tets: Vec<[u32; 4]>,
+    pub(super) labels: Vec<u8>,
+    pub(super) quality: Vec<f64>,
+    pub(super) stars: Vec<Vec<u32>>,
+    /// Labels around each point as bits, and [`OUTSIDE_BIT`] at the outer surface.
+    pub(super) masks: Vec<u64>,
+    pub(super) fields: &'a LabelFields,
+    free: Vec<u32>,
+    alive: usize,
+}
+
+impl<'a> Work<'a> {
+    pub(in super::super) fn new(raw: RawMesh, fields: &'a LabelFields) -> Self {
+        let mut stars = vec![Vec::new(); raw.points.len()];
+        let mut masks = vec![0; raw.points.len()];
+        let mut worth = Vec::with_capacity(raw.tets.len());
+        for (i, (&t, &label)) in raw.tets.iter().zip(&raw.labels).enumerate() {
+            worth.push(quality(raw.corners(t)));
+            for v in t {
+                stars[v as usize].push(i as u32);
+                masks[v as usize] |= 1 << label;
+            }
+        }
+        for v in outer_points(&raw) {
+            masks[v as usize] |= OUTSIDE_BIT;
+        }
+        let alive = raw.tets.len();
+        let RawMesh { points, tets, labels } = raw;
+        Self { points, tets, labels, quality: worth, stars, masks, fields, free: Vec::new(), alive }
+    }
+
+    /// The mesh without removed elements and unused points.
+    pub(in super::super) fn into_raw(self) -> RawMesh {
+        let alive = |t: &usize| self.labels[*t] != DEAD;
+        let order: Vec<usize> = (0..self.tets.len()).filter(alive).collect();
+        let mut raw = RawMesh {
+            tets: order.iter().map(|&t| self.tets[t]).collect(),
+            labels: order.iter().map(|&t| self.labels[t]).collect(),
+            points: self.points,
+        };
+        super::super::cut::compact(&mut raw);
+        raw
+    }
+
+    /// Elements that are left.
+    pub(in super::super) const fn count(&self) -> usize {
+        self.alive
+    }
+
+    pub(super) fn is_alive(&self, t: u32) -> bool {
+        self.labels[t as usize] != DEAD
+    }
+
+    pub(super) fn corners(&self, t: [u32; 4]) -> [V3; 4] {
+        t.map(|v| self.points[v as usize])
+    }
+
+    pub(super) fn worth(&self, t: [u32; 4]) -> f64 {
+        quality(self.corners(t))
+    }
+
+    /// Worst quality around a point.
+    pub(super) fn worst_around(&self, v: u32) -> f64 {
+        self.stars[v as usize].iter().map(|&t| self.quality[t as usize]).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The labels around a point from its elements; the outside bit is kept.
+    pub(super) fn refresh_mask(&mut self, v: u32) {
+        let outside = self.masks[v as usize] & OUTSIDE_BIT;
+        let labels = self.stars[v as usize].iter().fold(0, |m, &t| m | 1 << self.labels[t as usize]);
+        self.masks[v as usize] = outside | labels;
+    }
+
+    pub(super) fn remove(&mut self, t: u32) {
+        for v in self.tets[t as usize] {
+            let star = &mut self.stars[v as usize];
+            if let Some(at) = star.iter().position(|&x| x == t) {
+                star.swap_remove(at);
+            }
+        }
+        self.labels[t as usize] = DEAD;
+        self.free.push(t);
+        self.alive -= 1;
+    }
+
+    pub(super) fn insert(&mut self, tet: [u32; 4], label: u8) -> u32 {
+        let worth = self.worth(tet);
+        let t = match self.free.pop() {
+            Some(t) => {
+                self.tets[t as usize] = tet;
+                self.labels[t as usize] = label;
+                self.quality[t as usize] = worth;
+                t
+            }
+            None => {
+                self.tets.push(tet);
+                self.labels.push(label);
+                self.quality.push(worth);
+                self.tets.len() as u32 - 1
+            }
+        };
+        tet.iter().for_each(|&v| self.stars[v as usize].push(t));
+        self.alive += 1;
+        t
+    }
+
+    /// Recomputes the quality of the elements around a moved point.
+    pub(super) fn rate_around(&mut self, v: u32) {
+        for i in 0..self.stars[v as usize].len() {
+            let t = self.stars[v as usize][i] as usize;
+            self.quality[t] = self.worth(self.tets[t]);
+        }
+    }
+
+    /// Whether some element holds both points.
+    pub(super) fn has_edge(&self, a: u32, b: u32) -> bool {
+        self.stars[a as usize].iter().any(|&t| self.tets[t as usize].contains(&b))
+    }
+
+    /// Elements below a bar, worst first.
+    pub(super) fn below(&self, bar: f64) -> Vec<u32> {
+        let mut bad: Vec<u32> =
+            (0..self.tets.len() as u32).filter(|&t| self.is_alive(t) && self.quality[t as usize] < bar).collect();
+        bad.sort_unstable_by(|&a, &b| self.quality[a as usize].total_cmp(&self.quality[b as usize]).then(a.cmp(&b)));
+        bad
+    }
+}
+
+/// Points of faces with one element.
+fn outer_points(raw: &RawMesh) -> Vec<u32> {
+    const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]];
+    let mut faces: Vec<[u32; 3]> = Vec::with_capacity(raw.tets.len() * 4);
+    for t in &raw.tets {
+        for f in FACES {
+            let mut key = f.map(|i| t[i]);
+            key.sort_unstable();
+            faces.push(key);
+        }
+    }
+    faces.sort_unstable();
+    faces.chunk_by(|a, b| a == b).filter(|c| c.len() == 1).flat_map(|c| c[0]).collect()
+}
