@@ -14,6 +14,12 @@ setup() {
     echo "Installing with apt-get: python3-venv"
     $sudo apt-get update -qq && $sudo apt-get install -y -qq python3-venv
   fi
+  if [ ! -e /usr/include/openigtlink/igtlMessageBase.h ] && apt-cache show libopenigtlink-dev >/dev/null 2>&1; then
+    sudo=""
+    [ "$(id -u)" -eq 0 ] || sudo="sudo"
+    echo "Installing with apt-get: libopenigtlink-dev (without it, that oracle is skipped)"
+    $sudo apt-get install -y -qq libopenigtlink-dev || echo "libopenigtlink-dev could not be installed; its oracle will be skipped."
+  fi
   [ -x "$venv/bin/python" ] || python3 -m venv "$venv"
   if ! cmp -s scripts/requirements.txt "$venv/requirements.txt"; then
     echo "Installing with pip into $venv: $(grep -v '^#' scripts/requirements.txt | tr '\n' ' ')"
