@@ -61,7 +61,7 @@ pub(super) fn face_bones(q: At) -> f64 {
 
 /// The fat-filled cone of the orbit (folded point).
 pub(super) fn orbit(q: At) -> f64 {
-    let cup = ellipsoid(q, at(31.0, -66.0, -46.0), [19.0, 25.0, 17.0]);
+    let cup = ellipsoid(q, at(31.0, -62.0, -46.0), [18.5, 25.0, 17.0]);
     join(cup, capsule(q, (at(29.0, -58.0, -45.0), 15.0), (at(13.0, -30.0, -37.0), 3.5)), 4.0)
 }
 
