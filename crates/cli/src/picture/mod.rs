@@ -16,6 +16,9 @@ mod slice;
 mod svg;
 mod view;
 
+#[cfg(test)]
+mod phantom_tests;
+
 pub use camera::Camera;
 pub use colour::{Colour, SERIES};
 pub use contour::{Contour, of_labels as contours_of_labels, of_mesh as contours_of_mesh};

@@ -38,14 +38,15 @@ const BAND: usize = 64;
 /// Draws bodies on a square picture of `pixels` x `pixels` over white.
 pub fn render(bodies: &[Body<'_>], camera: &Camera, pixels: usize) -> Image {
     let wide = pixels * SUPERSAMPLING;
-    let layers: Vec<Vec<Sample>> = bodies.iter().map(|b| rasterise(b, camera, wide)).collect();
+    let layers = layers(bodies, camera, wide);
     let mut image = Image::new(pixels, pixels, Colour::WHITE);
     image.pixels_mut().par_chunks_mut(pixels.max(1)).enumerate().for_each(|(y, row)| {
+        let mut hits = Vec::with_capacity(layers.len());
         for (x, pixel) in row.iter_mut().enumerate() {
             let mut sum = [0f64; 3];
             for n in 0..SUPERSAMPLING * SUPERSAMPLING {
                 let (sx, sy) = (x * SUPERSAMPLING + n % SUPERSAMPLING, y * SUPERSAMPLING + n / SUPERSAMPLING);
-                let colour = blend(layers.iter().map(|l| l[sy * wide + sx]));
+                let colour = blend(layers.iter().map(|l| l[sy * wide + sx]), &mut hits);
                 sum = core::array::from_fn(|c| sum[c] + f64::from(colour[c]));
             }
             let share = (SUPERSAMPLING * SUPERSAMPLING) as f64;
@@ -65,11 +66,25 @@ struct Sample {
 
 const NOTHING: Sample = Sample { depth: f32::INFINITY, colour: [255.0; 3], cover: 0.0 };
 
-/// Nearest layers over farther ones, all over white.
-fn blend(samples: impl Iterator<Item = Sample>) -> [f32; 3] {
-    let mut hit: Vec<Sample> = samples.filter(|s| s.cover > 0.0).collect();
-    hit.sort_by(|a, b| b.depth.total_cmp(&a.depth));
-    hit.iter().fold([255.0; 3], |under, s| core::array::from_fn(|c| under[c] + s.cover * (s.colour[c] - under[c])))
+/// One layer for all solid bodies together, and one for each transparent body.
+fn layers(bodies: &[Body<'_>], camera: &Camera, wide: usize) -> Vec<Vec<Sample>> {
+    let (solid, glass): (Vec<&Body<'_>>, Vec<&Body<'_>>) = bodies.iter().partition(|b| b.opacity >= 1.0);
+    let mut out = vec![vec![NOTHING; wide * wide]; 1 + glass.len()];
+    for body in solid {
+        rasterise(body, camera, wide, &mut out[0]);
+    }
+    for (body, layer) in glass.into_iter().zip(&mut out[1..]) {
+        rasterise(body, camera, wide, layer);
+    }
+    out
+}
+
+/// Nearest layers over farther ones, all over white. `hits` is space to work in.
+fn blend(samples: impl Iterator<Item = Sample>, hits: &mut Vec<Sample>) -> [f32; 3] {
+    hits.clear();
+    hits.extend(samples.filter(|s| s.cover > 0.0));
+    hits.sort_by(|a, b| b.depth.total_cmp(&a.depth));
+    hits.iter().fold([255.0; 3], |under, s| core::array::from_fn(|c| under[c] + s.cover * (s.colour[c] - under[c])))
 }
 
 /// A vertex on the picture: position and depth, and its normal in the viewer's axes.
@@ -79,7 +94,7 @@ struct Seen {
     normal: [f64; 3],
 }
 
-fn rasterise(body: &Body<'_>, camera: &Camera, wide: usize) -> Vec<Sample> {
+fn rasterise(body: &Body<'_>, camera: &Camera, wide: usize, samples: &mut [Sample]) {
     let seen: Vec<Seen> = body
         .mesh
         .vertices
@@ -87,7 +102,6 @@ fn rasterise(body: &Body<'_>, camera: &Camera, wide: usize) -> Vec<Sample> {
         .zip(normals(body.mesh))
         .map(|(&p, n)| Seen { at: camera.project(p, wide), normal: camera.turned(n) })
         .collect();
-    let mut samples = vec![NOTHING; wide * wide];
     samples.par_chunks_mut((wide * BAND).max(1)).enumerate().for_each(|(band, samples)| {
         let first = band * BAND;
         let rows = [first as f64, (first + samples.len() / wide) as f64];
@@ -100,7 +114,6 @@ fn rasterise(body: &Body<'_>, camera: &Camera, wide: usize) -> Vec<Sample> {
             }
         }
     });
-    samples
 }
 
 /// Unit normals at the vertices: the mean of their triangles' normals, weighted by area.
