@@ -254,13 +254,13 @@ impl Legend {
                 continue;
             }
             seen.push(name);
-            let wide = 30.0 + text_width(name, 13.0) + 14.0;
+            let wide = 30.0 + text_width(name, 14.0) + 12.0;
             if x > 2.0 && x + wide > width {
-                (x, y) = (2.0, y + 18.0);
+                (x, y) = (2.0, y + 19.0);
             }
             let sample = [[x, y - 4.0], [x + 22.0, y - 4.0]];
             drawing += &stroked(&path_data([(&sample[..], false)]), &stroke);
-            drawing += &text([x + 28.0, y], 13.0, "start", "#222", name);
+            drawing += &text([x + 28.0, y], 14.0, "start", "#222", name);
             x += wide;
         }
         Self { height: if seen.is_empty() { 0.0 } else { y + 6.0 }, drawing }

@@ -29,8 +29,8 @@ pub struct LinePlot {
     pub events: Vec<(f64, String)>,
 }
 
-const WIDTH: f64 = 560.0;
-const HEIGHT: f64 = 260.0;
+const WIDTH: f64 = 460.0;
+const HEIGHT: f64 = 250.0;
 /// Space for labels: left, right, top, bottom.
 const MARGIN: [f64; 4] = [76.0, 14.0, 20.0, 44.0];
 
@@ -219,8 +219,8 @@ mod tests {
             ..LinePlot::default()
         };
         let figure = plot.figure();
-        // Area: x from 76 to 546, y from 216 (0) up to 20 (100).
-        assert!(figure.content.contains("d=\"M76.0 216.0L311.0 118.0L546.0 20.0\""), "{}", figure.content);
+        // Area: x from 76 to 446, y from 206 (0) up to 20 (100).
+        assert!(figure.content.contains("d=\"M76.0 206.0L261.0 113.0L446.0 20.0\""), "{}", figure.content);
         assert!(figure.content.contains(">CSF<") && figure.content.contains(">depth, mm<"));
     }
 
