@@ -137,6 +137,16 @@ impl Embedding {
         self.bindings.len()
     }
 
+    /// The four nodes and weights of a point, for who moves points elsewhere (a GPU). For a point that rides on a face
+    /// they are those of the nearest place of the mesh: they give its displacement, but for the turn of the face.
+    ///
+    /// # Panics
+    /// When there is no such point.
+    pub fn binding(&self, point: usize) -> ([u32; 4], [f32; 4]) {
+        let b = self.bindings[point];
+        (b.nodes, b.weights)
+    }
+
     /// Number of nodes the mesh must have.
     pub const fn nodes(&self) -> usize {
         self.nodes

@@ -135,3 +135,21 @@ fn bad_input_is_named() {
     assert_eq!(Embedding::new(&block(1), &[Point::ORIGIN, nowhere]), Err(EmbeddingError::NotFinite(1)));
     assert_eq!(Embedding::new(&TetMesh::default(), &[nowhere]), Err(EmbeddingError::NoElements { points: 1 }));
 }
+
+#[test]
+fn bindings_read_out_move_points_as_the_embedding_does() {
+    let mesh = block(3);
+    let points = [[0.3, 1.7, 2.2], [2.9, 0.1, 1.5], [1.0, 1.0, 1.0]].map(Point::from_array);
+    let e = Embedding::new(&mesh, &points).expect("bound");
+    let n = nodes(&mesh, twist);
+    let mut out = [[0.0; 4]; 3];
+    e.apply(&n, &mut out);
+    for (i, o) in out.iter().enumerate() {
+        let (nodes, weights) = e.binding(i);
+        assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+        for (a, x) in o.iter().enumerate().take(3) {
+            let sum: f32 = nodes.iter().zip(weights).map(|(&v, w)| w * n[v as usize][a]).sum();
+            assert!((sum - x).abs() < 1e-5);
+        }
+    }
+}
