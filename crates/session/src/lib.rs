@@ -1,10 +1,11 @@
-//! A case and time to snapshots: the scripted insertion of a catheter, and what deforms with it.
+//! A case and time to snapshots: the scripted insertion of a catheter, the live session ([`live`]), and what deforms.
 //!
 //! No clock, no files, no sockets: the caller measures time and writes results. Given the same case and settings, every
 //! frame is the same bit for bit, whatever the number of threads.
 
 mod deformation;
 mod insertion;
+pub mod live;
 mod tissue_model;
 
 pub use deformation::{DeformedSampler, Follower};

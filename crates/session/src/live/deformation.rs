@@ -1,0 +1,236 @@
+//! The deformation loop: the soft body follows the newest needle pose, as fast as it can.
+
+use crate::SessionError;
+use crate::tissue_model::{self, ModelSettings};
+use monro_case::Case;
+use monro_geometry::{Embedding, Patient, Point, Structure, Vector};
+use monro_guidance::NeedlePose;
+use monro_tissue::{Event, FrameSettings, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose};
+
+/// Length of the catheter behind its tip, mm.
+const CATHETER_LENGTH_MM: f64 = 250.0;
+/// Outer diameter of the catheter, mm (9 Fr).
+const DIAMETER_MM: f64 = 3.0;
+/// Longest time step: after a pause the tissue is slow for a moment instead of unstable, s.
+const LONGEST_STEP_S: f64 = 1.0 / 20.0;
+/// Shortest time step, s.
+const SHORTEST_STEP_S: f64 = 1.0 / 1000.0;
+
+/// The soft body at one moment. Immutable once made, so that displays can share it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Deformed {
+    /// Counts the steps; 0 is rest.
+    pub step: u64,
+    /// Time of the needle pose that it answers to, s; `None` at rest.
+    pub pose_time_s: Option<f64>,
+    /// Displacement of each node from rest, mm, in the order of the case's mesh.
+    pub displacements: Vec<[f32; 3]>,
+    /// Where the tissue of the planned target is now.
+    pub target: Point<Patient>,
+    /// What the tip is in, if in tissue.
+    pub at_tip: Option<Structure>,
+    /// Largest displacement of a node, mm.
+    pub largest_mm: f64,
+    /// Whether the solver had to take this step back and hold or retry: shown, not hidden.
+    pub fault: bool,
+}
+
+impl Deformed {
+    /// Tissue at rest.
+    pub fn at_rest(target: Point<Patient>, nodes: usize) -> Self {
+        let displacements = vec![[0.0; 3]; nodes];
+        Self { step: 0, pose_time_s: None, displacements, target, at_tip: None, largest_mm: 0.0, fault: false }
+    }
+}
+
+/// The running soft body.
+#[derive(Debug)]
+pub struct Deformation {
+    model: Model,
+    state: State,
+    stepper: Stepper,
+    /// Nodes now, mm from the model's origin.
+    nodes: Vec<[f32; 4]>,
+    target: Embedding,
+    target_at_rest: Point<Patient>,
+    last: Option<ToolPose>,
+    steps: u64,
+}
+
+impl Deformation {
+    /// Prepares the soft body of a case.
+    ///
+    /// # Errors
+    /// A mesh that cannot be simulated, a path beside the brain.
+    pub fn new(case: &Case, settings: &ModelSettings) -> Result<Self, SessionError> {
+        let length_mm = case.plan.length();
+        let (opening, _) =
+            tissue_model::opening(&case.tets, &case.plan).ok_or(SessionError::PathMisses { length_mm })?;
+        let model = Model::new(&case.tets, &tissue_model::options(&case.tets, opening, settings))?;
+        let state = model.rest_state();
+        Ok(Self {
+            stepper: Stepper::new(&model),
+            nodes: vec![[0.0; 4]; model.node_count()],
+            target: Embedding::new(&case.tets, &[case.plan.target()])?,
+            target_at_rest: case.plan.target(),
+            model,
+            state,
+            last: None,
+            steps: 0,
+        })
+    }
+
+    /// The tissue before anything has touched it.
+    pub fn at_rest(&self) -> Deformed {
+        Deformed::at_rest(self.target_at_rest, self.model.node_count())
+    }
+
+    /// Goes on by `dt_s` seconds, while the needle moves to where it was seen at `pose_time_s`. Steps are kept within
+    /// what the solver can take; a time step that is no number counts as the shortest.
+    pub fn advance(&mut self, needle: &NeedlePose, pose_time_s: f64, dt_s: f64) -> Deformed {
+        let to = ToolPose { tip: needle.tip(), tail: needle.tip() - needle.axis() * CATHETER_LENGTH_MM };
+        let tool = Tool { tip: TipShape::Round, radius_mm: DIAMETER_MM / 2.0 };
+        let motion = ToolMotion { tool, from: self.last.unwrap_or(to), to };
+        let dt_s = if dt_s.is_nan() { SHORTEST_STEP_S } else { dt_s.clamp(SHORTEST_STEP_S, LONGEST_STEP_S) };
+        let frame = FrameSettings { dt_s, ..FrameSettings::default() };
+        let report = self.stepper.step(&self.model, &mut self.state, &[motion], &frame);
+        self.last = Some(to);
+        self.steps += 1;
+        self.result(&report, pose_time_s)
+    }
+
+    fn result(&mut self, report: &StepReport, pose_time_s: f64) -> Deformed {
+        let displacements: Vec<[f32; 3]> = (0..self.nodes.len())
+            .map(|v| self.model.displacement(&self.state, v).to_array().map(|d| d as f32))
+            .collect();
+        let label = report.tools.first().and_then(|t| t.label);
+        Deformed {
+            step: self.steps,
+            pose_time_s: Some(pose_time_s),
+            displacements,
+            target: self.target_now(),
+            at_tip: label.and_then(|l| u8::try_from(l).ok()).and_then(Structure::from_label),
+            largest_mm: report.max_displacement_mm,
+            fault: report.events.iter().any(|e| matches!(e, Event::Held | Event::RolledBack { .. })),
+        }
+    }
+
+    /// Where the tissue of the planned target is.
+    fn target_now(&mut self) -> Point<Patient> {
+        let origin = self.model.origin();
+        for (v, node) in self.nodes.iter_mut().enumerate() {
+            let p = (self.model.position(&self.state, v) - origin).to_array();
+            *node = [p[0] as f32, p[1] as f32, p[2] as f32, 0.0];
+        }
+        let mut moved = [[0.0; 4]];
+        self.target.apply(&self.nodes, &mut moved);
+        origin + Vector::new(moved[0][0].into(), moved[0][1].into(), moved[0][2].into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Mode;
+    use monro_case::{Manifest, SCHEMA, Source};
+    use monro_geometry::{TetMesh, TriangleMesh};
+    use monro_guidance::{Plan, Side};
+    use monro_tissue::{CollisionResponse, PaperOptions};
+
+    const CELLS: usize = 6;
+    const SIZE_MM: f64 = 10.0;
+
+    /// A cube of brain with a ventricle in its middle, each cell cut into six around its diagonal.
+    fn tets() -> TetMesh {
+        const PATHS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
+        let n = CELLS + 1;
+        let mut mesh = TetMesh::default();
+        for c in 0..n * n * n {
+            let at = |a: usize| a as f64 * SIZE_MM;
+            mesh.vertices.push(Point::new(at(c % n), at(c / n % n), at(c / n / n)));
+        }
+        for c in 0..CELLS.pow(3) {
+            let cell = [c % CELLS, c / CELLS % CELLS, c / CELLS / CELLS];
+            let inside = cell.iter().all(|&v| v == 2 || v == 3);
+            for (turn, path) in PATHS.iter().enumerate() {
+                let mut at = cell;
+                let mut tet = [0; 4];
+                for (k, t) in tet.iter_mut().enumerate() {
+                    *t = (at[0] + n * (at[1] + n * at[2])) as u32;
+                    if k < 3 {
+                        at[path[k]] += 1;
+                    }
+                }
+                if turn >= 3 {
+                    tet.swap(1, 2);
+                }
+                mesh.tets.push(tet);
+                mesh.labels.push(if inside { 6 } else { 4 });
+            }
+        }
+        mesh
+    }
+
+    fn case() -> Case {
+        let source = Source { format: "test".into(), series: "".into(), dims: [1; 3], spacing_mm: [1.0; 3] };
+        let manifest = Manifest {
+            schema: SCHEMA,
+            generator: "test".into(),
+            notice: "research".into(),
+            pseudonym: "P".into(),
+            side: "right".into(),
+            skull_angle_deg: None,
+            source,
+            findings: Vec::new(),
+            files: Vec::new(),
+        };
+        let surface = TriangleMesh::default;
+        let plan = Plan::new(Side::Right, Point::new(31.0, 29.0, 80.0), Point::new(31.0, 29.0, 27.0)).expect("plan");
+        let (skin, brain, ventricles) = (surface(), surface(), surface());
+        Case { manifest, plan, landmarks: Vec::new(), skin, brain, ventricles, tets: tets() }
+    }
+
+    fn deformation() -> Deformation {
+        let settings =
+            ModelSettings { mode: Mode::Paper(PaperOptions::default()), collision: CollisionResponse::Insertion };
+        Deformation::new(&case(), &settings).expect("deformation")
+    }
+
+    fn needle(depth: f64) -> NeedlePose {
+        NeedlePose::new(case().plan.at_depth(depth), case().plan.direction()).expect("needle")
+    }
+
+    /// Pushes the needle from above the tissue to the target, and gives all frames.
+    fn insertion() -> Vec<Deformed> {
+        let mut d = deformation();
+        (0..=90).map(|i| d.advance(&needle(f64::from(i) * 53.0 / 90.0), f64::from(i) / 60.0, 1.0 / 60.0)).collect()
+    }
+
+    #[test]
+    fn tissue_rests_until_it_is_touched_and_then_gives_way_and_opens() {
+        let frames = insertion();
+        assert!(frames[10].largest_mm < 1e-3 && frames[10].at_tip.is_none());
+        let deepest = frames.iter().map(|f| f.largest_mm).fold(0.0, f64::max);
+        assert!(deepest > 0.5 && deepest < 30.0, "{deepest}");
+        let last = &frames[90];
+        assert_eq!((last.step, last.pose_time_s), (91, Some(1.5)));
+        assert_eq!(last.at_tip, Some(Structure::RightLateralVentricle));
+        assert!(last.displacements.as_flattened().iter().all(|d| d.is_finite()));
+        assert_eq!(last.displacements.len(), 7 * 7 * 7);
+    }
+
+    #[test]
+    fn the_same_poses_give_the_same_bits() {
+        assert_eq!(insertion(), insertion());
+    }
+
+    #[test]
+    fn a_pause_or_a_clock_that_jumps_does_no_harm() {
+        let mut d = deformation();
+        for (i, dt) in [f64::NAN, -1.0, 0.0, 1e9, f64::INFINITY].into_iter().enumerate() {
+            let frame = d.advance(&needle(25.0 + i as f64), 0.0, dt);
+            assert!(frame.displacements.as_flattened().iter().all(|d| d.is_finite()), "{dt}");
+            assert!(frame.largest_mm < 30.0, "{dt}");
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! A session: what is known of case, tools and patient, and how far the procedure has come.
+
+use super::{Event, Expiry, Observation, Phase, Refusal, Signal, Tracking};
+use monro_geometry::{Patient, Point, Rigid, Tool, Vector};
+use monro_guidance::{NeedlePose, Plan};
+
+/// The catheter in the frame of its tracked body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Calibration {
+    /// Its tip.
+    pub tip: Point<Tool>,
+    /// Direction from hub to tip.
+    pub axis: Vector<Tool>,
+}
+
+/// Where the patient is with respect to the tracked reference body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Registration {
+    /// The reference body's frame to the patient's image.
+    pub patient_from_reference: Rigid<Patient, Tool>,
+    /// Predicted target registration error at the target, mm, where it is known.
+    pub predicted_tre_mm: Option<f64>,
+}
+
+/// What happens to a session, with what it brings.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SessionEvent {
+    /// A case with this plan was opened.
+    CaseOpened(Plan),
+    /// The catheter was calibrated.
+    Calibrated(Calibration),
+    /// The patient was registered.
+    Registered(Registration),
+    /// Anything that brings nothing but itself.
+    Plain(PlainEvent),
+}
+
+/// An event without content.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[expect(missing_docs, reason = "named as the events of the phases")]
+pub enum PlainEvent {
+    CaseClosed,
+    ToolChanged,
+    ReferenceMoved,
+    CheckPassed,
+    CheckFailed,
+    Started,
+    Stopped,
+}
+
+impl SessionEvent {
+    const fn event(&self) -> Event {
+        match self {
+            Self::CaseOpened(_) => Event::CaseOpened,
+            Self::Calibrated(_) => Event::Calibrated,
+            Self::Registered(_) => Event::Registered,
+            Self::Plain(PlainEvent::CaseClosed) => Event::CaseClosed,
+            Self::Plain(PlainEvent::ToolChanged) => Event::ToolChanged,
+            Self::Plain(PlainEvent::ReferenceMoved) => Event::ReferenceMoved,
+            Self::Plain(PlainEvent::CheckPassed) => Event::CheckPassed,
+            Self::Plain(PlainEvent::CheckFailed) => Event::CheckFailed,
+            Self::Plain(PlainEvent::Started) => Event::Started,
+            Self::Plain(PlainEvent::Stopped) => Event::Stopped,
+        }
+    }
+}
+
+/// Names of the two tools that guidance needs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ToolNames {
+    /// The catheter with its stylet.
+    pub catheter: String,
+    /// The reference body fixed to the patient.
+    pub reference: String,
+}
+
+impl Default for ToolNames {
+    fn default() -> Self {
+        Self { catheter: "catheter".into(), reference: "reference".into() }
+    }
+}
+
+/// The live session.
+#[derive(Debug, Clone)]
+pub struct Session {
+    phase: Phase,
+    plan: Option<Plan>,
+    calibration: Option<Calibration>,
+    registration: Option<Registration>,
+    tracking: Tracking,
+    tools: ToolNames,
+    expiry: Expiry,
+}
+
+impl Session {
+    /// A session in which nothing has happened.
+    pub fn new(tools: ToolNames, expiry: Expiry) -> Self {
+        let (plan, calibration, registration) = (None, None, None);
+        Self { phase: Phase::NoCase, plan, calibration, registration, tracking: Tracking::default(), tools, expiry }
+    }
+
+    /// Takes an event of the procedure.
+    ///
+    /// # Errors
+    /// When it does not fit the phase; nothing changes then.
+    pub fn apply(&mut self, event: SessionEvent) -> Result<Phase, Refusal> {
+        self.phase = self.phase.after(event.event())?;
+        match event {
+            SessionEvent::CaseOpened(plan) => self.plan = Some(plan),
+            SessionEvent::Calibrated(c) => self.calibration = Some(c),
+            SessionEvent::Registered(r) => self.registration = Some(r),
+            SessionEvent::Plain(_) => {}
+        }
+        // What the phase does not contain any more is forgotten, so that it cannot be used by mistake.
+        self.plan = self.plan.filter(|_| self.phase >= Phase::Case);
+        self.calibration = self.calibration.filter(|_| self.phase >= Phase::Calibrated);
+        self.registration = self.registration.filter(|_| self.phase >= Phase::Registered);
+        Ok(self.phase)
+    }
+
+    /// Takes a pose; returns whether something new is known.
+    pub fn observe(&mut self, seen: &Observation) -> bool {
+        self.tracking.observe(seen)
+    }
+
+    /// How far the procedure has come.
+    pub const fn phase(&self) -> Phase {
+        self.phase
+    }
+
+    /// The plan, once a case is open.
+    pub const fn plan(&self) -> Option<&Plan> {
+        self.plan.as_ref()
+    }
+
+    /// The registration, while it holds.
+    pub const fn registration(&self) -> Option<&Registration> {
+        self.registration.as_ref()
+    }
+
+    /// The tracker's poses.
+    pub const fn tracking(&self) -> &Tracking {
+        &self.tracking
+    }
+
+    /// Age at `now` of the older of the two poses that guidance needs, s; `None` when one was never seen.
+    pub fn age(&self, now: f64) -> Option<f64> {
+        let catheter = self.tracking.latest(&self.tools.catheter)?;
+        let reference = self.tracking.latest(&self.tools.reference)?;
+        Some(now - catheter.0.min(reference.0))
+    }
+
+    /// How fresh that is.
+    pub fn signal(&self, now: f64) -> Signal {
+        self.expiry.signal(self.age(now).unwrap_or(f64::INFINITY))
+    }
+
+    /// The catheter in the patient, relative to the tracked reference: `None` before registration or when lost.
+    pub fn needle(&self, now: f64) -> Option<NeedlePose> {
+        if self.signal(now) == Signal::Lost {
+            return None;
+        }
+        let (calibration, registration) = (self.calibration?, self.registration?);
+        let (_, tracker_from_catheter) = self.tracking.latest(&self.tools.catheter)?;
+        let (_, tracker_from_reference) = self.tracking.latest(&self.tools.reference)?;
+        let reference_from_catheter = tracker_from_reference.inverse().after(&tracker_from_catheter);
+        let patient_from_catheter = registration.patient_from_reference.after(&reference_from_catheter);
+        NeedlePose::of_tool(&patient_from_catheter, calibration.tip, calibration.axis).ok()
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::live::{Script, ScriptTruth};
+    use monro_guidance::Side;
+
+    pub(crate) fn plan() -> Plan {
+        Plan::new(Side::Right, Point::new(-30.0, -40.0, 110.0), Point::new(-4.0, -2.0, 55.0)).expect("plan")
+    }
+
+    /// A session that navigates by the scripted tracker.
+    pub(crate) fn navigating(script: &Script) -> Session {
+        let mut s = Session::new(ToolNames::default(), Expiry::default());
+        let ScriptTruth { calibration, registration } = script.truth();
+        for event in [
+            SessionEvent::CaseOpened(plan()),
+            SessionEvent::Calibrated(calibration),
+            SessionEvent::Registered(registration),
+            SessionEvent::Plain(PlainEvent::CheckPassed),
+            SessionEvent::Plain(PlainEvent::Started),
+        ] {
+            s.apply(event).expect("in order");
+        }
+        s
+    }
+
+    #[test]
+    fn a_needle_needs_everything_and_goes_when_lost() {
+        let script = Script::new(plan());
+        let mut s = navigating(&script);
+        assert_eq!((s.signal(0.0), s.needle(0.0)), (Signal::Lost, None));
+        script.observations(1.0).iter().for_each(|o| assert!(s.observe(o)));
+        assert_eq!(s.signal(1.05), Signal::Live);
+        assert!(s.needle(1.05).is_some());
+        assert_eq!(s.signal(1.2), Signal::Stale);
+        assert!(s.needle(1.2).is_some());
+        assert_eq!((s.signal(1.5), s.needle(1.5)), (Signal::Lost, None));
+    }
+
+    #[test]
+    fn the_older_of_catheter_and_reference_counts() {
+        let script = Script::new(plan());
+        let mut s = navigating(&script);
+        script.observations(1.0).iter().for_each(|o| assert!(s.observe(o)));
+        let newer = script.observations(1.4);
+        newer.iter().filter(|o| o.name == "catheter").for_each(|o| assert!(s.observe(o)));
+        assert_eq!(s.signal(1.4), Signal::Stale);
+    }
+
+    #[test]
+    fn a_bumped_reference_takes_the_registration_with_it() {
+        let script = Script::new(plan());
+        let mut s = navigating(&script);
+        script.observations(1.0).iter().for_each(|o| assert!(s.observe(o)));
+        assert_eq!(s.apply(SessionEvent::Plain(PlainEvent::ReferenceMoved)), Ok(Phase::Calibrated));
+        assert!(s.needle(1.0).is_none() && s.registration().is_none());
+        assert!(s.apply(SessionEvent::Plain(PlainEvent::Started)).is_err());
+        assert_eq!(s.phase(), Phase::Calibrated);
+    }
+}
