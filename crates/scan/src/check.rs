@@ -1,6 +1,6 @@
 //! Is this volume large enough to be a head?
 
-use crate::ScanError;
+use crate::{ScanError, Source};
 use monro_geometry::{Patient, Vector, Volume};
 
 /// Least field of view, mm. The smallest that shows a whole adult cranium is about 160 x 200 x 100 mm; a scan cut at the
@@ -40,6 +40,12 @@ pub fn head_extent_check(volume: &Volume<i16>) -> Result<(), ScanError> {
         return Err(ScanError::ThinSection { area_cm2: area / 100.0, needed_cm2: needed / 100.0 });
     }
     Ok(())
+}
+
+/// The refusal that the field of view alone makes certain.
+pub(crate) fn foresee(source: &Source) -> Option<ScanError> {
+    let extent = |a: usize| source.native_dims[a] as f64 * source.native_spacing_mm[a];
+    enough("the field of view", [extent(0), extent(1), extent(2)], FIELD_MM).err()
 }
 
 fn enough(what: &'static str, mut extent_mm: [f64; 3], needed_mm: [f64; 3]) -> Result<(), ScanError> {

@@ -6,7 +6,6 @@ use thiserror::Error;
 
 /// Why the bytes of one file were refused.
 #[derive(Debug, Error)]
-#[non_exhaustive]
 pub enum Problem {
     /// The operating system would not give the bytes.
     #[error("cannot be read: {0}")]
@@ -91,7 +90,6 @@ pub enum Problem {
 
 /// Why a DICOM series cannot be taken.
 #[derive(Debug, Clone, PartialEq, Error)]
-#[non_exhaustive]
 pub enum SeriesProblem {
     /// Another modality.
     #[error("modality {0:?} is not CT")]
@@ -99,6 +97,9 @@ pub enum SeriesProblem {
     /// A scout view.
     #[error("it is a localizer")]
     Localizer,
+    /// Maximum intensity projections, volume renderings and the like.
+    #[error("it is a projection or rendering (its ImageType says so), not slices")]
+    Projection,
     /// Too few slices for a volume.
     #[error("{images} slices make no volume, at least {needed} are needed")]
     TooFew {
@@ -153,7 +154,6 @@ fn counts(images: &[usize]) -> String {
 
 /// Why a scan was refused.
 #[derive(Debug, Error)]
-#[non_exhaustive]
 pub enum ScanError {
     /// One file is at fault.
     #[error("{}: {problem}", file.display())]

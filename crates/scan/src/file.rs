@@ -4,7 +4,7 @@ use crate::error::{Problem, ScanError, unsupported};
 use crate::raster::Raster;
 use crate::resample::{self, Stack};
 use crate::types::{Format, Inspection, Scan, SeriesSummary, Source};
-use crate::{hash, metaimage, nifti, nrrd};
+use crate::{check, hash, metaimage, nifti, nrrd};
 use monro_geometry::Volume;
 use std::path::Path;
 
@@ -50,12 +50,12 @@ pub(crate) fn inspect(path: &Path) -> Result<Inspection, ScanError> {
     with_raster(path, |format, raster| {
         let source = Source::of_grid(format, &raster.layout.grid);
         let stack = Stack::of_grid(&raster.layout.grid);
-        let refusal = stack.check_right_angle().err().map(|e| e.to_string());
+        let foreseen = resample::foresee(&stack);
+        let refusal = foreseen.as_ref().err().map(ToString::to_string);
         let step = source.native_spacing_mm[2] * source.tilt_deg.to_radians().cos();
         let mut warnings = raster.warnings;
-        if refusal.is_none() && stack.even_step().is_none() {
-            warnings.push(format!("the slices are sheared by {:.2} degrees and will be resampled", source.tilt_deg));
-        }
+        warnings.extend(foreseen.ok().flatten().map(|s| format!("will be {s}")));
+        warnings.extend(check::foresee(&source).map(|s| format!("will be refused: {s}")));
         let images = source.native_dims[2];
         Ok(Inspection {
             chosen: refusal.is_none().then_some(0),

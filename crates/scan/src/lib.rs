@@ -14,6 +14,7 @@ mod check;
 mod error;
 mod file;
 mod hash;
+mod hu;
 mod raster;
 mod resample;
 mod text;
@@ -26,7 +27,8 @@ pub mod nrrd;
 
 pub use check::head_extent_check;
 pub use error::{Problem, ScanError, SeriesProblem};
-pub use raster::{Element, Endian, HuNotes, Layout, Raster};
+pub use hu::HuNotes;
+pub use raster::{Element, Endian, Layout, Raster};
 pub use types::{Format, Inspection, ReadOptions, Scan, SeriesSummary, Source};
 
 use monro_geometry::Volume;

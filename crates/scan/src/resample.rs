@@ -5,7 +5,7 @@
 //! size, so nothing is blurred within a slice by more than a fraction of a pixel; between slices it is linear.
 
 use crate::error::Problem;
-use crate::raster::AIR;
+use crate::hu::AIR;
 use monro_geometry::{Affine, Grid, Matrix3, Patient, Point, Vector, Volume};
 
 /// A slice may lie this far from its even place, mm; DICOM positions are often rounded to a tenth.
@@ -97,6 +97,16 @@ impl Stack {
         let dims = [self.size[0], self.size[1], self.origins.len()];
         Ok(Grid::new(dims, Affine::new(linear, self.origins[0].to_array()))?)
     }
+}
+
+/// What [`onto_even_grid`] would say, without the voxels.
+pub(crate) fn foresee(stack: &Stack) -> Result<Option<String>, Problem> {
+    stack.check_right_angle()?;
+    if stack.origins.len() < 2 || stack.even_step().is_some() {
+        return Ok(None);
+    }
+    let target = Target::of(stack);
+    Ok(Some(target.sentence(stack, &target.grid(stack)?)))
 }
 
 /// Keeps an even stack as it is; otherwise resamples it and says so. `data` holds the slices in the stack's order.

@@ -66,5 +66,6 @@ fn extreme_values_come_back_and_equal_input_gives_equal_files() {
     let scan = read(a.path(), &options()).expect("read back");
     assert!(misplaced(&volume, &scan.volume) < 1e-12);
     assert!(scan.warnings.iter().any(|w| w.contains("2 voxels") && w.contains("-32768")), "{:?}", scan.warnings);
-    assert!(!scan.pseudonym.to_lowercase().contains("phantom"));
+    assert!(!scan.pseudonym.to_uppercase().contains("NOBODY"));
+    assert_eq!(scan.source.description.as_deref(), Some("Digital phantom"));
 }

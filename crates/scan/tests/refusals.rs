@@ -74,14 +74,14 @@ fn two_patients_are_refused_without_naming_them() {
     let files = series(&f.path().join("b"), &other);
     refused(f.path(), &["2 patients", "patient 1: 6", "patient 2: 6"]);
     let message = read(f.path(), &any_size()).expect_err("a refusal").to_string();
-    assert!(!message.contains("OTHER") && !message.contains("PHANTOM"), "{message}");
+    assert!(!message.contains("OTHER") && !message.contains("NOBODY"), "{message}");
     assert!(inspect(f.path()).expect("a listing").chosen.is_none());
     // A choice resolves it.
     let listed = inspect(f.path()).expect("a listing");
     let chosen = ReadOptions { series_uid: Some(listed.series[1].source.series.clone()), ..any_size() };
     assert!(read(f.path(), &chosen).is_ok());
     for file in files {
-        edit(&file, tags::PATIENT_ID, VR::LO, "PHANTOM");
+        edit(&file, tags::PATIENT_ID, VR::LO, &SeriesMeta::default().patient_id);
     }
     assert!(read(f.path(), &any_size()).is_ok());
 }

@@ -2,8 +2,8 @@
 
 use super::folder::Survey;
 use super::series::Series;
-use crate::ReadOptions;
 use crate::error::ScanError;
+use crate::{ReadOptions, check};
 use std::path::Path;
 
 /// Merits in the order in which they decide; all that is equal is decided by the first series met.
@@ -22,9 +22,8 @@ struct Merit {
 impl Merit {
     fn of(series: &Series) -> Self {
         let s = series.source();
-        let extent = |a: usize| s.native_dims[a] as f64 * s.native_spacing_mm[a];
         Self {
-            large: extent(0) >= 130.0 && extent(1) >= 130.0 && extent(2) >= 60.0,
+            large: check::foresee(&s).is_none(),
             axial: s.orientation == "axial",
             soft: !s.kernel.as_deref().is_some_and(is_bone_kernel),
             thin: s.native_spacing_mm[2] <= 3.0,
@@ -126,4 +125,42 @@ pub(crate) fn choose(
     }
     let reason = |s: &Series| s.refusal.as_ref().map(|r| format!("{}: {r}", s.id));
     Err(ScanError::NoUsableSeries { folder: path.to_path_buf(), reasons: series.iter().filter_map(reason).collect() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kernels_of_all_makers() {
+        for bone in [
+            "BONE", "BONEPLUS", "EDGE", "LUNG", "H60s", "H70h", "Hr68f\\3", "Br64", "J70h", "FC30", "FC81", "FC51",
+            "D", "YE",
+        ] {
+            assert!(is_bone_kernel(bone), "{bone}");
+        }
+        for soft in [
+            "STANDARD", "STD+", "SOFT", "H31s", "H40s", "Hr40", "J40s", "FC68", "FC26", "FC13", "UB", "B", "C", "HEAD",
+            "",
+        ] {
+            assert!(!is_bone_kernel(soft), "{soft}");
+        }
+    }
+
+    #[test]
+    fn merits_decide_in_their_order() {
+        let base = Merit { large: true, axial: true, soft: true, thin: false, slices: 30 };
+        let cases = [
+            (Merit { large: false, slices: 900, ..base }, "it is as large as a head"),
+            (Merit { axial: false, thin: true, ..base }, "it is axial"),
+            (Merit { soft: false, thin: true, slices: 300, ..base }, "it has no bone kernel"),
+            (Merit { slices: 29, ..base }, "it has more slices"),
+            (base, "it comes first"),
+        ];
+        for (other, why) in cases {
+            assert!(base >= other);
+            assert_eq!(base.beats(other), why);
+        }
+        assert!(Merit { thin: true, slices: 10, ..base } > base);
+    }
 }

@@ -105,6 +105,13 @@ fn list(root: &Path, folder: &Path, depth: usize, out: &mut Vec<PathBuf>) -> Res
     Ok(())
 }
 
+/// Whether a file begins like DICOM.
+pub(crate) fn is_dicom_file(file: &Path) -> bool {
+    let mut begin = Vec::new();
+    let read = fs::File::open(file).and_then(|f| f.take(132).read_to_end(&mut begin));
+    read.is_ok() && super::outline::looks_like(&begin)
+}
+
 /// The bytes of a DICOM file; `None` for another file, of which only the beginning is read.
 pub(crate) fn load(file: &Path) -> Result<Option<Vec<u8>>, Problem> {
     let unreadable = |e: std::io::Error| Problem::Unreadable(e.to_string());

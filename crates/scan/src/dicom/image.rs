@@ -9,6 +9,9 @@ use dicom_object::{InMemDicomObject, OpenFileOptions};
 use monro_geometry::{Patient, Point, Vector};
 use std::path::{Path, PathBuf};
 
+/// Words of the image type that mark renderings.
+const PROJECTIONS: [&str; 7] = ["MIP", "MINIP", "AIP", "VRT", "SSD", "PROJECTION IMAGE", "VOLUME RENDERING"];
+
 /// One slice, not decoded.
 #[derive(Debug, Clone)]
 pub(crate) struct Image {
@@ -22,6 +25,8 @@ pub(crate) struct Image {
     pub(crate) instance_uid: String,
     pub(crate) modality: String,
     pub(crate) localizer: bool,
+    /// A rendering or projection (MIP and the like), whose values are not those of the tissue.
+    pub(crate) projection: bool,
     pub(crate) acquisition: Option<i64>,
     pub(crate) about: About,
     /// Columns and rows.
@@ -165,6 +170,7 @@ fn image(
         series_uid: text(tags::SERIES_INSTANCE_UID),
         instance_uid: text(tags::SOP_INSTANCE_UID),
         modality: text(tags::MODALITY),
+        projection: a.image_type().iter().any(|t| PROJECTIONS.contains(&t.to_uppercase().as_str())),
         localizer: a.image_type().iter().any(|t| t.eq_ignore_ascii_case("LOCALIZER")),
         acquisition: a.whole(tags::ACQUISITION_NUMBER),
         about: about(a),

@@ -19,13 +19,13 @@ pub use write::{SeriesMeta, WriteError, write_series};
 
 use crate::error::ScanError;
 use crate::types::{Inspection, Scan};
-use crate::{ReadOptions, file, hash, resample};
+use crate::{ReadOptions, check, file, hash, resample};
 use folder::Survey;
 use std::path::Path;
 
 /// Whether a path is to be read by this module: a folder, or a DICOM file.
 pub(crate) fn is_dicom(path: &Path) -> bool {
-    path.is_dir() || matches!(folder::load(path), Ok(Some(_)))
+    path.is_dir() || folder::is_dicom_file(path)
 }
 
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
@@ -80,6 +80,10 @@ pub(crate) fn inspect(path: &Path) -> Result<Inspection, ScanError> {
     }
     if let Some(n) = chosen {
         warnings.extend(series[n].warnings.iter().cloned());
+        let foreseen = series[n].stack.as_ref().and_then(|s| resample::foresee(s).transpose());
+        warnings
+            .extend(foreseen.map(|s| s.map_or_else(|e| format!("will be refused: {e}"), |s| format!("will be {s}"))));
+        warnings.extend(check::foresee(&series[n].source()).map(|s| format!("will be refused: {s}")));
     }
     Ok(Inspection { series: series.iter().map(series::Series::summary).collect(), chosen, reason, warnings })
 }

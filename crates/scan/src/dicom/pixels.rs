@@ -6,7 +6,7 @@ use super::outline::{Outline, Pixels, outline};
 use super::rle;
 use super::series::PADDING_HU;
 use crate::error::{Problem, ScanError, header};
-use crate::raster::{AIR, HuNotes};
+use crate::hu::{AIR, HuNotes};
 use dicom_dictionary_std::uids;
 use dicom_object::OpenFileOptions;
 use dicom_pixeldata::PixelDecoder;

@@ -58,7 +58,7 @@ fn belongs(a: &Image, b: &Image) -> bool {
         // A slice without a placement spoils the series that it claims to be of, rather than being lost.
         _ => true,
     };
-    let same = |i: &Image| (i.size, i.localizer, i.about.kernel.clone(), i.modality.clone());
+    let same = |i: &Image| (i.size, i.localizer, i.projection, i.about.kernel.clone(), i.modality.clone());
     a.series_uid == b.series_uid && parallel && same(a) == same(b)
 }
 
@@ -122,6 +122,9 @@ impl Series {
         }
         if first.localizer {
             return Err(SeriesProblem::Localizer);
+        }
+        if first.projection {
+            return Err(SeriesProblem::Projection);
         }
         for image in &self.images {
             let s = &image.stored;

@@ -18,7 +18,7 @@ const SKEW: f64 = 1e-6;
 pub struct SeriesMeta {
     /// All UIDs are made from this.
     pub seed: u64,
-    /// Patient's name, "Family^Given"; at most 64 characters.
+    /// Patient's name, "Family^Given". Texts are cut to what DICOM allows: 64 characters, the kernel 16.
     pub patient_name: String,
     /// Patient's id.
     pub patient_id: String,
@@ -38,9 +38,9 @@ impl Default for SeriesMeta {
     fn default() -> Self {
         Self {
             seed: 0,
-            patient_name: "Phantom^Monro".into(),
-            patient_id: "PHANTOM".into(),
-            description: "Monro phantom".into(),
+            patient_name: "Nobody^Synthetic".into(),
+            patient_id: "NOBODY".into(),
+            description: "Digital phantom".into(),
             manufacturer: "Monro".into(),
             kernel: "SOFT".into(),
             kvp: 120.0,
@@ -51,7 +51,6 @@ impl Default for SeriesMeta {
 
 /// Why a series could not be written.
 #[derive(Debug, Error)]
-#[non_exhaustive]
 pub enum WriteError {
     /// A file or folder could not be made.
     #[error("{}: cannot be written: {reason}", file.display())]
@@ -137,8 +136,8 @@ impl<'a> Writer<'a> {
     fn patient_and_study(&self, o: &mut InMemDicomObject) {
         let m = self.meta;
         text(o, tags::SPECIFIC_CHARACTER_SET, VR::CS, "ISO_IR 192");
-        text(o, tags::PATIENT_NAME, VR::PN, &m.patient_name);
-        text(o, tags::PATIENT_ID, VR::LO, &m.patient_id);
+        text(o, tags::PATIENT_NAME, VR::PN, &plain(&m.patient_name, 64));
+        text(o, tags::PATIENT_ID, VR::LO, &plain(&m.patient_id, 64));
         for (tag, vr) in [
             (tags::PATIENT_BIRTH_DATE, VR::DA),
             (tags::PATIENT_SEX, VR::CS),
@@ -160,11 +159,11 @@ impl<'a> Writer<'a> {
         text(o, tags::MODALITY, VR::CS, "CT");
         text(o, tags::SERIES_INSTANCE_UID, VR::UI, &self.uid("series", 0));
         text(o, tags::SERIES_NUMBER, VR::IS, &m.number.to_string());
-        text(o, tags::SERIES_DESCRIPTION, VR::LO, &m.description);
+        text(o, tags::SERIES_DESCRIPTION, VR::LO, &plain(&m.description, 64));
         text(o, tags::PATIENT_POSITION, VR::CS, "HFS");
         text(o, tags::FRAME_OF_REFERENCE_UID, VR::UI, &self.uid("frame", 0));
-        text(o, tags::MANUFACTURER, VR::LO, &m.manufacturer);
-        text(o, tags::CONVOLUTION_KERNEL, VR::SH, &m.kernel);
+        text(o, tags::MANUFACTURER, VR::LO, &plain(&m.manufacturer, 64));
+        text(o, tags::CONVOLUTION_KERNEL, VR::SH, &plain(&m.kernel, 16));
         text(o, tags::KVP, VR::DS, &decimal(m.kvp));
         text(o, tags::ACQUISITION_NUMBER, VR::IS, "1");
     }
@@ -214,6 +213,11 @@ impl<'a> Writer<'a> {
 
 fn text(o: &mut InMemDicomObject, tag: Tag, vr: VR, value: &str) {
     o.put(DataElement::new(tag, vr, PrimitiveValue::from(value)));
+}
+
+/// A text as one value of at most `longest` characters: a backslash would separate two.
+fn plain(value: &str, longest: usize) -> String {
+    value.chars().map(|c| if c == '\\' || c.is_control() { '/' } else { c }).take(longest).collect()
 }
 
 /// A decimal string: the most digits that fit its 16 characters.
