@@ -3,6 +3,7 @@
 //! Works on volumes in memory and knows no files. Fields are in HU, positions in LPS mm.
 
 pub mod edit;
+mod image;
 pub mod landmarks;
 pub mod livewire;
 pub mod phantom;
