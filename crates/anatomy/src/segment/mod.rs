@@ -1,1 +1,115 @@
-//! Automatic segmentation of a head CT.
+//! Automatic segmentation of a head CT, and the check of labels made elsewhere.
+//!
+//! The way: resample to 1 mm in the patient's axes ([`working`]); thresholds from the scan's own values ([`tissue`]);
+//! the space inside the skull ([`cavity`]); its plane of symmetry ([`midplane`]); the pose of a coarse ventricle model
+//! ([`model`]); a flood of the fluid from the model's seeds ([`ventricles`]); and labels painted on the scan's own grid
+//! ([`paint`]).
+
+mod cavity;
+mod csf;
+mod error;
+mod given;
+mod head;
+pub(crate) mod lattice;
+mod midplane;
+pub(crate) mod model;
+mod paint;
+mod remarks;
+mod tissue;
+mod ventricles;
+mod working;
+
+pub use error::SegmentError;
+pub use given::from_labels;
+
+use crate::image::{Mask, Raster, gaussian};
+use lattice::Lattice;
+use midplane::midplane;
+use model::{Axes, Pose};
+use monro_geometry::{Patient, Plane, Structure, Volume};
+use tissue::{Tissue, brain_mode, quantile};
+use ventricles::{Scene, ventricles};
+use working::{Working, any_in_block, block_mean, working};
+
+/// The labels of a head and what is known about them.
+#[derive(Debug, Clone)]
+pub struct Segmentation {
+    /// A [`Structure`] number per voxel, on the scan's own grid.
+    pub labels: Volume<u8>,
+    /// The mid-sagittal plane; its normal points to the patient's left.
+    pub midsagittal: Plane<Patient>,
+    /// Remarks for the reader: what is cut, open, small or not found.
+    pub findings: Vec<String>,
+    /// How far each structure can be trusted, 0 to 1.
+    pub confidence: Vec<(Structure, f64)>,
+}
+
+/// Segments a head CT: scalp, skull, brain, cerebrospinal fluid, lateral and third ventricles.
+///
+/// # Errors
+/// [`SegmentError`] names what is missing.
+pub fn segment(ct: &Volume<i16>) -> Result<Segmentation, SegmentError> {
+    let working = working(ct);
+    let tissue = Tissue::of(&working)?;
+    let sharp = gaussian(&working.hu, 0.7);
+    let walls = tissue::wall(&working, &sharp, tissue);
+    let bone = |n: usize| sharp.data[n] > tissue.bone || sharp.data[n] < 0.0;
+    let cavity = cavity::cavity(&walls, &working.nodata, bone)?;
+    let head = head::head(&working, &sharp, &cavity.mask, tissue);
+    let smooth = gaussian(&working.hu, 1.0);
+    let (plane, pose, brain) = pose(&working, &smooth, &cavity.mask)?;
+    let scene = Scene { lattice: working.lattice, smooth: &smooth, cavity: &cavity.mask, pose, brain };
+    let ventricles = ventricles(&scene)?;
+    let csf = csf::csf(&gaussian(&working.hu, 1.5), &cavity.mask, &ventricles);
+    let labels = paint::paint(
+        ct.grid(),
+        &paint::Layers {
+            lattice: working.lattice,
+            head: &head,
+            cavity: &cavity.mask,
+            csf: &csf,
+            smooth: &sharp,
+            bone: tissue.bone,
+            air: tissue.air,
+            masked: working.masked_with.is_some(),
+            ventricles: &ventricles,
+        },
+    )?;
+    let evidence = remarks::Evidence {
+        working: &working,
+        cavity: &cavity,
+        bare_top_mm2: head::bare_top(&head, &cavity.mask, |n| sharp.data[n] > tissue.bone),
+        pose,
+        brain,
+        ventricles: &ventricles,
+    };
+    let (findings, confidence) = remarks::remarks(&evidence, &labels);
+    Ok(Segmentation { labels, midsagittal: plane, findings, confidence })
+}
+
+/// Midplane, pose of the ventricle model and the brain's mode.
+fn pose(working: &Working, smooth: &Raster<f32>, cavity: &Mask) -> Result<(Plane<Patient>, Pose, f32), SegmentError> {
+    let coarse = working.lattice.coarser(2);
+    let hu = block_mean(smooth, 2);
+    let space = any_in_block(cavity, 2);
+    let none = || SegmentError::NoCavity { found_ml: cavity.count() as f64 / 1000.0, needed_ml: 300.0 };
+    let plane = midplane(&hu, &space, coarse).ok_or_else(none)?;
+    let brain = brain_mode(smooth, |n| cavity.data[n]);
+    let (pose, _) = pose_from(&hu, &space, coarse, (&plane, brain)).ok_or_else(none)?;
+    Ok((plane, pose, brain))
+}
+
+/// The pose from a coarse scan; also the depth below the skull.
+fn pose_from(
+    hu: &Raster<f32>,
+    space: &Mask,
+    lattice: Lattice,
+    (plane, brain): (&Plane<Patient>, f32),
+) -> Option<(Pose, Raster<f32>)> {
+    // Ventricles and cisterns fill some percent of the deep brain: its darkest percent is fluid.
+    let mut values: Vec<f32> = hu.data.iter().zip(&space.data).filter(|(_, s)| **s).map(|(v, _)| *v).collect();
+    let fluid = quantile(&mut values, 0.01).clamp(brain - 35.0, brain - 12.0);
+    let (like, depth) = model::likeness(space, lattice, |n| (brain - hu.data[n]) / (brain - fluid));
+    let axes = Axes::new(&depth, lattice, plane)?;
+    Some((model::fit(&like, lattice, axes), depth))
+}

@@ -1,0 +1,93 @@
+//! What can keep a scan from being segmented, and the way out.
+
+use monro_geometry::GridError;
+use thiserror::Error;
+
+/// Why no segmentation was made. Every message names what is missing; labels made by hand always remain possible.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum SegmentError {
+    /// Hardly any bone: not a head, or not in HU.
+    #[error(
+        "no skull: only {bone_ml:.0} mL above {threshold:.0} HU (at least {needed_ml:.0} mL expected); \
+         check that the scan is a head CT in HU, or give labels with --labels FILE or the editor"
+    )]
+    NoSkull {
+        /// Volume above the threshold, mL.
+        bone_ml: f64,
+        /// The threshold, HU.
+        threshold: f64,
+        /// Volume that a skull has at least, mL.
+        needed_ml: f64,
+    },
+    /// No space inside the skull that could hold a brain.
+    #[error(
+        "no intracranial space: the largest enclosed soft-tissue region has {found_ml:.0} mL (at least {needed_ml:.0} mL \
+         expected); is the head cut off? Give labels with --labels FILE or the editor"
+    )]
+    NoCavity {
+        /// Volume found, mL.
+        found_ml: f64,
+        /// Volume needed, mL.
+        needed_ml: f64,
+    },
+    /// Brain and cerebrospinal fluid cannot be told apart.
+    #[error(
+        "no contrast between brain ({brain:.1} HU) and the darkest fluid near the ventricles ({csf:.1} HU); contrast \
+         agent, blood or a wrong window? Give labels with --labels FILE or the editor"
+    )]
+    NoContrast {
+        /// Mode of the brain, HU.
+        brain: f64,
+        /// Dark mode, HU.
+        csf: f64,
+    },
+    /// A lateral ventricle was not found.
+    #[error(
+        "no {side} lateral ventricle: {found_ml:.2} mL of fluid where it should lie (at least {needed_ml:.1} mL \
+         expected); slit or displaced ventricles must be given with --labels FILE or the editor"
+    )]
+    NoVentricle {
+        /// "left" or "right" (the patient's).
+        side: &'static str,
+        /// Volume found, mL.
+        found_ml: f64,
+        /// Volume needed, mL.
+        needed_ml: f64,
+    },
+    /// A given label volume does not lie over the scan.
+    #[error(
+        "the labels cover {covered:.0} % of the scan's grid: scan {scan_dims:?} voxels at {scan_origin:?} mm, labels \
+         {label_dims:?} voxels at {label_origin:?} mm (LPS); export them again in the scan's own space"
+    )]
+    LabelsElsewhere {
+        /// Part of the scan's grid under the label volume, percent.
+        covered: f64,
+        /// Dimensions of the scan.
+        scan_dims: [usize; 3],
+        /// First voxel of the scan, LPS mm.
+        scan_origin: [f64; 3],
+        /// Dimensions of the label volume.
+        label_dims: [usize; 3],
+        /// First voxel of the label volume, LPS mm.
+        label_origin: [f64; 3],
+    },
+    /// A given label volume has a number that no structure has.
+    #[error("label {label} ({voxels} voxels) names no structure; known are 0 outside to 7 third_ventricle")]
+    UnknownLabel {
+        /// The number.
+        label: u8,
+        /// How many voxels carry it.
+        voxels: usize,
+    },
+    /// A given label volume lacks a structure that a case needs.
+    #[error("the labels have no voxel of {name} (label {label}); draw it in the editor or export it too")]
+    EmptyStructure {
+        /// Name of the structure.
+        name: &'static str,
+        /// Its number.
+        label: u8,
+    },
+    /// A grid could not be made.
+    #[error(transparent)]
+    Grid(#[from] GridError),
+}

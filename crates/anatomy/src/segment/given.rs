@@ -1,0 +1,118 @@
+//! Labels that were made elsewhere.
+
+use super::Segmentation;
+use super::error::SegmentError;
+use super::lattice::Lattice;
+use super::midplane::midplane;
+use super::remarks::volumes_ml;
+use super::working::{any_in_block, block_mean, working};
+use crate::image::fill_holes;
+use monro_geometry::{Grid, Point, Structure, Volume};
+
+/// Takes labels from the editor or from another program. On another grid they are resampled (nearest voxel), and a
+/// finding says so.
+///
+/// # Errors
+/// [`SegmentError::LabelsElsewhere`], [`SegmentError::UnknownLabel`], [`SegmentError::EmptyStructure`] (brain, skull or a
+/// lateral ventricle without a voxel; scalp, fluid and third ventricle may be missing and become findings).
+pub fn from_labels(ct: &Volume<i16>, labels: Volume<u8>) -> Result<Segmentation, SegmentError> {
+    let mut findings = Vec::new();
+    let labels = on_grid_of(ct, labels, &mut findings)?;
+    check_numbers(&labels)?;
+    findings.extend(check_structures(&labels)?);
+    findings.extend(in_air(ct, &labels));
+    let midsagittal = plane_of(ct, &labels)?;
+    let confidence = Structure::ALL.into_iter().skip(1).map(|s| (s, 1.0)).collect();
+    Ok(Segmentation { labels, midsagittal, findings, confidence })
+}
+
+fn same(a: &Grid, b: &Grid) -> bool {
+    let spacing = a.spacing().iter().copied().fold(f64::INFINITY, f64::min);
+    a.dims() == b.dims() && a.corners().iter().zip(b.corners()).all(|(p, q)| p.distance(q) < 0.05 * spacing)
+}
+
+fn on_grid_of(ct: &Volume<i16>, labels: Volume<u8>, findings: &mut Vec<String>) -> Result<Volume<u8>, SegmentError> {
+    let (to, from) = (*ct.grid(), *labels.grid());
+    if same(&to, &from) {
+        return Ok(Volume::new(to, labels.into_data())?);
+    }
+    let [nx, ny, _] = to.dims();
+    let mut covered = 0usize;
+    let mut data = Vec::with_capacity(to.len());
+    for n in 0..to.len() {
+        let p =
+            to.patient_from_voxel().point(Point::new((n % nx) as f64, (n / nx % ny) as f64, (n / (nx * ny)) as f64));
+        let value = labels.nearest(p);
+        covered += usize::from(value.is_some());
+        data.push(value.unwrap_or(0));
+    }
+    let share = 100.0 * covered as f64 / to.len() as f64;
+    if share < 20.0 {
+        return Err(SegmentError::LabelsElsewhere {
+            covered: share,
+            scan_dims: to.dims(),
+            scan_origin: to.centre(0, 0, 0).to_array(),
+            label_dims: from.dims(),
+            label_origin: from.centre(0, 0, 0).to_array(),
+        });
+    }
+    findings.push(format!(
+        "labels on another grid ({:?} voxels of {:.2?} mm; scan {:?} of {:.2?} mm) were resampled with nearest neighbour",
+        from.dims(),
+        from.spacing(),
+        to.dims(),
+        to.spacing()
+    ));
+    Ok(Volume::new(to, data)?)
+}
+
+fn check_numbers(labels: &Volume<u8>) -> Result<(), SegmentError> {
+    let mut counts = [0usize; 256];
+    labels.data().iter().for_each(|&l| counts[usize::from(l)] += 1);
+    match (8..256).find(|&l| counts[l] > 0) {
+        Some(l) => Err(SegmentError::UnknownLabel { label: l as u8, voxels: counts[l] }),
+        None => Ok(()),
+    }
+}
+
+fn check_structures(labels: &Volume<u8>) -> Result<Vec<String>, SegmentError> {
+    let sizes = volumes_ml(labels);
+    let empty = |s: Structure| sizes[usize::from(s.label())] == 0.0;
+    let needed =
+        [Structure::Skull, Structure::Brain, Structure::LeftLateralVentricle, Structure::RightLateralVentricle];
+    if let Some(s) = needed.into_iter().find(|s| empty(*s)) {
+        return Err(SegmentError::EmptyStructure { name: s.name(), label: s.label() });
+    }
+    let wanted = [Structure::Scalp, Structure::Csf, Structure::ThirdVentricle];
+    Ok(wanted.into_iter().filter(|s| empty(*s)).map(|s| format!("the labels have no {}", s.name())).collect())
+}
+
+/// Labels of the head where the scan shows air outside every bone: probably shifted or mirrored.
+fn in_air(ct: &Volume<i16>, labels: &Volume<u8>) -> Option<String> {
+    let intracranial = |l: u8| Structure::from_label(l).is_some_and(Structure::is_intracranial);
+    let inside = ct.data().iter().zip(labels.data()).filter(|(_, l)| intracranial(**l));
+    let (total, air) = inside.fold((0usize, 0usize), |(t, a), (hu, _)| (t + 1, a + usize::from(*hu < -300)));
+    (air * 50 > total).then(|| {
+        let ml = air as f64 * labels.grid().voxel_volume() / 1000.0;
+        format!(
+            "{ml:.1} mL of brain, fluid or ventricle are labelled where the scan shows air: are the labels shifted?"
+        )
+    })
+}
+
+/// The midplane from the labelled intracranial space.
+fn plane_of(
+    ct: &Volume<i16>,
+    labels: &Volume<u8>,
+) -> Result<monro_geometry::Plane<monro_geometry::Patient>, SegmentError> {
+    let working = working(ct);
+    let lattice: Lattice = working.lattice;
+    let mut space = working.nodata.map(|_| false);
+    for n in 0..space.data.len() {
+        let l = labels.nearest(lattice.point(space.voxel(n).map(|c| c as f64)));
+        space.data[n] = l.and_then(Structure::from_label).is_some_and(Structure::is_intracranial);
+    }
+    let space = any_in_block(&fill_holes(&space), 2);
+    midplane(&block_mean(&working.hu, 2), &space, lattice.coarser(2))
+        .ok_or(SegmentError::EmptyStructure { name: Structure::Brain.name(), label: Structure::Brain.label() })
+}

@@ -1,0 +1,271 @@
+//! The ventricles: fluid reached from the posed model's seeds before it is reached from cisterns and sulci.
+
+use super::error::SegmentError;
+use super::lattice::Lattice;
+use super::model::Pose;
+use super::tissue::quantile;
+use crate::image::{Mask, Raster, close, dilate, distance_to, distance_to_false, label, open, watershed};
+use monro_geometry::{Patient, Point};
+
+/// Classes of the map: as below, 0 none.
+pub(crate) const LEFT: u8 = 1;
+pub(crate) const RIGHT: u8 = 2;
+pub(crate) const THIRD: u8 = 3;
+/// Fluid outside the ventricles: a rival in the flood only.
+const ELSEWHERE: u8 = 4;
+
+/// Room around the model's course, mm.
+const ROOM: f64 = 40.0;
+/// Fluid must be at least this much darker than brain, HU.
+const LEAST_CONTRAST: f32 = 8.0;
+/// Calcified choroid plexus is at least this much brighter than brain, HU (grey matter is 5 brighter than white).
+const CALCIFIED: f32 = 13.0;
+/// A lateral ventricle has at least this, mL.
+const LEAST_ML: f64 = 0.4;
+
+/// What the search needs to know, on the working raster (1 mm voxels).
+#[derive(Debug)]
+pub(crate) struct Scene<'a> {
+    pub(crate) lattice: Lattice,
+    /// Smoothed HU.
+    pub(crate) smooth: &'a Raster<f32>,
+    pub(crate) cavity: &'a Mask,
+    pub(crate) pose: Pose,
+    /// Mode of the brain, HU.
+    pub(crate) brain: f32,
+}
+
+/// The ventricles on a crop of the working raster.
+#[derive(Debug)]
+pub(crate) struct Ventricles {
+    pub(crate) lattice: Lattice,
+    /// [`LEFT`], [`RIGHT`], [`THIRD`] or 0.
+    pub(crate) classes: Raster<u8>,
+    /// 0 on the ventricles' surface, 0.5 or more deep inside, negative outside.
+    pub(crate) field: Raster<f32>,
+    /// Mode of the fluid, HU.
+    pub(crate) fluid: f32,
+    /// Edge between fluid and brain, HU.
+    pub(crate) edge: f32,
+}
+
+/// The crop with all that the steps share.
+struct Crop<'a> {
+    scene: &'a Scene<'a>,
+    lattice: Lattice,
+    hu: Raster<f32>,
+    cavity: Mask,
+    depth: Raster<f32>,
+    /// Distance to the model's course on each side, mm.
+    course: [Raster<f32>; 2],
+}
+
+/// Finds the ventricles.
+///
+/// # Errors
+/// [`SegmentError::NoContrast`], [`SegmentError::NoVentricle`].
+pub(crate) fn ventricles(scene: &Scene<'_>) -> Result<Ventricles, SegmentError> {
+    let crop = Crop::new(scene)?;
+    let fluid = crop.fluid()?;
+    let edge = (fluid + scene.brain) / 2.0;
+    let calcified = crop.calcified();
+    let dark = crop.hu.zip(&crop.cavity, |v, c| c && v < edge).or(&calcified.and(&crop.cavity));
+    let (markers, flooded) = crop.flood(&dark, &calcified, (fluid, edge));
+    let lateral = crop.lateral(&flooded, &markers);
+    let third = crop.third(&flooded, &markers);
+    let mut classes = Raster::filled(crop.hu.dims, 0u8);
+    for n in 0..classes.data.len() {
+        classes.data[n] = if lateral.data[n] > 0 { lateral.data[n] } else { u8::from(third.data[n]) * THIRD };
+    }
+    enough(&classes)?;
+    let field = crop.field(&classes, &flooded, (fluid, edge));
+    Ok(Ventricles { lattice: crop.lattice, classes, field, fluid, edge })
+}
+
+/// Refuses when a side is missing.
+fn enough(classes: &Raster<u8>) -> Result<(), SegmentError> {
+    for (class, side) in [(LEFT, "left"), (RIGHT, "right")] {
+        let found_ml = classes.data.iter().filter(|&&c| c == class).count() as f64 / 1000.0;
+        if found_ml < LEAST_ML {
+            return Err(SegmentError::NoVentricle { side, found_ml, needed_ml: LEAST_ML });
+        }
+    }
+    Ok(())
+}
+
+impl<'a> Crop<'a> {
+    fn new(scene: &'a Scene<'a>) -> Result<Self, SegmentError> {
+        let courses = [1.0, -1.0].map(|side| scene.pose.course(side));
+        let dims = scene.smooth.dims;
+        let indices: Vec<[f64; 3]> = courses.iter().flatten().map(|p| scene.lattice.index(*p)).collect();
+        let bound = |a: usize, v: f64| v.clamp(0.0, dims[a] as f64) as usize;
+        let low: [usize; 3] =
+            core::array::from_fn(|a| bound(a, indices.iter().map(|v| v[a]).fold(f64::INFINITY, f64::min) - ROOM));
+        let high: [usize; 3] =
+            core::array::from_fn(|a| bound(a, indices.iter().map(|v| v[a]).fold(f64::NEG_INFINITY, f64::max) + ROOM));
+        if (0..3).any(|a| high[a] < low[a] + 20) {
+            return Err(SegmentError::NoVentricle { side: "left or right", found_ml: 0.0, needed_ml: LEAST_ML });
+        }
+        let lattice = scene.lattice.cropped(low);
+        let cavity = scene.cavity.crop(low, high);
+        let course = courses.map(|c| distance_to(&drawn(&c, &lattice, cavity.dims)));
+        let depth = distance_to_false(scene.cavity).crop(low, high);
+        Ok(Self { scene, lattice, hu: scene.smooth.crop(low, high), cavity, depth, course })
+    }
+
+    fn nearest_course(&self, n: usize) -> f32 {
+        self.course[0].data[n].min(self.course[1].data[n])
+    }
+
+    /// Model coordinates of a voxel.
+    fn model(&self, n: usize) -> [f64; 3] {
+        self.scene.pose.model(self.lattice.point(self.hu.voxel(n).map(|c| c as f64)))
+    }
+
+    /// Mode of the fluid: the lower quartile of what is clearly darker than brain along the course, so that neither
+    /// partial volume nor oedema beside the ventricle counts.
+    fn fluid(&self) -> Result<f32, SegmentError> {
+        let brain = self.scene.brain;
+        let mut dark: Vec<f32> = (0..self.hu.data.len())
+            .filter(|&n| self.nearest_course(n) <= 3.0 && self.hu.data[n] < brain - LEAST_CONTRAST)
+            .map(|n| self.hu.data[n])
+            .collect();
+        let fluid = quantile(&mut dark, 0.25);
+        if dark.len() < 100 || brain - fluid < LEAST_CONTRAST {
+            let csf = if dark.is_empty() { brain } else { fluid };
+            return Err(SegmentError::NoContrast { brain: brain.into(), csf: csf.into() });
+        }
+        Ok(fluid)
+    }
+
+    /// Calcified choroid plexus with its dimmed rim: bright, deep, off the midline, near the course behind the foramina.
+    fn calcified(&self) -> Mask {
+        let mut bright = Mask::filled(self.hu.dims, false);
+        let bound = (14.0 * self.scene.pose.scale) as f32;
+        for n in 0..bright.data.len() {
+            if self.hu.data[n] > self.scene.brain + CALCIFIED
+                && self.depth.data[n] > 12.0
+                && self.nearest_course(n) < bound
+            {
+                let [lateral, posterior, _] = self.model(n);
+                bright.data[n] = lateral.abs() > 8.0 && posterior > 10.0;
+            }
+        }
+        dilate(&bright, 1.5)
+    }
+
+    /// Floods the dark voxels from seeds of the two lateral ventricles, the third, and everything else.
+    fn flood(&self, dark: &Mask, calcified: &Mask, (fluid, edge): (f32, f32)) -> (Raster<u8>, Raster<u8>) {
+        let inner = distance_to_false(dark);
+        let mut markers = Raster::filled(dark.dims, 0u8);
+        let mut height = Raster::filled(dark.dims, 0f32);
+        for n in 0..dark.data.len() {
+            if dark.data[n] {
+                markers.data[n] = self.marker(n, inner.data[n]);
+                let hu = if calcified.data[n] { fluid } else { self.hu.data[n] };
+                // Dark and wide first: a septum or a thin floor is brighter, a foramen narrower than what it joins.
+                height.data[n] = 0.5 * hu / (edge - fluid) - 0.08 * inner.data[n].min(4.0);
+            }
+        }
+        let flooded = watershed(&height, &markers, dark);
+        (markers, flooded)
+    }
+
+    /// The seed class of a dark voxel, `inner` mm from the nearest brighter one; 0 for none.
+    fn marker(&self, n: usize, inner: f32) -> u8 {
+        let m = self.model(n);
+        if self.depth.data[n] < 9.0 || is_cistern(m) {
+            return ELSEWHERE;
+        }
+        let near = (2.5 * self.scene.pose.scale) as f32;
+        let [lateral, posterior, superior] = m;
+        if inner >= 1.0 && self.course[0].data[n] <= near && lateral > 2.5 {
+            LEFT
+        } else if inner >= 1.0 && self.course[1].data[n] <= near && lateral < -2.5 {
+            RIGHT
+        } else if lateral.abs() < 2.0 && (1.0..14.0).contains(&posterior) && (-13.0..-4.0).contains(&superior) {
+            THIRD
+        } else {
+            0
+        }
+    }
+
+    /// The lateral ventricles: parts that hold a seed, without thin runners far from the course, choroid holes filled.
+    fn lateral(&self, flooded: &Raster<u8>, markers: &Raster<u8>) -> Raster<u8> {
+        let mut out = Raster::filled(flooded.dims, 0u8);
+        let keep = (10.0 * self.scene.pose.scale) as f32;
+        for (class, course) in [(LEFT, &self.course[0]), (RIGHT, &self.course[1])] {
+            let all = flooded.map(|c| c == class);
+            let thick = open(&all, 1.5);
+            let mut kept = all.and(&thick);
+            for n in 0..kept.data.len() {
+                kept.data[n] |= all.data[n] && course.data[n] < keep;
+            }
+            let seeds = markers.map(|m| m == class);
+            let kept = label(&kept).touching(&seeds);
+            let filled = close(&kept, 2.0);
+            for n in 0..out.data.len() {
+                let free = flooded.data[n] == 0 || flooded.data[n] == class;
+                if kept.data[n] || filled.data[n] && free && self.cavity.data[n] {
+                    out.data[n] = class;
+                }
+            }
+        }
+        out
+    }
+
+    /// The third ventricle: the seeded part within its own surroundings.
+    fn third(&self, flooded: &Raster<u8>, markers: &Raster<u8>) -> Mask {
+        let mut all = flooded.map(|c| c == THIRD);
+        for n in 0..all.data.len() {
+            if all.data[n] {
+                let [lateral, posterior, superior] = self.model(n);
+                all.data[n] =
+                    lateral.abs() < 10.0 && (-12.0..32.0).contains(&posterior) && (-24.0..9.0).contains(&superior);
+            }
+        }
+        label(&all).touching(&markers.map(|m| m == THIRD))
+    }
+
+    /// Signed field whose zero is the surface: the smoothed scan crossing the edge where that is next to a class, a
+    /// step where a class ends otherwise.
+    fn field(&self, classes: &Raster<u8>, flooded: &Raster<u8>, (fluid, edge): (f32, f32)) -> Raster<f32> {
+        let near = distance_to(&classes.map(|c| c > 0));
+        let mut field = Raster::filled(classes.dims, -0.5f32);
+        for n in 0..field.data.len() {
+            let dark = ((edge - self.hu.data[n]) / (edge - fluid)).clamp(-0.5, 1.0);
+            if classes.data[n] > 0 {
+                // Filled choroid is inside although bright.
+                field.data[n] = if dark > 0.0 { dark } else { 0.5 };
+            } else if near.data[n] <= 1.5 && self.cavity.data[n] {
+                // A dark neighbour that belongs elsewhere ends the class half way to it.
+                field.data[n] = if flooded.data[n] == 0 { dark.min(0.0) } else { -0.5 };
+            }
+        }
+        field
+    }
+}
+
+/// Where the model says that fluid is cistern, fissure or posterior fossa.
+fn is_cistern([lateral, posterior, superior]: [f64; 3]) -> bool {
+    let off = lateral.abs();
+    let quadrigeminal = off < 8.0 && posterior > 27.0 && superior < 6.0;
+    let suprasellar = off < 9.0 && posterior < 14.0 && superior < -19.0;
+    let below_tentorium = off < 32.0 && posterior < 40.0 && superior < -27.0;
+    let insular = off > 30.0 && posterior < 22.0 && (-5.0..12.0).contains(&superior);
+    let interhemispheric = off < 4.0 && superior > 32.0 || off < 3.0 && posterior < -36.0;
+    quadrigeminal || suprasellar || below_tentorium || insular || interhemispheric
+}
+
+/// The voxels through which a course runs.
+fn drawn(course: &[Point<Patient>], lattice: &Lattice, dims: [usize; 3]) -> Mask {
+    let mut mask = Mask::filled(dims, false);
+    for p in course {
+        let v = lattice.index(*p).map(f64::round);
+        if (0..3).all(|a| v[a] >= 0.0 && v[a] < dims[a] as f64) {
+            let n = mask.index(v[0] as usize, v[1] as usize, v[2] as usize);
+            mask.data[n] = true;
+        }
+    }
+    mask
+}

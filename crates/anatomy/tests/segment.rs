@@ -1,0 +1,184 @@
+//! Segmentation and landmarks against phantoms (truth) and real scans (references of the data set).
+
+use monro_anatomy::landmarks::{self, LandmarkError};
+use monro_anatomy::phantom::{HeadOptions, head};
+use monro_anatomy::segment::{SegmentError, Segmentation, from_labels, segment};
+use monro_geometry::{Grid, Patient, Point, Volume};
+use monro_scan::ReadOptions;
+use std::path::PathBuf;
+
+/// A file of the shared data; `None` (said on stdout) where there are none.
+fn data(name: &str) -> Option<PathBuf> {
+    let path = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")).join(name);
+    if !path.exists() {
+        println!("skipped: no data");
+        return None;
+    }
+    Some(path)
+}
+
+fn scan(name: &str) -> Option<Volume<i16>> {
+    Some(monro_scan::read(&data(name)?, &ReadOptions::default()).expect("scan").volume)
+}
+
+/// Dice of the structures that `ours` accepts against the reference labels that `theirs` accepts, on the reference's grid.
+fn dice(found: &Segmentation, reference: &Volume<u16>, ours: impl Fn(u8) -> bool, theirs: impl Fn(u16) -> bool) -> f64 {
+    let (mut both, mut sum) = (0usize, 0usize);
+    for (n, &r) in reference.data().iter().enumerate() {
+        let [i, j, k] = reference.grid().voxel(n);
+        let a = ours(found.labels.nearest(reference.grid().centre(i, j, k)).unwrap_or(0));
+        let b = theirs(r);
+        both += usize::from(a && b);
+        sum += usize::from(a) + usize::from(b);
+    }
+    2.0 * both as f64 / sum as f64
+}
+
+fn lateral(l: u8) -> bool {
+    l == 5 || l == 6
+}
+
+/// A `"key": [x, y, z]` entry (RAS mm) of a landmarks file, as LPS.
+fn entry(text: &str, key: &str) -> Point<Patient> {
+    let rest = &text[text.find(&format!("\"{key}\"")).expect("key")..];
+    let inside = &rest[rest.find('[').expect("[") + 1..rest.find(']').expect("]")];
+    let v: Vec<f64> = inside.split(',').map(|n| n.trim().parse().expect("number")).collect();
+    Point::new(-v[0], -v[1], v[2])
+}
+
+/// Foramina within 6 mm and Kocher's points within 12 mm of the data set's estimates.
+fn check_landmarks(ct: &Volume<i16>, found: &Segmentation, folder: &str) {
+    let text = std::fs::read_to_string(data(folder).expect("data").join("landmarks.json")).expect("landmarks");
+    let marks = landmarks::find(ct, found).expect("landmarks");
+    for (name, p, limit) in [
+        ("foramen_monro_left", marks.monro_left, 6.0),
+        ("foramen_monro_right", marks.monro_right, 6.0),
+        ("kocher_left_skin", marks.kocher_left, 12.0),
+        ("kocher_right_skin", marks.kocher_right, 12.0),
+        ("nasion_skin", marks.nasion, 8.0),
+    ] {
+        let off = p.distance(entry(&text, name));
+        assert!(off <= limit, "{folder} {name}: {off:.1} mm off");
+    }
+}
+
+#[test]
+fn the_2mm_head_agrees_with_its_reference_and_the_cyst_stays_out() {
+    let Some(ct) = scan("head-ct-2mm/head_ct.mha") else { return };
+    let found = segment(&ct).expect("segmentation");
+    let reference =
+        monro_scan::read_labels(&data("head-ct-2mm/ventricles_reference.nii.gz").expect("data")).expect("reference");
+    let score = dice(&found, &reference, lateral, |r| r == 1 || r == 2);
+    assert!(score >= 0.88, "{score}");
+    let sides = [(5, 1), (6, 2)].map(|(a, b)| dice(&found, &reference, |l| l == a, |r| r == b));
+    assert!(sides.iter().all(|s| *s > 0.8), "{sides:?}");
+    // The cyst of the posterior fossa has ventricle-like HU; 40 mm below the foramina nothing is ventricle.
+    let low = (0..ct.data().len()).filter(|&n| (5..8).contains(&found.labels.data()[n]));
+    let [_, _, z] = low
+        .map(|n| ct.grid().voxel(n))
+        .map(|[i, j, k]| ct.grid().centre(i, j, k).to_array())
+        .fold([0.0, 0.0, f64::INFINITY], |best, p| if p[2] < best[2] { p } else { best });
+    assert!(z > -561.0, "{z}");
+    check_landmarks(&ct, &found, "head-ct-2mm");
+}
+
+#[test]
+fn the_thin_head_agrees_with_its_reference_and_its_cuts_are_told() {
+    let Some(ct) = scan("head-ct-thin/head_ct.nii.gz") else { return };
+    let found = segment(&ct).expect("segmentation");
+    let reference =
+        monro_scan::read_labels(&data("head-ct-thin/ventricles_reference.nii.gz").expect("data")).expect("reference");
+    let score = dice(&found, &reference, lateral, |r| r == 1 || r == 2);
+    assert!(score >= 0.88, "{score}");
+    assert!(found.findings.iter().any(|f| f.contains("vertex cut")), "{:?}", found.findings);
+    check_landmarks(&ct, &found, "head-ct-thin");
+}
+
+#[test]
+fn the_tilted_turned_head_gives_a_sane_model() {
+    let Some(ct) = scan("head-ct-dicom-tilt/dicom") else { return };
+    let found = segment(&ct).expect("segmentation");
+    let normal = found.midsagittal.normal;
+    // The head is turned by about 11 degrees about the vertical.
+    assert!((normal.y.atan2(normal.x).to_degrees() + 11.0).abs() < 2.5, "{normal:?}");
+    let ml = |s: u8| {
+        found.labels.data().iter().filter(|&&l| l == s).count() as f64 * found.labels.grid().voxel_volume() / 1000.0
+    };
+    assert!((25.0..50.0).contains(&ml(5)) && (25.0..50.0).contains(&ml(6)), "{} {}", ml(5), ml(6));
+    assert!((2.0..9.0).contains(&ml(7)) && ml(4) > 1000.0);
+    check_landmarks(&ct, &found, "head-ct-dicom-tilt");
+}
+
+#[test]
+fn the_masked_template_has_no_skin_and_says_so() {
+    let Some(ct) = scan("ct-template-labels/template_with_skull_2mm.nii.gz") else { return };
+    let found = segment(&ct).expect("segmentation");
+    let reference =
+        monro_scan::read_labels(&data("ct-template-labels/structures_1mm.nii.gz").expect("data")).expect("reference");
+    let score = dice(&found, &reference, lateral, |r| r == 51 || r == 52);
+    assert!(score >= 0.80, "{score}");
+    assert!(matches!(landmarks::find(&ct, &found), Err(LandmarkError::NoSkin)));
+}
+
+#[test]
+fn a_phantom_is_found_again() {
+    let made = head(&HeadOptions { seed: 3, ..HeadOptions::default() }).expect("phantom");
+    let found = segment(&made.ct).expect("segmentation");
+    let truth = made.labels.map(u16::from);
+    for (s, least) in [(1, 0.95), (2, 0.9), (4, 0.88), (5, 0.9), (6, 0.9), (7, 0.85)] {
+        let score = dice(&found, &truth, |l| l == s, |t| t == u16::from(s));
+        assert!(score >= least, "structure {s}: {score}");
+    }
+    let marks = landmarks::find(&made.ct, &found).expect("landmarks");
+    for (name, p, q, limit) in [
+        ("nasion", marks.nasion, made.landmarks.nasion, 4.0),
+        ("kocher left", marks.kocher_left, made.landmarks.kocher_left, 5.0),
+        ("kocher right", marks.kocher_right, made.landmarks.kocher_right, 5.0),
+        ("monro left", marks.monro_left, made.landmarks.monro_left, 4.0),
+        ("monro right", marks.monro_right, made.landmarks.monro_right, 4.0),
+    ] {
+        assert!(p.distance(q) < limit, "{name}: {:.1} mm off", p.distance(q));
+    }
+}
+
+#[test]
+fn what_is_no_head_is_refused_by_name() {
+    let grid = Grid::axis_aligned([60, 60, 60], [3.0; 3], [0.0; 3]).expect("grid");
+    let air = Volume::filled(grid, -1000i16);
+    assert!(matches!(segment(&air), Err(SegmentError::NoSkull { .. })));
+    let water = air.map(|_| 0i16);
+    assert!(matches!(segment(&water), Err(SegmentError::NoSkull { .. })));
+    // A block of bone without a brain.
+    let mut bone = air.clone();
+    for n in 0..bone.data().len() {
+        let [i, j, k] = grid.voxel(n);
+        if [i, j, k].iter().all(|c| (15..45).contains(c)) {
+            bone.data_mut()[n] = 900;
+        }
+    }
+    let refused = segment(&bone).expect_err("no brain");
+    assert!(refused.to_string().contains("--labels FILE"), "{refused}");
+}
+
+#[test]
+fn given_labels_are_checked_and_resampled() {
+    let made = head(&HeadOptions { spacing_mm: [2.0, 2.0, 2.5], ..HeadOptions::default() }).expect("phantom");
+    let taken = from_labels(&made.ct, made.labels.clone()).expect("own labels");
+    assert_eq!(taken.labels, made.labels);
+    let turn = taken.midsagittal.normal.angle(segment(&made.ct).expect("segmentation").midsagittal.normal);
+    assert!(turn.to_degrees() < 2.0, "{turn}");
+
+    let other = head(&HeadOptions { spacing_mm: [2.5, 2.5, 3.0], ..HeadOptions::default() }).expect("phantom");
+    let moved = from_labels(&made.ct, other.labels).expect("other grid");
+    assert!(moved.findings.iter().any(|f| f.contains("nearest neighbour")), "{:?}", moved.findings);
+
+    let empty = made.labels.map(|l| if l == 6 { 5 } else { l });
+    assert_eq!(
+        from_labels(&made.ct, empty).expect_err("empty"),
+        SegmentError::EmptyStructure { name: "right_lateral_ventricle", label: 6 }
+    );
+    let strange = made.labels.map(|l| if l == 3 { 77 } else { l });
+    assert!(matches!(from_labels(&made.ct, strange), Err(SegmentError::UnknownLabel { label: 77, .. })));
+    let far = Grid::axis_aligned([9, 9, 9], [1.0; 3], [5000.0, 0.0, 0.0]).expect("grid");
+    assert!(matches!(from_labels(&made.ct, Volume::filled(far, 4)), Err(SegmentError::LabelsElsewhere { .. })));
+}
