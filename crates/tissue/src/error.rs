@@ -92,7 +92,4 @@ pub enum ModelError {
         /// Vertices in the mesh.
         vertices: usize,
     },
-    /// Physical mode is not part of this version.
-    #[error("physical mode is not part of this version; use paper mode")]
-    NotYet,
 }

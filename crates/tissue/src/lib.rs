@@ -25,9 +25,11 @@ mod membrane;
 mod model;
 mod options;
 mod paper;
+mod physical;
 mod report;
 mod sphere_tree;
 mod state;
+mod statics;
 mod step;
 mod tool;
 mod validate;
@@ -42,5 +44,6 @@ pub use options::{
 };
 pub use report::{Event, StepReport, ToolReport};
 pub use state::State;
+pub use statics::{Pressure, StaticError, StaticOptions, StaticProblem, StaticSolution, Support};
 pub use step::Stepper;
 pub use tool::{TipShape, Tool, ToolMotion, ToolPose};

@@ -3,6 +3,8 @@
 use crate::membrane::{self, Membranes};
 use crate::options::{AttachmentKind, CollisionResponse, Mode, ModelOptions};
 use crate::paper::PaperModel;
+use crate::physical::PhysicalModel;
+use crate::physical::elastic::Elastic;
 use crate::sphere_tree::SphereTree;
 use crate::vec3::{six_volume, xyz};
 use crate::{Material, ModelError, State, validate};
@@ -25,8 +27,10 @@ pub(crate) struct Tether {
 
 /// Constants of one mode.
 #[derive(Debug, Clone)]
+#[expect(clippy::large_enum_variant, reason = "one per model, never in a list")]
 pub(crate) enum Solver {
     Paper(PaperModel),
+    Physical(PhysicalModel),
 }
 
 /// Mesh, materials, attachments and everything derived from them: constant, to be shared between threads.
@@ -49,6 +53,8 @@ pub struct Model {
     pub(crate) collision: CollisionResponse,
     /// Whole volume at rest, mm3.
     pub(crate) rest_volume: f64,
+    /// Largest coordinate at rest, mm from the origin.
+    pub(crate) reach: f32,
     /// Model number of each vertex of the mesh.
     pub(crate) number: Vec<u32>,
     /// Model number of each element of the mesh.
@@ -82,10 +88,13 @@ impl Model {
         let membranes = membrane::find(&tets, &region)?;
         let tree = SphereTree::new(&rest, &tets);
         let rest_volume = (0..mesh.tets.len()).map(|t| mesh.volume(t)).sum();
-        let Mode::Paper(paper) = options.mode else { return Err(ModelError::NotYet) };
-        let solver = Solver::Paper(PaperModel::new(&rest, &tets, &region, &regions, &membranes, &paper));
+        let solver = match options.mode {
+            Mode::Paper(o) => Solver::Paper(PaperModel::new(&rest, &tets, &region, &regions, &membranes, &o)),
+            Mode::Physical(o) => Solver::Physical(PhysicalModel::new(&rest, &tets, &region, &regions, o.nodal_shear)),
+        };
         let tet_number = inverse(&tet_order);
         let collision = options.collision;
+        let reach = rest.iter().flat_map(|p| &p[..3]).fold(0f32, |m, v| m.max(v.abs()));
         Ok(Self {
             origin,
             rest,
@@ -99,6 +108,7 @@ impl Model {
             solver,
             collision,
             rest_volume,
+            reach,
             number,
             tet_number,
         })
@@ -109,7 +119,7 @@ impl Model {
         State {
             positions: self.rest.clone(),
             velocities: vec![[0.0; 4]; self.rest.len()],
-            pressure: Vec::new(),
+            pressure: vec![0.0; self.pressures()],
             tools: Vec::new(),
             time_s: 0.0,
         }
@@ -195,6 +205,22 @@ impl Model {
     pub(crate) const fn forces_are_physical(&self) -> bool {
         match self.solver {
             Solver::Paper(_) => false,
+            Solver::Physical(_) => true,
+        }
+    }
+
+    fn pressures(&self) -> usize {
+        match &self.solver {
+            Solver::Paper(_) => 0,
+            Solver::Physical(p) => p.descent.patches(),
+        }
+    }
+
+    /// The energy of physical mode.
+    pub(crate) fn elastic(&self) -> Option<&Elastic> {
+        match &self.solver {
+            Solver::Paper(_) => None,
+            Solver::Physical(p) => Some(&p.elastic),
         }
     }
 

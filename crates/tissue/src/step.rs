@@ -8,7 +8,8 @@
 use crate::contact::{self, Advance, Coupling, Rule, ToolState};
 use crate::model::Solver;
 use crate::options::FrameSettings;
-use crate::paper::{self, PaperScratch};
+use crate::paper::{self, PaperModel, PaperScratch};
+use crate::physical::descent::{Body, Descent, DescentScratch, Substep};
 use crate::report::{Event, StepReport, ToolReport};
 use crate::sphere_tree::Spheres;
 use crate::tool::{Rod, ToolMotion, travel};
@@ -34,6 +35,7 @@ pub struct Stepper {
     couplings: Vec<Coupling>,
     tethers: Vec<V3>,
     paper: PaperScratch,
+    descent: DescentScratch,
     events: Vec<Event>,
     residual: f32,
 }
@@ -49,6 +51,7 @@ impl Stepper {
             couplings: Vec::new(),
             tethers: vec![[0.0; 3]; model.tethers.len()],
             paper: PaperScratch::default(),
+            descent: DescentScratch::default(),
             events: Vec::new(),
             residual: 0.0,
         }
@@ -66,6 +69,7 @@ impl Stepper {
         let settings = settings.sane();
         state.tools.resize_with(tools.len(), ToolState::default);
         self.backup.copy_from(state);
+        let jumped = self.put_elsewhere(model, state, tools);
         let before = inverted(model, &state.positions);
         let mut report = StepReport::default();
         let mut failures = Vec::new();
@@ -74,7 +78,7 @@ impl Stepper {
             self.events.clear();
             self.attempt(model, state, tools, &settings, substeps);
             report.substeps = substeps;
-            match judge(model, state, before) {
+            match judge(model, &self.backup, state, before) {
                 Verdict::Good => break,
                 Verdict::Inverted(_) if attempt > 0 || before > 0 => break,
                 verdict => {
@@ -92,9 +96,26 @@ impl Stepper {
         }
         report.rollbacks = failures.iter().filter(|e| matches!(e, Event::RolledBack { .. })).count() as u32;
         report.events = failures;
+        report.events.extend(jumped);
         report.events.append(&mut self.events);
         self.fill(model, state, tools, &mut report);
         report
+    }
+
+    /// A tool that moves further in a frame than the finest cut allows has not gone there, it has been put there: it lets
+    /// go of the tissue and starts anew from its last pose.
+    fn put_elsewhere(&mut self, model: &Model, state: &mut State, tools: &[ToolMotion]) -> Vec<Event> {
+        let mut events = Vec::new();
+        for (tool, motion) in tools.iter().enumerate() {
+            if strides(motion) > f64::from(MOST_SUBSTEPS) {
+                if let Some(region) = core::mem::take(&mut state.tools[tool]).inside {
+                    let from = model.regions[region as usize].label;
+                    events.push(Event::Withdrawn { tool, from, to: None });
+                }
+                self.backup.tools[tool] = ToolState::default();
+            }
+        }
+        events
     }
 
     fn attempt(
@@ -125,15 +146,20 @@ impl Stepper {
         }
         self.touch(model, state, tools, share);
         self.previous.clone_from(&state.positions);
-        predict(model, state, settings, dt);
-        self.solve(model, state, settings, dt as f32);
+        match &model.solver {
+            Solver::Paper(solver) => {
+                predict(solver, model, state, settings, dt);
+                self.relax(solver, model, state, settings, dt as f32);
+            }
+            Solver::Physical(solver) => self.descend(&solver.descent, model, state, settings, dt as f32),
+        }
         for ((p, v), old) in state.positions.iter().zip(&mut state.velocities).zip(&self.previous) {
             // Equation (5).
             let d = scale(sub(xyz(*p), xyz(*old)), 1.0 / dt as f32);
             *v = [d[0], d[1], d[2], 0.0];
         }
         for (tool, motion) in tools.iter().enumerate() {
-            let Some(rod) = Rod::between(motion, model.origin, share) else { continue };
+            let Some(rod) = pose(model, motion, share) else { continue };
             let memory = &mut state.tools[tool];
             contact::settle(model, &state.positions, (tool, &rod), memory, &self.couplings, &mut self.events);
         }
@@ -144,7 +170,7 @@ impl Stepper {
     fn touch(&mut self, model: &Model, state: &mut State, tools: &[ToolMotion], share: f64) {
         self.couplings.clear();
         for (tool, motion) in tools.iter().enumerate() {
-            let Some(rod) = Rod::between(motion, model.origin, share) else {
+            let Some(rod) = pose(model, motion, share) else {
                 if !self.events.contains(&Event::BadPose { tool }) {
                     self.events.push(Event::BadPose { tool });
                 }
@@ -167,8 +193,24 @@ impl Stepper {
         }
     }
 
-    fn solve(&mut self, model: &Model, state: &mut State, settings: &FrameSettings, dt: f32) {
-        let Solver::Paper(solver) = &model.solver;
+    /// Physical mode: one implicit Euler step.
+    fn descend(&mut self, solver: &Descent, model: &Model, state: &mut State, settings: &FrameSettings, dt: f32) {
+        let mut body = Body {
+            positions: &mut state.positions,
+            velocities: &state.velocities,
+            pressure: &mut state.pressure,
+            rest: &model.rest,
+            mass: &model.mass,
+            tethers: &model.tethers,
+            couplings: &mut self.couplings,
+        };
+        let gravity = settings.gravity_mm_s2.map(|g| g as f32);
+        let step = Substep { dt, iterations: settings.iterations, gravity };
+        self.residual = solver.advance(&mut body, &mut self.descent, step);
+    }
+
+    /// Paper mode: constraints in Gauss-Seidel order, as often as asked.
+    fn relax(&mut self, solver: &PaperModel, model: &Model, state: &mut State, settings: &FrameSettings, dt: f32) {
         solver.correct(&mut self.paper, settings.iterations);
         self.tethers.fill([0.0; 3]);
         for _ in 0..settings.iterations {
@@ -231,9 +273,8 @@ impl Stepper {
 }
 
 /// Equations (1) and (2), the latter with the time step multiplied, not added.
-fn predict(model: &Model, state: &mut State, settings: &FrameSettings, dt: f64) {
+fn predict(solver: &PaperModel, model: &Model, state: &mut State, settings: &FrameSettings, dt: f64) {
     let kick = settings.gravity_mm_s2.map(|g| (g * dt) as f32);
-    let Solver::Paper(solver) = &model.solver;
     let damping = 1.0 - (1.0 - solver.damping).powf(dt);
     paper::damp(&state.positions, &mut state.velocities, &model.mass, damping as f32);
     for (p, v) in state.positions.iter_mut().zip(&mut state.velocities) {
@@ -247,11 +288,20 @@ fn predict(model: &Model, state: &mut State, settings: &FrameSettings, dt: f64) 
 }
 
 fn substeps_for(settings: &FrameSettings, tools: &[ToolMotion]) -> u32 {
-    let needed = |m: &ToolMotion| {
-        let stride = STRIDE * m.tool.radius_mm;
-        if stride > 0.0 { (travel(m) / stride).ceil().min(f64::from(MOST_SUBSTEPS)) as u32 } else { 1 }
-    };
-    tools.iter().map(needed).max().unwrap_or(1).max(settings.substeps)
+    let gone = |m: &&ToolMotion| strides(m) <= f64::from(MOST_SUBSTEPS);
+    tools.iter().filter(gone).map(|m| strides(m).ceil() as u32).max().unwrap_or(1).max(settings.substeps)
+}
+
+/// Length of a motion in units of the longest stride.
+fn strides(motion: &ToolMotion) -> f64 {
+    let stride = STRIDE * motion.tool.radius_mm;
+    if stride > 0.0 { travel(motion) / stride } else { 0.0 }
+}
+
+/// The rod a share of the way through the frame; at once at the end when it has been put there.
+fn pose(model: &Model, motion: &ToolMotion, share: f64) -> Option<Rod> {
+    let put = strides(motion) > f64::from(MOST_SUBSTEPS);
+    Rod::between(motion, model.origin, if put { 1.0 } else { share })
 }
 
 enum Verdict {
@@ -261,9 +311,11 @@ enum Verdict {
 }
 
 /// The one place where a state is accepted.
-fn judge(model: &Model, state: &State, inverted_before: usize) -> Verdict {
-    let finite = |p: &[f32; 4]| (p[0] + p[1] + p[2]).is_finite();
-    if !(state.positions.iter().all(finite) && state.velocities.iter().all(finite)) {
+fn judge(model: &Model, from: &State, state: &State, inverted_before: usize) -> Verdict {
+    let finite = |v: &[f32; 4]| (v[0] + v[1] + v[2]).is_finite();
+    // Tissue thrown across the whole model within a frame is as bad as no number.
+    let sane = |(p, q): (&[f32; 4], &[f32; 4])| (0..3).all(|a| (p[a] - q[a]).abs() < 3.0 * model.reach);
+    if !(state.positions.iter().zip(&from.positions).all(sane) && state.velocities.iter().all(finite)) {
         return Verdict::NotFinite;
     }
     let now = inverted(model, &state.positions);

@@ -77,7 +77,7 @@ pub(crate) fn options(mesh: &TetMesh, options: &ModelOptions) -> Result<(), Mode
             share("coefficient of the global volume", p.global_volume, 0.0, 1.0, "0 to 1")?;
             share("damping", p.damping, 0.0, 1.0, "0 to 1")
         }
-        Mode::Physical(p) => share("share of the elements in the volume term", p.element_share, 0.0, 1.0, "0 to 1"),
+        Mode::Physical(p) => share("nodal share of the shear energy", p.nodal_shear, 0.0, 0.5, "0 to 0.5"),
     }
 }
 

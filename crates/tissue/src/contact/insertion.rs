@@ -11,7 +11,7 @@ use crate::material::Insertion;
 use crate::membrane::OUTSIDE;
 use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
-use crate::vec3::{V3, axpy, dot, sub, xyz};
+use crate::vec3::{V3, axpy, dot, norm, sub, xyz};
 use crate::{CollisionResponse, Event, Material, Model, State};
 use monro_geometry::{Patient, Point};
 
@@ -19,6 +19,9 @@ use monro_geometry::{Patient, Point};
 const SPACING: f32 = 1.0;
 /// Stiffness of an anchor over modulus times spacing: two orders above the tissue around the shaft.
 const PENALTY: f32 = 100.0;
+
+/// Tissue dragged further than this from its rest, in radii of the tool, tears off the shaft.
+const TEAR: f32 = 10.0;
 
 /// Whether the tip goes forwards along its own axis in this frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -116,7 +119,8 @@ fn renew_anchors(
         return;
     }
     let step = spacing(rod);
-    memory.anchors.retain(|a| a.arc > -0.5 * step && a.arc < rod.length);
+    let torn = |a: &Anchor| norm(sub(current(state, a), rest_point(model, a))) > TEAR * rod.radius;
+    memory.anchors.retain(|a| a.arc > -0.5 * step && a.arc < rod.length && !torn(a));
     memory.anchors.sort_by(|a, b| a.arc.total_cmp(&b.arc));
     let old = memory.anchors.len();
     // A new anchor at the tip takes over the load of the old one: cutting goes on, it does not start anew.
@@ -181,6 +185,11 @@ fn hold(
             force: [0.0; 3],
         });
     }
+}
+
+fn current(state: &State, a: &Anchor) -> V3 {
+    let shares = a.nodes.iter().zip(&a.weights);
+    shares.fold([0.0; 3], |x, (&n, &w)| axpy(x, w, xyz(state.positions[n as usize])))
 }
 
 fn rest_point(model: &Model, a: &Anchor) -> V3 {

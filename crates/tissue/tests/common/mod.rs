@@ -5,8 +5,8 @@
 
 use monro_geometry::{Patient, Point, TetMesh};
 use monro_tissue::{
-    Attachment, AttachmentKind, CollisionResponse, Material, Mode, ModelOptions, PaperOptions, TipShape, Tool,
-    ToolMotion, ToolPose,
+    Attachment, AttachmentKind, CollisionResponse, Material, Mode, ModelOptions, PaperOptions, PhysicalOptions,
+    TipShape, Tool, ToolMotion, ToolPose,
 };
 use std::collections::BTreeMap;
 
@@ -65,6 +65,11 @@ pub fn options(mode: Mode, fixed: &[u32]) -> ModelOptions {
 /// Paper mode.
 pub fn paper() -> Mode {
     Mode::Paper(PaperOptions::default())
+}
+
+/// Physical mode.
+pub fn physical() -> Mode {
+    Mode::Physical(PhysicalOptions::default())
 }
 
 /// A 3 mm rod along z whose tip goes from one point to another.

@@ -1,0 +1,35 @@
+//! Physical mode: an elastic solid with moduli.
+//!
+//! Each substep minimises the energy of implicit Euler, `m/(2 h^2) |x - x~|^2 + E(x)`, vertex by vertex (vertex block
+//! descent, Chen et al. 2024). With this energy (see [`elastic`]) each vertex's own problem is exactly quadratic, so its
+//! 3x3 solve is its exact minimum and no step can raise the energy. The large volumetric modulus would make that crawl; it
+//! is carried by a nodal pressure instead, updated after each sweep (Uzawa) and kept from step to step, whose fixed point
+//! is the same equilibrium.
+
+pub(crate) mod descent;
+pub(crate) mod elastic;
+
+use crate::model::Region;
+use descent::Descent;
+use elastic::Elastic;
+
+/// Constants of physical mode.
+#[derive(Debug, Clone)]
+pub(crate) struct PhysicalModel {
+    pub(crate) elastic: Elastic,
+    pub(crate) descent: Descent,
+}
+
+impl PhysicalModel {
+    pub(crate) fn new(
+        rest: &[[f32; 4]],
+        tets: &[[u32; 4]],
+        region: &[u8],
+        regions: &[Region],
+        nodal_shear: f64,
+    ) -> Self {
+        let elastic = Elastic::new(rest, tets, region, regions, nodal_shear);
+        let descent = Descent::new(&elastic, rest, region, regions);
+        Self { elastic, descent }
+    }
+}

@@ -1,0 +1,150 @@
+//! The equilibrium solver against closed forms.
+
+mod common;
+
+use common::{block, nodes, options, physical};
+use monro_geometry::{Patient, Point, TetMesh};
+use monro_tissue::{
+    Material, Model, ModelOptions, Pressure, StaticError, StaticOptions, StaticProblem, StaticSolution, Support,
+};
+
+fn material(poisson: f64) -> ModelOptions {
+    let mut o = options(physical(), &[]);
+    o.materials.insert(4, Material { poisson, ..Material::BRAIN });
+    o
+}
+
+/// The mesh with its inner vertices pushed about, so that nothing is exact by symmetry.
+fn shaken(mut mesh: TetMesh, size: f64, amount: f64) -> TetMesh {
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for p in &mesh.vertices {
+        let p = p.to_array();
+        (0..3).for_each(|a| (low[a], high[a]) = (low[a].min(p[a]), high[a].max(p[a])));
+    }
+    for (i, p) in mesh.vertices.iter_mut().enumerate() {
+        let noise = |k: usize| (((i * 7919 + k * 104_729) % 1000) as f64 / 500.0 - 1.0) * amount * size;
+        let q = p.to_array();
+        // A vertex on a face stays on it.
+        *p = Point::from_array(core::array::from_fn(|a| {
+            q[a] + if q[a] == low[a] || q[a] == high[a] { 0.0 } else { noise(a) }
+        }));
+    }
+    mesh
+}
+
+fn solve(mesh: &TetMesh, options: &ModelOptions, problem: &StaticProblem) -> StaticSolution {
+    let model = Model::new(mesh, options).expect("model");
+    let solved = model.equilibrium(problem, &StaticOptions::default(), &mut || true).expect("solved");
+    assert!(solved.converged, "{} after {} steps", solved.residual, solved.steps);
+    solved
+}
+
+fn held(nodes: Vec<u32>, displacement_mm: [Option<f64>; 3]) -> impl Iterator<Item = Support> {
+    nodes.into_iter().map(move |node| Support { node, displacement_mm })
+}
+
+/// Lateral stretch of the stable neo-Hookean solid under uniaxial stretch `s`, and its force per area at rest.
+fn uniaxial(m: &Material, s: f64) -> (f64, f64) {
+    let (mu, hat) = (m.shear_kpa(), m.lame_kpa() + m.shear_kpa());
+    // Lateral stress mu l + (hat (s l^2 - 1) - mu) s l = 0, by Newton.
+    let mut l = 1.0 / s.sqrt();
+    for _ in 0..50 {
+        let f = mu + (hat * (s * l * l - 1.0) - mu) * s;
+        l -= f / (2.0 * hat * s * s * l);
+    }
+    (l, mu * s + (hat * (s * l * l - 1.0) - mu) * l * l)
+}
+
+#[test]
+fn a_stretched_bar_gives_back_its_moduli_on_three_meshes() {
+    for (cells, size) in [([2, 1, 1], 10.0), ([4, 2, 2], 5.0), ([6, 3, 3], 10.0 / 3.0)] {
+        let mesh = shaken(block(cells, size, |_| 4), size, 0.15);
+        for poisson in [0.3, 0.45, 0.49] {
+            for stretch in [0.8, 1.001, 1.3] {
+                let o = material(poisson);
+                let at = |a: usize, v: f64| nodes(&mesh, move |p| (p.to_array()[a] - v).abs() < 1e-9);
+                let mut problem = StaticProblem::default();
+                problem.supports.extend(held(at(0, 0.0), [Some(0.0), None, None]));
+                problem.supports.extend(held(at(1, 0.0), [None, Some(0.0), None]));
+                problem.supports.extend(held(at(2, 0.0), [None, None, Some(0.0)]));
+                problem.supports.extend(held(at(0, 20.0), [Some(20.0 * (stretch - 1.0)), None, None]));
+                let solved = solve(&mesh, &o, &problem);
+                let (lateral, stress) = uniaxial(&o.materials[&4], stretch);
+                let force: f64 = at(0, 20.0).iter().map(|&n| solved.reaction[n as usize].x).sum();
+                assert!((force / (stress * 100.0) - 1.0).abs() < 1e-3, "force {force}, expected {}", stress * 100.0);
+                for (p, d) in mesh.vertices.iter().zip(&solved.displacement) {
+                    let expected = [p.x * (stretch - 1.0), p.y * (lateral - 1.0), p.z * (lateral - 1.0)];
+                    let scale = 20.0 * (stretch - 1.0).abs();
+                    let error = (0..3).map(|a| (d.to_array()[a] - expected[a]).abs()).fold(0.0, f64::max);
+                    assert!(error < 1e-3 * scale, "error {error} of {scale} mm at {p:?}");
+                }
+                if stretch == 1.001 {
+                    let young = force / 100.0 / 0.001;
+                    assert!((young / 3.0 - 1.0).abs() < 0.01, "E = {young} kPa");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_sheared_block_gives_back_its_shear_modulus_and_an_affine_field_is_exact() {
+    for (cells, size) in [([2, 2, 2], 10.0), ([3, 3, 3], 20.0 / 3.0), ([5, 5, 5], 4.0)] {
+        let mesh = shaken(block(cells, size, |_| 4), size, 0.15);
+        let surface = |p: Point<Patient>| p.to_array().iter().any(|v| v.abs() < 1e-9 || (v - 20.0).abs() < 1e-9);
+        for poisson in [0.3, 0.49] {
+            let o = material(poisson);
+            let shear = 0.2;
+            let mut problem = StaticProblem::default();
+            for n in nodes(&mesh, surface) {
+                let z = mesh.vertices[n as usize].z;
+                problem.supports.push(Support { node: n, displacement_mm: [Some(shear * z), Some(0.0), Some(0.0)] });
+            }
+            let solved = solve(&mesh, &o, &problem);
+            for (p, d) in mesh.vertices.iter().zip(&solved.displacement) {
+                assert!((d.x - shear * p.z).abs() + d.y.abs() + d.z.abs() < 1e-3 * shear * 20.0, "{p:?} {d:?}");
+            }
+            // Shear stress mu times the shear on the top; edges of the top also carry the side faces' share.
+            let moment: f64 = solved.reaction.iter().zip(&mesh.vertices).map(|(r, p)| r.x * p.z).sum();
+            let modulus = moment / (20f64.powi(3) * shear);
+            assert!((modulus / o.materials[&4].shear_kpa() - 1.0).abs() < 0.01, "G = {modulus} kPa");
+        }
+    }
+}
+
+#[test]
+fn a_hanging_bar_carries_its_weight_and_pressure_pushes_inwards() {
+    let mesh = block([2, 2, 6], 5.0, |_| 4);
+    let mut problem = StaticProblem { body_force_mn_mm3: [0.0, 0.0, -1e-3], ..StaticProblem::default() };
+    problem.supports.extend(held(nodes(&mesh, |p| p.z == 30.0), [Some(0.0); 3]));
+    let solved = solve(&mesh, &material(0.45), &problem);
+    let carried: f64 = solved.reaction.iter().map(|r| r.z).sum();
+    assert!((carried - 3.0).abs() < 1e-4, "3000 mm3 of 1e-3 mN/mm3, carried {carried}");
+
+    let faces: Vec<[u32; 3]> = mesh.boundary(|_| true);
+    let squeezed = StaticProblem { pressures: vec![Pressure { faces, kpa: 0.5 }], ..StaticProblem::default() };
+    let solved = solve(&mesh, &material(0.3), &squeezed);
+    let all = solved.displacement.iter().zip(&mesh.vertices);
+    let (sum, count) = all.clone().filter(|(_, p)| p.x == 0.0).fold((0.0, 0.0), |(s, n), (d, _)| (s + d.x, n + 1.0));
+    let (far, many) = all.filter(|(_, p)| p.x == 10.0).fold((0.0, 0.0), |(s, n), (d, _)| (s + d.x, n + 1.0));
+    // Bulk modulus E / (3 (1 - 2 nu)) = 2.5 kPa, for small strain: 0.5 kPa shrinks each length by about 0.2/3.
+    let shrunk = (sum / count - far / many) / 10.0;
+    assert!((shrunk - 0.2 / 3.0).abs() < 0.01, "{shrunk}");
+}
+
+#[test]
+fn what_is_not_there_is_named() {
+    let mesh = block([2, 2, 2], 5.0, |_| 4);
+    let ask = |o: &ModelOptions, p: &StaticProblem| {
+        Model::new(&mesh, o).expect("model").equilibrium(p, &StaticOptions::default(), &mut || true).err()
+    };
+    let none = StaticProblem::default();
+    assert_eq!(ask(&options(common::paper(), &[]), &none), Some(StaticError::NotPhysical));
+    let o = material(0.45);
+    let far = StaticProblem { supports: held(vec![99], [Some(0.0); 3]).collect(), ..none.clone() };
+    assert_eq!(ask(&o, &far), Some(StaticError::Vertex { vertex: 99, vertices: 27 }));
+    let nan = StaticProblem { body_force_mn_mm3: [f64::NAN, 0.0, 0.0], ..none.clone() };
+    assert!(matches!(ask(&o, &nan), Some(StaticError::NotFinite { .. })));
+    let inside = StaticProblem { pressures: vec![Pressure { faces: vec![[13, 0, 1]], kpa: 1.0 }], ..none };
+    assert_eq!(ask(&o, &inside), Some(StaticError::Face([13, 0, 1])));
+}

@@ -1,0 +1,183 @@
+//! Behaviour of physical mode in time.
+
+mod common;
+
+use common::{block, nodes, options, physical, rod};
+use monro_geometry::{Point, Vector};
+use monro_tissue::{
+    Event, FrameSettings, Material, Mode, Model, PhysicalOptions, State, StaticOptions, StaticProblem, Stepper,
+    TipShape, Tool, ToolMotion, ToolPose,
+};
+use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
+
+#[test]
+fn rest_stays_exactly_at_rest_for_ten_thousand_frames() {
+    let mesh = block([3, 2, 2], 7.0, |c| if c[0] == 1 { 5 } else { 4 });
+    let model = Model::new(&mesh, &options(physical(), &nodes(&mesh, |p| p.z == 0.0))).expect("model");
+    let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+    let settings = FrameSettings { iterations: 1, ..FrameSettings::default() };
+    let mut last = 0.0;
+    for _ in 0..10_000 {
+        last = stepper.step(&model, &mut state, &[], &settings).max_displacement_mm;
+    }
+    assert!(last < 1e-6 * 21.0, "drift {last} mm");
+}
+
+#[test]
+fn a_sagging_block_comes_to_the_equilibrium_whatever_the_step_and_the_iterations() {
+    let mesh = block([5, 4, 3], 10.0, |_| 4);
+    let o = options(physical(), &nodes(&mesh, |p| p.x == 0.0 || p.x == 50.0));
+    let model = Model::new(&mesh, &o).expect("model");
+    let gravity = 9810.0;
+    let problem = StaticProblem { body_force_mn_mm3: [0.0, 0.0, -1040e-9 * gravity], ..StaticProblem::default() };
+    let reference = model.equilibrium(&problem, &StaticOptions::default(), &mut || true).expect("solved");
+    let tip = nodes(&mesh, |p| p.to_array() == [20.0, 20.0, 30.0])[0] as usize;
+    let sag = reference.displacement[tip].z;
+    assert!(sag < -1.0, "{sag}");
+    for rate in [30.0, 60.0, 120.0] {
+        for iterations in [5, 10, 20] {
+            let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+            let settings =
+                FrameSettings { dt_s: 1.0 / rate, substeps: 1, iterations, gravity_mm_s2: [0.0, 0.0, -gravity] };
+            for _ in 0..(3.0 * rate) as usize {
+                stepper.step(&model, &mut state, &[], &settings);
+            }
+            let worst = (0..mesh.vertices.len())
+                .map(|v| (model.displacement(&state, v) - reference.displacement[v]).norm())
+                .fold(0.0, f64::max);
+            assert!(worst < 0.01 * sag.abs(), "{rate} Hz, {iterations} iterations: {worst} mm off {sag} mm");
+        }
+    }
+}
+
+#[test]
+fn momentum_is_kept_and_a_struck_block_calms_down() {
+    let mesh = block([3, 3, 3], 6.0, |_| 4);
+    let model = Model::new(&mesh, &options(physical(), &[])).expect("model");
+    let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+    let settings = FrameSettings { iterations: 40, ..FrameSettings::default() };
+    let kick = FrameSettings { gravity_mm_s2: [600.0, 0.0, -1200.0], ..settings };
+    stepper.step(&model, &mut state, &[], &kick);
+    // A rod squeezes the block once and goes away: what it gave remains, the rest of the motion dies.
+    stepper.step(&model, &mut state, &[rod([9.0, 9.0, 18.5], [9.0, 9.0, 16.0])], &settings);
+    let masses = nodal_volumes(&mesh);
+    let momentum = |s: &State| {
+        let velocities = (0..mesh.vertices.len()).map(|v| (model.velocity(s, v), masses[v], model.position(s, v)));
+        velocities
+            .fold((Vector::ZERO, Vector::ZERO), |(p, l), (v, m, x)| (p + v * m, l + (x - Point::ORIGIN).cross(v) * m))
+    };
+    let internal = |s: &State| {
+        let mean = momentum(s).0 / masses.iter().sum::<f64>();
+        (0..mesh.vertices.len()).map(|v| masses[v] * (model.velocity(s, v) - mean).norm_squared()).sum::<f64>()
+    };
+    let (before, lively) = (momentum(&state), internal(&state));
+    for _ in 0..120 {
+        stepper.step(&model, &mut state, &[], &settings);
+    }
+    let after = momentum(&state);
+    assert!((after.0 - before.0).norm() < 0.01 * before.0.norm(), "{before:?} {after:?}");
+    assert!(internal(&state) < 0.2 * lively, "{} of {lively}", internal(&state));
+}
+
+fn nodal_volumes(mesh: &monro_geometry::TetMesh) -> Vec<f64> {
+    let mut out = vec![0.0; mesh.vertices.len()];
+    for t in 0..mesh.tets.len() {
+        mesh.tets[t].iter().for_each(|&v| out[v as usize] += mesh.volume(t) / 4.0);
+    }
+    out
+}
+
+#[test]
+fn a_rod_meets_force_punctures_cuts_rubs_and_comes_out() {
+    let mesh = block([10, 10, 8], 5.0, |c| {
+        if (3..7).contains(&c[0]) && (3..7).contains(&c[1]) && (2..5).contains(&c[2]) { 5 } else { 4 }
+    });
+    let fixed = nodes(&mesh, |p| p.z == 0.0 || p.x == 0.0 || p.x == 50.0);
+    let model = Model::new(&mesh, &options(physical(), &fixed)).expect("model");
+    let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+    let depth = |f: f64| if f < 90.0 { 43.0 - f / 3.0 } else { 13.0 + (f - 90.0) / 3.0 };
+    let mut walls = Vec::new();
+    let mut pulled_out = 0f64;
+    for f in 0..200 {
+        let motion = rod([23.1, 26.3, depth(f as f64)], [23.1, 26.3, depth((f + 1) as f64)]);
+        let report = stepper.step(&model, &mut state, &[motion], &FrameSettings::default());
+        assert_eq!(report.inverted, 0);
+        assert!(report.volume_change.abs() < 0.01);
+        let tool = report.tools[0];
+        for e in &report.events {
+            match *e {
+                Event::Punctured { from, to, force_mn, .. } => {
+                    walls.push((from, Some(to)));
+                    assert!(force_mn > 20.0, "{e:?}");
+                }
+                Event::Withdrawn { from, to, .. } => walls.push((Some(from), to)),
+                _ => {}
+            }
+        }
+        if f > 95 && tool.inserted_mm > 5.0 {
+            pulled_out = pulled_out.min(tool.axial_force_mn);
+        }
+    }
+    assert_eq!(walls, [(None, Some(4)), (Some(4), Some(5)), (Some(5), Some(4)), (Some(4), None)]);
+    // Friction pulls the other way when the rod is withdrawn, and no harder than its limit over the length inserted.
+    let limit = Material::BRAIN.insertion.static_friction_mn_per_mm * 30.0;
+    assert!(pulled_out < -3.0 && pulled_out > -1.1 * limit, "{pulled_out} mN, limit {limit}");
+}
+
+#[test]
+fn two_rods_at_once_give_the_same_bits_every_time() {
+    let mesh = block([6, 6, 5], 6.0, |c| if c[2] == 2 { 5 } else { 4 });
+    let model = Model::new(&mesh, &options(physical(), &nodes(&mesh, |p| p.z == 0.0))).expect("model");
+    let run = || {
+        let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+        for f in 0..50 {
+            let z = |f: i32| 32.0 - 0.3 * f64::from(f);
+            let tools =
+                [rod([13.0, 14.0, z(f)], [13.0, 14.0, z(f + 1)]), rod([25.0, 20.0, z(f)], [25.0, 20.0, z(f + 1)])];
+            stepper.step(&model, &mut state, &tools, &FrameSettings::default());
+        }
+        (0..mesh.vertices.len()).map(|v| model.position(&state, v).to_array().map(f64::to_bits)).collect::<Vec<_>>()
+    };
+    assert_eq!(run(), run());
+}
+
+/// Rods that jump, turn, rush and dive at random; then they go away and the tissue has to recover.
+#[test]
+fn random_tool_motions_end_without_a_trace() {
+    let mesh = block([5, 5, 5], 7.0, |c| if c.iter().all(|v| (2..4).contains(v)) { 5 } else { 4 });
+    let fixed = nodes(&mesh, |p| p.z == 0.0);
+    for mode in [physical(), Mode::Physical(PhysicalOptions { nodal_shear: 0.0 }), common::paper()] {
+        let model = Model::new(&mesh, &options(mode, &fixed)).expect("model");
+        let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+        let mut runner = TestRunner::new_with_rng(Config::default(), TestRng::deterministic_rng(RngAlgorithm::ChaCha));
+        let mut random = || f64::from(proptest::prelude::RngExt::random::<u32>(runner.rng())) / f64::from(u32::MAX);
+        let mut point = || Point::new(-10.0 + 56.0 * random(), -10.0 + 56.0 * random(), -5.0 + 60.0 * random());
+        let settings = FrameSettings { iterations: 4, ..FrameSettings::default() };
+        let mut pose = ToolPose { tip: point(), tail: point() };
+        for i in 0..60 {
+            let to = match i % 5 {
+                // A jump, a rush, a turn, a dive, a rest.
+                0 => ToolPose { tip: point(), tail: point() },
+                1 => ToolPose { tip: pose.tip.lerp(point(), 0.2), tail: pose.tail },
+                2 => ToolPose { tip: pose.tip, tail: point() },
+                3 => ToolPose { tip: pose.tip + (pose.tip - pose.tail) * 0.1, tail: pose.tail },
+                _ => pose,
+            };
+            let from = if i % 5 == 0 { to } else { pose };
+            let tool = Tool {
+                tip: if i % 2 == 0 { TipShape::Round } else { TipShape::Cone { half_angle: 0.4 } },
+                radius_mm: 1.5,
+            };
+            let report = stepper.step(&model, &mut state, &[ToolMotion { tool, from, to }], &settings);
+            assert!(report.max_displacement_mm.is_finite());
+            pose = to;
+        }
+        let mut last = None;
+        for _ in 0..150 {
+            last = Some(stepper.step(&model, &mut state, &[], &settings));
+        }
+        let last = last.expect("a step");
+        assert_eq!(last.inverted, 0, "{mode:?} {last:?}");
+        assert!(last.volume_change.abs() < 0.01, "{mode:?} {last:?}");
+    }
+}
