@@ -586,6 +586,32 @@ def dicom_two_acquisitions_of_one_series(folder):
 
 
 @case
+def dicom_two_image_types_and_a_screen_save_in_one_series(folder):
+    values, lps = noise((9, 8, 7)), PLANES["axial"]
+    more = noise((9, 8, 7), 9)
+    number = lambda ds, k, plane: setattr(ds, "AcquisitionNumber", k)
+    series(folder, values, lps, edit=number)
+    series(folder, more, lps, edit=number, names=lambda k: f"second{k}", ImageType=["DERIVED", "SECONDARY", "AXIAL"])
+
+    def colour(ds, k, plane):
+        ds.SamplesPerPixel, ds.PhotometricInterpretation, ds.PlanarConfiguration = 3, "RGB", 0
+        ds.PixelData = ds.PixelData * 3
+        del ds.ImagePositionPatient
+
+    series(folder, values, lps, names=lambda k: "zz screen", only=[0], edit=colour)
+    listed = Ours(folder, "--inspect").json
+    require([s["images"] for s in listed["series"]] == [7, 7, 1], listed)
+    require("RGB" in listed["series"][2]["refusal"], listed)
+    same(Ours(folder, "--any-size"), hu(values), lps)
+    same(Ours(folder, "--any-size", "--series", listed["series"][1]["id"]), hu(more), lps)
+    # One slice scanned again, each slice an acquisition of its own: named, not scattered.
+    shutil.rmtree(folder)
+    series(folder, values, lps, edit=number)
+    series(folder, more, lps, names=lambda k: "again", only=[4], AcquisitionNumber=30)
+    refused(folder, "004.dcm", "again", "same position")
+
+
+@case
 def dicom_mixed_folder_and_choice(folder):
     values, lps = noise((9, 8, 7)), PLANES["axial"]
     soft = dict(series=2, ConvolutionKernel="H31s", SeriesDescription="Kopf 2.0")

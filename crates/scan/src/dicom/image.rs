@@ -28,6 +28,8 @@ pub(crate) struct Image {
     /// A rendering or projection (MIP and the like), whose values are not those of the tissue.
     pub(crate) projection: bool,
     pub(crate) acquisition: Option<i64>,
+    /// All words of the image type.
+    pub(crate) kind: String,
     pub(crate) about: About,
     /// Columns and rows.
     pub(crate) size: [usize; 2],
@@ -173,6 +175,7 @@ fn image(
         projection: a.image_type().iter().any(|t| PROJECTIONS.contains(&t.to_uppercase().as_str())),
         localizer: a.image_type().iter().any(|t| t.eq_ignore_ascii_case("LOCALIZER")),
         acquisition: a.whole(tags::ACQUISITION_NUMBER),
+        kind: a.image_type().join(" "),
         about: about(a),
         size,
         stored: stored(outline, a)?,

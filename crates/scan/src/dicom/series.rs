@@ -40,7 +40,7 @@ pub(crate) fn sort(images: Vec<Image>) -> Vec<Series> {
             None => groups.push(vec![image]),
         }
     }
-    let groups = groups.into_iter().map(in_order).flat_map(by_acquisition);
+    let groups = groups.into_iter().map(in_order).flat_map(apart);
     let mut out: Vec<Series> = Vec::new();
     for group in groups {
         let uid = group[0].series_uid.clone();
@@ -58,7 +58,8 @@ fn belongs(a: &Image, b: &Image) -> bool {
         // A slice without a placement spoils the series that it claims to be of, rather than being lost.
         _ => true,
     };
-    let same = |i: &Image| (i.size, i.localizer, i.projection, i.about.kernel.clone(), i.modality.clone());
+    let grey = |i: &Image| (i.stored.samples, i.stored.photometric.clone());
+    let same = |i: &Image| (i.size, i.localizer, i.projection, grey(i), i.about.kernel.clone(), i.modality.clone());
     a.series_uid == b.series_uid && parallel && same(a) == same(b)
 }
 
@@ -83,20 +84,28 @@ fn same_place(a: &Image, b: &Image) -> bool {
     }
 }
 
-/// Splits slices that lie at the same places when each acquisition by itself has every place once.
-fn by_acquisition(group: Vec<Image>) -> Vec<Vec<Image>> {
+/// Splits slices that lie at the same places by acquisition, or else by image type, when that explains them: each part
+/// is a volume with every place once.
+fn apart(group: Vec<Image>) -> Vec<Vec<Image>> {
     let doubled = |g: &[Image]| g.windows(2).any(|w| same_place(&w[0], &w[1]));
     if !doubled(&group) {
         return vec![group];
     }
-    let mut split: Vec<Vec<Image>> = Vec::new();
-    for image in &group {
-        match split.iter_mut().find(|g| g[0].acquisition == image.acquisition) {
+    let keys: [fn(&Image) -> String; 2] = [|i| format!("{:?}", i.acquisition), |i| i.kind.clone()];
+    let splits = keys.iter().map(|key| split(&group, key));
+    let mut explained = splits.filter(|s| s.iter().all(|g| g.len() >= FEWEST && !doubled(g)));
+    explained.next().unwrap_or(vec![group])
+}
+
+fn split(group: &[Image], key: impl Fn(&Image) -> String) -> Vec<Vec<Image>> {
+    let mut parts: Vec<Vec<Image>> = Vec::new();
+    for image in group {
+        match parts.iter_mut().find(|part| key(&part[0]) == key(image)) {
             Some(part) => part.push(image.clone()),
-            None => split.push(vec![image.clone()]),
+            None => parts.push(vec![image.clone()]),
         }
     }
-    if split.len() > 1 && !split.iter().any(|g| doubled(g)) { split } else { vec![group] }
+    parts
 }
 
 impl Series {
