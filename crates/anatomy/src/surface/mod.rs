@@ -17,6 +17,9 @@ use thiserror::Error;
 /// Most cells of the even grid a surface is taken from; larger structures get a coarser step (about 0.9 mm for a head).
 const MOST_CELLS: usize = 12_000_000;
 
+/// Volume errors up to this fraction are made good by a shift along the normals.
+const TRUSTED: f64 = 0.1;
+
 /// How a surface is made from labels.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SurfaceOptions {
@@ -82,6 +85,10 @@ pub fn label_surface<T: Copy + Sync>(
         return Err(SurfaceError::TooThin { volume_mm3: even.volume, step_mm: step });
     }
     smooth(&mut mesh, options.smoothing);
+    // The voxels' volume has no bias; what averaging took from thin parts is given back.
+    if (mesh.signed_volume() / even.volume - 1.0).abs() < TRUSTED {
+        smooth::restore_volume(&mut mesh, even.volume);
+    }
     if let Some(target) = options.target_triangles {
         mesh = decimate(&mesh, target);
     }

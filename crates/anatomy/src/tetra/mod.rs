@@ -17,7 +17,7 @@ pub use report::{EdgeBand, InterfaceDistance, LabelReport, MeshReport};
 
 use cut::{RawMesh, cut_all};
 use fields::LabelFields;
-use improve::Work;
+use improve::{Coarse, Work};
 use monro_geometry::{Patient, Point, TetMesh, Volume};
 use octree::Octree;
 use size::SizeField;
@@ -135,9 +135,9 @@ pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
     let fine: Vec<usize> = (0..fields.labels.len()).filter(|&i| options.fine.contains(&fields.labels[i])).collect();
     let size = SizeField::new(&fields, &fine, options.path, options.growth, options.coarsest).ok_or_else(empty)?;
     done(Stage::Size);
-    let (raw, finest) = to_count(&fields, &size, options.elements)?;
+    let start = to_count(&fields, &size, options.elements)?;
     done(Stage::Cut);
-    let raw = improved(raw, &fields, &size, finest, options.elements);
+    let raw = improved(start, &fields, &size, options.elements);
     let mesh = finish(raw, &fields);
     done(Stage::Improve);
     let found = mesh.tets.len();
@@ -163,19 +163,28 @@ fn check(options: &MeshOptions) -> Result<(), MeshError> {
 
 /// Coarsening takes back this part of the elements that the powers of two waste.
 const SURPLUS: f64 = 1.22;
+/// Elements a lattice should have at least so that it does not miss thin parts; below, surfaces are coarsened too.
+const LEAST_LATTICE: f64 = 20_000.0;
+
+/// A cut lattice and the finest edges wanted in it and in the mesh to be made of it.
+struct Start {
+    raw: RawMesh,
+    lattice_edge: f64,
+    finest: f64,
+}
 
 /// Finds the finest edge that gives the count with its surplus; a mesh that cannot have it is left as near as it comes.
-fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<(RawMesh, f64), MeshError> {
-    let aim = wanted as f64 * SURPLUS;
+fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<Start, MeshError> {
+    let aim = (wanted as f64 * SURPLUS).max(LEAST_LATTICE);
     let mut ratio = 1.0;
-    let mut best: Option<(RawMesh, f64)> = None;
+    let mut best: Option<Start> = None;
     let miss = |n: usize| (n as f64 / aim).ln().abs();
     for _ in 0..8 {
-        let finest = finest_for(size, aim / ratio);
-        let raw = build(fields, size, finest);
+        let lattice_edge = finest_for(size, aim / ratio);
+        let raw = build(fields, size, lattice_edge);
         let found = raw.tets.len();
-        if best.as_ref().is_none_or(|b| miss(found) < miss(b.0.tets.len())) {
-            best = Some((raw, finest));
+        if best.as_ref().is_none_or(|b| miss(found) < miss(b.raw.tets.len())) {
+            best = Some(Start { raw, lattice_edge, finest: lattice_edge });
         }
         if found == 0 || miss(found) < 0.03 {
             break;
@@ -183,17 +192,36 @@ fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<(Ra
         ratio *= found as f64 / aim;
     }
     match best {
-        Some((raw, finest)) if !raw.tets.is_empty() => Ok((raw, finest)),
+        Some(mut start) if !start.raw.tets.is_empty() => {
+            if (wanted as f64) * SURPLUS < aim {
+                start.finest = finest_for(size, wanted as f64 * SURPLUS / ratio).max(start.lattice_edge);
+            }
+            Ok(start)
+        }
         _ => Err(MeshError::Count { wanted, found: 0 }),
     }
 }
 
 /// Coarsens to the count and improves the shapes.
-fn improved(raw: RawMesh, fields: &LabelFields, size: &SizeField, finest: f64, wanted: usize) -> RawMesh {
+fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize) -> RawMesh {
+    let Start { raw, lattice_edge, finest } = start;
     let mut work = Work::new(raw, fields);
-    work.coarsen(size, finest, wanted, 0.9);
+    // Points almost in one place, where surfaces meet.
+    let close = Coarse { finest: lattice_edge, target: wanted, limit: 0.3, sag: 0.08, floor: 0.3 };
+    work.coarsen(size, &close);
+    let inside = Coarse { finest, target: wanted, limit: 0.9, sag: 0.0, floor: 0.36 };
+    work.coarsen(size, &inside);
+    if work.count() > wanted {
+        work.improve();
+        for (sag, limit) in [(0.04, 0.9), (0.1, 1.2), (0.2, 2.0)] {
+            work.coarsen(size, &Coarse { sag, limit, ..inside });
+        }
+    }
     work.improve();
-    work.coarsen(size, finest, wanted, 2.0);
+    if work.count() > wanted {
+        work.coarsen(size, &Coarse { limit: 3.0, sag: 0.1, floor: 0.3, ..inside });
+        work.improve();
+    }
     work.into_raw()
 }
 
