@@ -17,7 +17,7 @@ demo: build
 	"$(CARGO_TARGET_DIR)/release/monro" demo --out "$(OUT)" --force
 
 bench: build
-	scripts/bench.sh
+	scripts/bench.sh $(SCANS)
 
 test: setup
 	scripts/test.sh

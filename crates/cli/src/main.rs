@@ -1,3 +1,43 @@
-//! The `monro` command.
+//! The `monro` command: from a head CT to a simulated catheter. Research software, not for clinical use.
 
-fn main() {}
+mod args;
+mod bench;
+mod console;
+mod demo;
+mod inspect;
+mod interrupt;
+mod phantom;
+
+mod prepare;
+
+mod simulate;
+
+use args::{Cli, Command};
+use clap::Parser;
+use console::Console;
+use std::process::ExitCode;
+
+/// Said wherever a result leaves the program.
+const NOTICE: &str = "Research software. Not for clinical use.";
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    interrupt::install();
+    let console = Console::new(cli.json);
+    let result = match &cli.command {
+        Command::Demo(a) => demo::run(a, &console),
+        Command::Inspect(a) => inspect::run(a, &console),
+        Command::Phantom(a) => phantom::run(a, &console),
+        Command::Prepare(a) => prepare::run(a, &console),
+        Command::Simulate(a) => simulate::run(a, &console),
+        Command::Bench(a) => bench::run(a, &console),
+    };
+    console.finish();
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("monro: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

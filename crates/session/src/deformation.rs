@@ -31,19 +31,33 @@ pub(crate) fn at(p: &[f32; 4], origin: Point<Patient>) -> Point<Patient> {
 }
 
 /// Answers where the tissue that is now at a point came from: the way to look up a deformed CT in the original one.
+/// Inverted elements are left out, since no place in them has one origin; [`DeformedSampler::left_out`] counts them.
 #[derive(Debug)]
 pub struct DeformedSampler {
     locator: TetLocator,
     rest: TetMesh,
+    left_out: usize,
 }
 
 impl DeformedSampler {
     /// From the mesh at rest and the same mesh deformed.
     ///
     /// # Errors
-    /// When the deformed mesh has inverted elements: no place in them has one origin.
-    pub fn new(rest: TetMesh, deformed: &TetMesh) -> Result<Self, TetMeshError> {
-        Ok(Self { locator: TetLocator::new(deformed)?, rest })
+    /// When the deformed mesh is broken otherwise: coordinates that are not finite.
+    pub fn new(rest: &TetMesh, deformed: &TetMesh) -> Result<Self, TetMeshError> {
+        let upright: Vec<usize> = (0..deformed.tets.len()).filter(|&t| deformed.volume(t) > 0.0).collect();
+        let part = |mesh: &TetMesh| TetMesh {
+            vertices: mesh.vertices.clone(),
+            tets: upright.iter().map(|&t| mesh.tets[t]).collect(),
+            labels: upright.iter().map(|&t| mesh.labels[t]).collect(),
+        };
+        let left_out = deformed.tets.len() - upright.len();
+        Ok(Self { locator: TetLocator::new(&part(deformed))?, rest: part(rest), left_out })
+    }
+
+    /// Inverted elements, in which positions are not looked up.
+    pub const fn left_out(&self) -> usize {
+        self.left_out
     }
 
     /// Rest position of the tissue now at `p`; `p` itself outside of the mesh, where nothing moves.
@@ -52,5 +66,66 @@ impl DeformedSampler {
         let corners = self.rest.corners(found.tet);
         let sum = corners.iter().zip(found.weights).fold(Vector::ZERO, |s, (c, w)| s + (*c - Point::ORIGIN) * w);
         Point::ORIGIN + sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn block() -> TetMesh {
+        // Five elements that fill a cube of 2 mm.
+        let vertices = (0..8)
+            .map(|i| Point::new(f64::from(i & 1) * 2.0, f64::from(i >> 1 & 1) * 2.0, f64::from(i >> 2) * 2.0))
+            .collect();
+        let tets = vec![[0, 1, 2, 4], [3, 2, 1, 7], [5, 4, 7, 1], [6, 7, 4, 2], [1, 2, 4, 7]];
+        TetMesh { vertices, tets, labels: vec![4; 5] }
+    }
+
+    fn bent(p: Point<Patient>) -> Point<Patient> {
+        Point::new(p.x * 1.2 + 0.1 * p.z, p.y * 0.9 - 3.0, p.z + 0.2 * p.x + 5.0)
+    }
+
+    #[test]
+    fn an_affine_deformation_is_undone_exactly() {
+        let rest = block();
+        let deformed = TetMesh { vertices: rest.vertices.iter().map(|&p| bent(p)).collect(), ..rest.clone() };
+        let sampler = DeformedSampler::new(&rest, &deformed).expect("sound");
+        for p in [Point::new(0.3, 0.4, 0.5), Point::new(1.9, 1.1, 0.2), Point::new(1.0, 1.0, 1.0)] {
+            assert!(sampler.rest_position(bent(p)).distance(p) < 1e-9, "{p:?}");
+        }
+        let far = Point::new(50.0, 0.0, 0.0);
+        assert_eq!(sampler.rest_position(far), far);
+        assert_eq!(sampler.left_out(), 0);
+    }
+
+    #[test]
+    fn an_inverted_element_is_left_out_not_fatal() {
+        let rest = block();
+        let mut deformed = rest.clone();
+        deformed.vertices[0] = Point::new(3.0, 3.0, 3.0);
+        let sampler = DeformedSampler::new(&rest, &deformed).expect("sound");
+        assert_eq!(sampler.left_out(), 1);
+        let p = Point::new(1.9, 1.9, 0.2);
+        assert!(sampler.rest_position(p).distance(p) < 1e-9);
+    }
+
+    #[test]
+    fn followers_move_with_the_nodes_around_any_origin() {
+        let rest = block();
+        let points = [Point::new(0.5, 0.25, 1.0), Point::new(1.5, 1.5, 1.5)];
+        let mut follower = Follower::new(&rest, &points).expect("sound");
+        let origin = Point::new(-7.0, 8.0, 9.0);
+        let nodes: Vec<[f32; 4]> = rest
+            .vertices
+            .iter()
+            .map(|&p| {
+                let d = bent(p) - origin;
+                [d.x as f32, d.y as f32, d.z as f32, 0.0]
+            })
+            .collect();
+        for (moved, p) in follower.follow(&nodes, origin).into_iter().zip(points) {
+            assert!(moved.distance(bent(p)) < 1e-5, "{moved:?}");
+        }
     }
 }

@@ -1,0 +1,151 @@
+//! The command line.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Elements of the simulation mesh when nothing else is asked: the paper's brain model.
+pub(crate) const DEFAULT_ELEMENTS: usize = 37_336;
+
+/// From a head CT to a simulated catheter in the ventricle. Research software, not for clinical use.
+#[derive(Debug, Parser)]
+#[command(name = "monro", version, about, arg_required_else_help = true)]
+pub(crate) struct Cli {
+    /// Print one JSON object on stdout instead of text; logs and progress always go to stderr.
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Prepare the built-in phantom, simulate an insertion and write a report.
+    Demo(DemoArgs),
+    /// Say what a scan is: series, size, spacing, warnings.
+    Inspect(InspectArgs),
+    /// Write a digital phantom as a DICOM series with its true labels and landmarks.
+    Phantom(PhantomArgs),
+    /// Make a case from a head CT: labels, surfaces, tetrahedra, plan.
+    Prepare(PrepareArgs),
+    /// Simulate the insertion of a catheter along the plan of a case.
+    Simulate(SimulateArgs),
+    /// Measure speed and memory on this machine.
+    #[command(subcommand)]
+    Bench(BenchCommand),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DemoArgs {
+    /// Folder for everything the demo makes.
+    #[arg(long, value_name = "DIR", default_value = "monro-demo")]
+    pub(crate) out: PathBuf,
+    /// Do not open a live view (there is none yet; accepted so that scripts stay valid).
+    #[arg(long)]
+    pub(crate) headless: bool,
+    /// Overwrite an existing output folder.
+    #[arg(long)]
+    pub(crate) force: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct InspectArgs {
+    /// A DICOM folder or file, or a NIfTI, NRRD or MetaImage file.
+    pub(crate) path: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PhantomArgs {
+    /// Folder to write.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Seed: varies size, ventricles, asymmetry, head position, noise.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Which phantom.
+    #[arg(long, value_enum, default_value_t = PhantomKind::Head)]
+    pub(crate) kind: PhantomKind,
+    /// Overwrite an existing output folder.
+    #[arg(long)]
+    pub(crate) force: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PhantomKind {
+    /// A head with scalp, skull, brain and ventricles.
+    Head,
+    /// The paper's gelatin phantom: a box of tissue with a fluid container.
+    Drawer,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SideArg {
+    /// The patient's left.
+    Left,
+    /// The patient's right.
+    Right,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ModeArg {
+    /// The paper's position-based dynamics with normalised coefficients.
+    Paper,
+    /// Stiffness in kPa and Poisson's ratio.
+    Physical,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PrepareArgs {
+    /// A DICOM folder or file, or a NIfTI, NRRD or MetaImage file.
+    pub(crate) scan: PathBuf,
+    /// Folder of the new case.
+    #[arg(long, value_name = "CASE")]
+    pub(crate) out: PathBuf,
+    /// Wanted number of tetrahedra.
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_ELEMENTS)]
+    pub(crate) elements: usize,
+    /// Side of the entry (default: right, or the side of --plan).
+    #[arg(long, value_enum)]
+    pub(crate) side: Option<SideArg>,
+    /// Use these labels (NIfTI, NRRD, MetaImage; numbers as in labels.nii.gz) instead of segmenting.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) labels: Option<PathBuf>,
+    /// Use this plan (3D Slicer markups, entry and target) instead of Kocher's point and the foramen of Monro.
+    #[arg(long, value_name = "FILE.mrk.json")]
+    pub(crate) plan: Option<PathBuf>,
+    /// Take this DICOM series (see "monro inspect") instead of the best one.
+    #[arg(long, value_name = "UID")]
+    pub(crate) series: Option<String>,
+    /// Overwrite an existing case.
+    #[arg(long)]
+    pub(crate) force: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SimulateArgs {
+    /// A case made by "monro prepare".
+    pub(crate) case: PathBuf,
+    /// Folder for the results.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Speed of the tip along the plan, mm/s.
+    #[arg(long, value_name = "MM_PER_S", default_value_t = 10.0)]
+    pub(crate) speed: f64,
+    /// Which soft body.
+    #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
+    pub(crate) mode: ModeArg,
+    /// Overwrite an existing output folder.
+    #[arg(long)]
+    pub(crate) force: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum BenchCommand {
+    /// Time and peak memory of preparing a scan (default: the phantom) and of simulating an insertion.
+    Prepare {
+        /// A scan as for "monro prepare"; without it the built-in phantom.
+        scan: Option<PathBuf>,
+        /// Wanted number of tetrahedra.
+        #[arg(long, value_name = "N", default_value_t = DEFAULT_ELEMENTS)]
+        elements: usize,
+    },
+}

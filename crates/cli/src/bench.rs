@@ -1,0 +1,59 @@
+//! `monro bench`: speed and memory on this machine. Nothing here is asserted by a test.
+
+use crate::args::{BenchCommand, ModeArg};
+use crate::console::{Console, seconds_json};
+use crate::prepare::{self, Request};
+use crate::{demo, simulate};
+use anyhow::Result;
+use monro_scan::{ReadOptions, Scan};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Runs one of the benches.
+pub(crate) fn run(command: &BenchCommand, console: &Console) -> Result<()> {
+    match command {
+        BenchCommand::Prepare { scan, elements } => prepare_and_insert(scan.as_deref(), *elements, console),
+    }
+}
+
+/// Prepares a scan in memory, inserts in both modes, and prints seconds per stage and the peak memory.
+fn prepare_and_insert(path: Option<&Path>, elements: usize, console: &Console) -> Result<()> {
+    let scan = match path {
+        Some(path) => console.stage("read", || monro_scan::read(path, &ReadOptions::default()))?,
+        None => phantom(console)?,
+    };
+    let request = Request { elements, side: None, labels: None, path: None };
+    let prepared = prepare::build(scan, &request, console)?;
+    let stages = console.stages();
+    let peak_mib = peak_memory_mib();
+    let mut modes = serde_json::Map::new();
+    for (name, mode) in [("paper", ModeArg::Paper), ("physical", ModeArg::Physical)] {
+        let done = simulate::insert(&prepared.case, &simulate::settings(mode, 10.0), console)?;
+        let times =
+            json!({ "frames": done.rows.len(), "ms_median": done.ms_quantile(0.5), "ms_p99": done.ms_quantile(0.99) });
+        modes.insert(name.into(), times);
+    }
+    let total: f64 = stages.iter().map(|(_, s)| s).sum();
+    let result = json!({
+        "elements": prepared.case.tets.tets.len(), "seconds": seconds_json(&stages), "seconds_total": total,
+        "peak_memory_mib": peak_mib, "threads": std::thread::available_parallelism().map_or(1, usize::from), "insertion": modes,
+    });
+    console.result(&result, &text(&result));
+    Ok(())
+}
+
+fn phantom(console: &Console) -> Result<Scan> {
+    let folder = tempfile::tempdir()?;
+    demo::phantom_as_scan(folder.path(), 0, console)
+}
+
+fn text(result: &Value) -> String {
+    format!("{result:#}")
+}
+
+/// Highest resident memory of this process so far, MiB; `None` where the system does not tell.
+fn peak_memory_mib() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| kib / 1024.0)
+}

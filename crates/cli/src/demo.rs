@@ -1,0 +1,69 @@
+//! `monro demo`: the whole chain on the built-in phantom.
+
+use crate::args::{DEFAULT_ELEMENTS, DemoArgs, ModeArg, PhantomKind};
+use crate::console::{Console, seconds_json};
+use crate::interrupt::Guard;
+use crate::prepare::{self, Request};
+use crate::{NOTICE, phantom, simulate};
+use anyhow::Result;
+use monro_case::{Case, Staging};
+use monro_scan::{ReadOptions, Scan};
+use serde_json::json;
+use std::fs;
+use std::path::Path;
+
+/// Speed of the demo's catheter, mm/s.
+const SPEED_MM_S: f64 = 10.0;
+
+/// Runs the command: phantom as DICOM, prepared, inserted, reported.
+pub(crate) fn run(args: &DemoArgs, console: &Console) -> Result<()> {
+    let staging = Staging::begin(&args.out, args.force)?;
+    let guard = Guard::new(&staging);
+    let scan = phantom_as_scan(&staging.path().join("phantom"), 0, console)?;
+    let request = Request { elements: DEFAULT_ELEMENTS, side: None, labels: None, path: None };
+    let prepared = prepare::build(scan, &request, console)?;
+    let case_dir = sub_folder(&staging, "case", |s| prepare::write(&prepared, s, console))?;
+    let case = console.stage("open case", || Case::open(&case_dir))?;
+    let done = simulate::insert(&case, &simulate::settings(ModeArg::Physical, SPEED_MM_S), console)?;
+    sub_folder(&staging, "insertion", |s| simulate::write(&case_dir, &case, &done, s, console))?;
+    let stages = console.stages();
+    let times = json!({ "notice": NOTICE, "seconds": seconds_json(&stages) });
+    staging.write("demo.json", format!("{times:#}\n").as_bytes())?;
+    let out = staging.finish()?;
+    drop(guard);
+    report(&prepared, &done, &out, console);
+    Ok(())
+}
+
+/// Makes a folder inside another one that is itself still under construction.
+fn sub_folder(staging: &Staging, name: &str, fill: impl FnOnce(&Staging) -> Result<()>) -> Result<std::path::PathBuf> {
+    let inner = Staging::begin(&staging.path().join(name), false)?;
+    fill(&inner)?;
+    Ok(inner.finish()?)
+}
+
+/// Makes the head phantom, writes it as a DICOM series into `dir`, and reads that back through the door of every scan.
+pub(crate) fn phantom_as_scan(dir: &Path, seed: u64, console: &Console) -> Result<Scan> {
+    let made = console.stage("make phantom", || phantom::make(PhantomKind::Head, seed))?;
+    fs::create_dir_all(dir)?;
+    console.stage("write DICOM", || phantom::write(&made, dir, seed))?;
+    Ok(console.stage("read", || monro_scan::read(&dir.join("dicom"), &ReadOptions::default()))?)
+}
+
+fn report(prepared: &prepare::Prepared, done: &simulate::Run, out: &Path, console: &Console) {
+    let (case, insertion) = (out.join("case"), out.join("insertion"));
+    let stages = console.stages();
+    let json = json!({
+        "prepare": prepare::summary_json(prepared, &case, &stages),
+        "simulate": simulate::summary_json(done, &insertion),
+    });
+    let text = format!(
+        "{}\n{}\n\nOpen {} in a browser, {} in ParaView, and {} in 3D Slicer.\n{NOTICE}",
+        prepare::summary_text(prepared, &case, &stages),
+        simulate::summary_text(done, &insertion),
+        insertion.join("report.html").display(),
+        insertion.join("insertion.pvd").display(),
+        case.display()
+    );
+    console.result(&json, &text);
+}

@@ -1,0 +1,203 @@
+//! The report of a prepared case: what a person looks at before trusting it.
+
+use super::Prepared;
+use crate::NOTICE;
+use anyhow::Result;
+use monro_cli::picture::{
+    Colour, ColourBy, Figure, HeadScene, Look, Orientation, Overlay, SliceRequest, SliceView, Stroke, Window,
+    head_figure, mesh_cut_figure, sampler, slice_figure,
+};
+use monro_cli::report::{Finding, KeyNumber, LinePlot, ReportInput, Section, Series, Severity, Table, report_html};
+use monro_geometry::{Patient, Point, Structure};
+
+/// Field of view and size of a slice picture.
+const FIELD_MM: f64 = 200.0;
+const PIXELS: usize = 420;
+
+/// The page.
+pub(crate) fn report(prepared: &Prepared, stages: &[(String, f64)]) -> Result<String> {
+    let case = &prepared.case;
+    let grid = prepared.scan.volume.grid();
+    let ([c, r, s], [x, y, z]) = (grid.dims(), grid.spacing());
+    let input = ReportInput {
+        title: "Prepared case".into(),
+        pseudonym: case.manifest.pseudonym.clone(),
+        side: Some(case.plan.side()),
+        details: vec![
+            format!(
+                "{} {}, {c} x {r} x {s} voxels of {x:.2} x {y:.2} x {z:.2} mm",
+                case.manifest.source.format, case.manifest.source.series
+            ),
+            NOTICE.into(),
+        ],
+        key_numbers: key_numbers(prepared),
+        findings: findings(prepared),
+        sections: vec![
+            labels_section(prepared)?,
+            plan_section(prepared)?,
+            mesh_section(prepared),
+            time_section(stages),
+        ],
+        written_by: case.manifest.generator.clone(),
+    };
+    Ok(report_html(&input))
+}
+
+fn key_numbers(prepared: &Prepared) -> Vec<KeyNumber> {
+    let case = &prepared.case;
+    let ventricles: f64 = prepared.volumes_ml.iter().filter(|(s, _)| s.is_ventricle()).map(|(_, ml)| ml).sum();
+    let angle = case.manifest.skull_angle_deg.map_or("unknown".into(), |a| format!("{a:.0}"));
+    vec![
+        KeyNumber::new("Ventricles", format!("{ventricles:.1}"), "ml"),
+        KeyNumber::new("Skin to target", format!("{:.1}", case.plan.length()), "mm"),
+        KeyNumber::new("Angle to the skull", angle, "degrees").noted("90 is perpendicular"),
+        KeyNumber::new("Tetrahedra", case.tets.tets.len().to_string(), ""),
+        KeyNumber::new("Smallest dihedral angle", format!("{:.1}", prepared.mesh.dihedral_min), "degrees"),
+    ]
+}
+
+fn findings(prepared: &Prepared) -> Vec<Finding> {
+    let note = |text: &String| Finding { severity: Severity::Warning, text: text.clone() };
+    prepared.case.manifest.findings.iter().map(note).collect()
+}
+
+/// A slice of the CT with the outlines of the labels and the plan.
+fn labelled_slice(prepared: &Prepared, view: SliceView, window: Window, title: &str) -> Result<Figure> {
+    let labels = &prepared.segmentation.labels;
+    let outline = |of: &'static [u8], colour: Colour, name: &'static str| Overlay::Labels {
+        labels,
+        of,
+        stroke: Stroke::solid(colour, 1.2),
+        name,
+    };
+    let plan = &prepared.case.plan;
+    let overlays = vec![
+        outline(&[1, 2, 3, 4, 5, 6, 7], Colour::GREY, "skin"),
+        outline(&[3, 4, 5, 6, 7], Colour::SKY, "inside of the skull"),
+        outline(&[4, 5, 6, 7], Colour::YELLOW, "brain"),
+        outline(&[5], Colour::GREEN, "left ventricle"),
+        outline(&[6], Colour::VERMILION, "right ventricle"),
+        outline(&[7], Colour::PURPLE, "third ventricle"),
+        Overlay::Path {
+            from: plan.entry(),
+            to: plan.target(),
+            stroke: Stroke::dashed(Colour::ORANGE, 1.6),
+            name: "plan",
+        },
+        Overlay::Mark { at: plan.target(), colour: Colour::ORANGE, name: "target" },
+    ];
+    let sample = sampler(&prepared.scan.volume);
+    let caption = String::new();
+    let request = SliceRequest { view, sampler: &sample, window, overlays, title: title.into(), caption };
+    Ok(slice_figure(&request)?)
+}
+
+fn labels_section(prepared: &Prepared) -> Result<Section> {
+    let target = prepared.case.plan.target();
+    let slices = Orientation::ALL
+        .map(|o| labelled_slice(prepared, SliceView::standard(o, target, FIELD_MM, PIXELS), Window::BRAIN, o.name()));
+    let rows = prepared.volumes_ml.iter().map(|(s, ml)| vec![s.name().replace('_', " "), format!("{ml:.1}")]).collect();
+    let confidence = prepared.segmentation.confidence.iter();
+    let doubts = confidence.map(|(s, c)| vec![s.name().replace('_', " "), format!("{:.0}", c * 100.0)]).collect();
+    Ok(Section {
+        title: "Labels".into(),
+        text: vec![
+            "Slices through the target; the patient's right is on the left of axial and coronal pictures.".into(),
+        ],
+        tables: vec![
+            Table { caption: "Volumes".into(), head: vec!["Structure".into(), "ml".into()], rows },
+            Table {
+                caption: "Confidence of the segmentation".into(),
+                head: vec!["Structure".into(), "%".into()],
+                rows: doubts,
+            },
+        ],
+        figures: slices.into_iter().collect::<Result<_>>()?,
+    })
+}
+
+fn plan_section(prepared: &Prepared) -> Result<Section> {
+    let case = &prepared.case;
+    let (entry, target) = (case.plan.entry(), case.plan.target());
+    let scene = HeadScene {
+        skin: Some(&case.skin),
+        solids: vec![(&case.ventricles, Colour::SKY, "ventricles")],
+        path: Some([entry, target]),
+        caption: "Head, ventricles and planned path.".into(),
+        ..HeadScene::default()
+    };
+    let looks = [Look::Front, if target.x > entry.x { Look::Right } else { Look::Left }, Look::Above];
+    let mut figures = vec![head_figure(&scene, &looks, 340)?];
+    for facing in [Orientation::Coronal, Orientation::Sagittal] {
+        if let Some(view) = SliceView::along_path(entry, target, facing, FIELD_MM, PIXELS) {
+            let title = format!("{} along the path", facing.name());
+            figures.push(labelled_slice(prepared, view, Window::HEAD, &title)?);
+        }
+    }
+    let row = |name: &str, p: Point<Patient>| {
+        let mut row = vec![name.to_owned()];
+        row.extend(p.to_array().map(|v| format!("{v:.1}")));
+        row
+    };
+    let mut rows = vec![row("entry", entry), row("target", target)];
+    rows.extend(case.landmarks.iter().map(|l| row(&l.label, l.position)));
+    let head = ["Point", "x (left) mm", "y (back) mm", "z (up) mm"].map(String::from).to_vec();
+    let table = Table { caption: "Points, LPS".into(), head, rows };
+    Ok(Section { title: "Plan".into(), text: Vec::new(), tables: vec![table], figures })
+}
+
+fn mesh_section(prepared: &Prepared) -> Section {
+    let (mesh, tets) = (&prepared.mesh, &prepared.case.tets);
+    let target = prepared.case.plan.target();
+    let view = SliceView::standard(Orientation::Coronal, target, FIELD_MM, PIXELS);
+    let by_label = mesh_cut_figure(tets, &view, ColourBy::Label, "Coronal cut through the target, by label.");
+    let by_quality = mesh_cut_figure(tets, &view, ColourBy::Quality, "The same cut, by shape of the elements.");
+    let bands = mesh.edge_bands.iter().filter(|b| b.edges > 0);
+    let spacing = LinePlot {
+        caption: "Grading: mean edge length by distance to the ventricles and the path.".into(),
+        x_label: "distance from, mm".into(),
+        y_label: "mean edge, mm".into(),
+        series: vec![Series { name: "mean edge".into(), points: bands.map(|b| [b.from.max(0.0), b.mean]).collect() }],
+        ..LinePlot::default()
+    };
+    Section {
+        title: "Tetrahedra".into(),
+        text: vec![format!(
+            "{} elements, {} vertices; dihedral angles {:.1} to {:.1} degrees (first percentile {:.1}), radius ratio at least {:.2}; mean edge {:.2} mm within 2 mm of ventricles and path.",
+            mesh.elements,
+            mesh.vertices,
+            mesh.dihedral_min,
+            mesh.dihedral_max,
+            mesh.dihedral_p1,
+            mesh.radius_ratio_min,
+            mesh.core_edge_mean
+        )],
+        tables: vec![label_table(prepared)],
+        figures: vec![by_label, by_quality, spacing.figure()],
+    }
+}
+
+fn label_table(prepared: &Prepared) -> Table {
+    let name = |label: u16| u8::try_from(label).ok().and_then(Structure::from_label).map_or("?", Structure::name);
+    let mm = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.2}"));
+    let row = |l: &monro_anatomy::tetra::LabelReport| {
+        vec![
+            name(l.label).replace('_', " "),
+            l.elements.to_string(),
+            format!("{:+.2}", l.volume_error * 100.0),
+            mm(l.interface.map(|i| i.mean)),
+            mm(l.interface.map(|i| i.max)),
+        ]
+    };
+    Table {
+        caption: "Each label against its voxels".into(),
+        head: ["Label", "elements", "volume error %", "surface distance mean mm", "max mm"].map(String::from).to_vec(),
+        rows: prepared.mesh.labels.iter().map(row).collect(),
+    }
+}
+
+fn time_section(stages: &[(String, f64)]) -> Section {
+    let rows = stages.iter().map(|(name, s)| vec![name.clone(), format!("{s:.2}")]).collect();
+    let table = Table { caption: String::new(), head: vec!["Stage".into(), "seconds".into()], rows };
+    Section { title: "Time".into(), tables: vec![table], ..Section::default() }
+}

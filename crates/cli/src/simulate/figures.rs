@@ -1,0 +1,215 @@
+//! The report of an insertion: before and after in slices, the head, and plots over time.
+
+use super::Run;
+use super::output::largest_motion;
+use crate::NOTICE;
+use anyhow::Result;
+use monro_case::Case;
+use monro_cli::picture::{
+    Colour, ColourBy, Figure, HeadScene, Look, Orientation, Overlay, SliceRequest, SliceView, Stroke, Window,
+    head_figure, mesh_cut_figure, slice_figure,
+};
+use monro_cli::report::{Finding, Histogram, KeyNumber, LinePlot, ReportInput, Section, Series, Severity, report_html};
+use monro_geometry::{Patient, Point, Structure, Volume};
+use monro_scan::ReadOptions;
+use monro_session::{DeformedSampler, Frame, Mode};
+use std::path::Path;
+
+const FIELD_MM: f64 = 160.0;
+const PIXELS: usize = 420;
+
+/// The CT looked up at a point of the patient.
+type Sampler<'a> = dyn Fn(Point<Patient>) -> Option<f64> + Sync + 'a;
+
+/// The page. The CT is taken from the case folder where it is there.
+pub(crate) fn report(case_dir: &Path, case: &Case, done: &Run) -> Result<String> {
+    let ct_path = case_dir.join("ct.nii.gz");
+    let options = ReadOptions { any_size: true, ..ReadOptions::default() };
+    let ct = if ct_path.is_file() { Some(monro_scan::read(&ct_path, &options)?.volume) } else { None };
+    let mut sections = vec![head_section(case, done)?];
+    sections.extend(ct.as_ref().map(|ct| slices_section(ct, case, done)).transpose()?);
+    sections.push(mesh_section(case, done));
+    sections.push(plots_section(done));
+    let mode = match done.settings.model.mode {
+        Mode::Paper(_) => "the paper's position-based dynamics (normalised coefficients)",
+        Mode::Physical(_) => "physical soft body (kPa, Poisson's ratio)",
+    };
+    let input = ReportInput {
+        title: "Simulated insertion".into(),
+        pseudonym: case.manifest.pseudonym.clone(),
+        side: Some(case.plan.side()),
+        details: vec![
+            format!(
+                "{mode}; {} tetrahedra; catheter of {} mm at {} mm/s",
+                done.rest.tets.len(),
+                done.settings.diameter_mm,
+                done.settings.speed_mm_s
+            ),
+            NOTICE.into(),
+        ],
+        key_numbers: key_numbers(case, done),
+        findings: findings(done, ct.is_some()),
+        sections,
+        written_by: case.manifest.generator.clone(),
+    };
+    Ok(report_html(&input))
+}
+
+fn key_numbers(case: &Case, done: &Run) -> Vec<KeyNumber> {
+    let csf = done.csf().map_or("none".into(), |f| format!("{:.1}", f.depth_mm));
+    let last = |of: fn(&Frame) -> f64| done.last().map_or("none".into(), |f| format!("{:.1}", of(f)));
+    let motion = largest_motion(&case.ventricles, &done.ventricles);
+    vec![
+        KeyNumber::new("CSF at a depth of", csf, "mm"),
+        KeyNumber::new("Tip to target, deformed", last(|f| f.distance_deformed_mm), "mm")
+            .noted("the target's tissue, where it is now"),
+        KeyNumber::new("Tip to target, rigid", last(|f| f.distance_rigid_mm), "mm").noted("the planned point"),
+        KeyNumber::new("Target moved", last(|f| f.target_displacement_mm), "mm"),
+        KeyNumber::new("Ventricle wall moved up to", format!("{motion:.1}"), "mm"),
+        KeyNumber::new("Frame", format!("{:.2}", done.ms_quantile(0.5)), "ms")
+            .noted(format!("median; 99 % below {:.2} ms", done.ms_quantile(0.99))),
+    ]
+}
+
+fn findings(done: &Run, has_ct: bool) -> Vec<Finding> {
+    let mut out = Vec::new();
+    let mut add = |severity, text: String| out.push(Finding { severity, text });
+    if done.csf().is_none() {
+        add(Severity::Warning, "The tip never entered a ventricle.".into());
+    }
+    let rollbacks: u32 = done.rows.iter().map(|r| r.frame.step.rollbacks).sum();
+    if rollbacks > 0 {
+        add(Severity::Warning, format!("The solver took back {rollbacks} steps and repeated them with smaller ones."));
+    }
+    let inverted = done.rows.iter().map(|r| r.frame.step.inverted).max().unwrap_or(0);
+    if inverted > 0 {
+        add(Severity::Warning, format!("Up to {inverted} tetrahedra were inverted in a frame."));
+    }
+    if !has_ct {
+        add(Severity::Note, "The case has no CT, so there are no slices of it here.".into());
+    }
+    out
+}
+
+fn head_section(case: &Case, done: &Run) -> Result<Section> {
+    let (entry, target) = (case.plan.entry(), case.plan.target());
+    let tip = done.last().map_or(target, |f| f.tip);
+    let scene = HeadScene {
+        skin: Some(&case.skin),
+        brain: Some(&done.brain),
+        solids: vec![(&done.ventricles, Colour::SKY, "ventricles, deformed")],
+        path: Some([entry, target]),
+        catheter: Some(([entry - case.plan.direction() * 40.0, tip], done.settings.diameter_mm)),
+        caption: "The head at the end of the insertion.".into(),
+    };
+    let looks = [Look::Front, if target.x > entry.x { Look::Right } else { Look::Left }, Look::Above];
+    Ok(Section { title: "The head".into(), figures: vec![head_figure(&scene, &looks, 340)?], ..Section::default() })
+}
+
+/// Before and after, in the three standard planes through the tip and in the plane of the path.
+fn slices_section(ct: &Volume<i16>, case: &Case, done: &Run) -> Result<Section> {
+    let rigid = |p: Point<Patient>| ct.trilinear(p);
+    let sampler = match done.snapshots.last() {
+        Some(end) => Some(DeformedSampler::new(&done.rest, &end.mesh)?),
+        None => None,
+    };
+    let deformed = |p: Point<Patient>| ct.trilinear(sampler.as_ref().map_or(p, |s| s.rest_position(p)));
+    let tip = done.last().map_or(case.plan.target(), |f| f.tip);
+    let mut views: Vec<(String, SliceView)> =
+        Orientation::ALL.map(|o| (o.name().to_owned(), SliceView::standard(o, tip, FIELD_MM, PIXELS))).to_vec();
+    let along = SliceView::along_path(case.plan.entry(), case.plan.target(), Orientation::Coronal, FIELD_MM, PIXELS);
+    views.extend(along.map(|v| ("along the path".to_owned(), v)));
+    let mut figures = Vec::new();
+    for (name, view) in views {
+        let before = slice(case, done, view, &rigid, false, &format!("{name}, before"))?;
+        let after = slice(case, done, view, &deformed, true, &format!("{name}, after"))?;
+        figures.push(Figure::beside(&[before, after], 12.0, &format!("{name}: before and at the end")));
+    }
+    let text =
+        "Right: the CT itself deformed with the tetrahedra. Dashed outlines are before, solid ones after.".into();
+    Ok(Section { title: "Slices".into(), text: vec![text], figures, ..Section::default() })
+}
+
+fn slice(case: &Case, done: &Run, view: SliceView, sampler: &Sampler<'_>, after: bool, title: &str) -> Result<Figure> {
+    let surface = |mesh, stroke, name| Overlay::Surface { mesh, stroke, name };
+    let plan = &case.plan;
+    let mut overlays = vec![surface(&case.skin, Stroke::solid(Colour::GREY, 1.0), "skin")];
+    if after {
+        overlays.push(surface(&case.ventricles, Stroke::dashed(Colour::YELLOW, 1.0), "ventricles before"));
+        overlays.push(surface(&done.brain, Stroke::solid(Colour::GREEN, 1.0), "brain"));
+        overlays.push(surface(&done.ventricles, Stroke::solid(Colour::SKY, 1.4), "ventricles after"));
+        let tip = done.last().map_or(plan.target(), |f| f.tip);
+        let from = plan.entry() - plan.direction() * 30.0;
+        let (diameter, colour) = (done.settings.diameter_mm, Colour::VERMILION);
+        overlays.push(Overlay::Catheter { from, tip, diameter, colour, name: "catheter" });
+    } else {
+        overlays.push(surface(&case.brain, Stroke::solid(Colour::GREEN, 1.0), "brain"));
+        overlays.push(surface(&case.ventricles, Stroke::solid(Colour::SKY, 1.4), "ventricles"));
+        let stroke = Stroke::dashed(Colour::ORANGE, 1.6);
+        overlays.push(Overlay::Path { from: plan.entry(), to: plan.target(), stroke, name: "plan" });
+    }
+    overlays.push(Overlay::Mark { at: plan.target(), colour: Colour::ORANGE, name: "planned target" });
+    let (title, caption) = (title.to_owned(), String::new());
+    Ok(slice_figure(&SliceRequest { view, sampler, window: Window::BRAIN, overlays, title, caption })?)
+}
+
+/// A cut through the deformed tetrahedra, coloured by how far they moved.
+fn mesh_section(case: &Case, done: &Run) -> Section {
+    let Some(end) = done.snapshots.last() else { return Section::default() };
+    let moved: Vec<f64> = (0..done.rest.tets.len())
+        .map(|t| {
+            let pairs = done.rest.corners(t).into_iter().zip(end.mesh.corners(t));
+            pairs.map(|(a, b)| a.distance(b)).sum::<f64>() / 4.0
+        })
+        .collect();
+    let most = moved.iter().copied().fold(0.1, f64::max);
+    let (entry, target) = (case.plan.entry(), case.plan.target());
+    let view = SliceView::along_path(entry, target, Orientation::Coronal, FIELD_MM, 520)
+        .unwrap_or_else(|| SliceView::standard(Orientation::Coronal, target, FIELD_MM, 520));
+    let by = ColourBy::Value { values: &moved, range: [0.0, most], name: "displacement, mm" };
+    let cut = mesh_cut_figure(&end.mesh, &view, by, "Displacement at the end, in the plane of the path.");
+    Section { title: "Tissue".into(), figures: vec![cut], ..Section::default() }
+}
+
+fn plots_section(done: &Run) -> Section {
+    let line = |name: &str, of: &dyn Fn(&Frame) -> f64| Series {
+        name: name.into(),
+        points: done.rows.iter().map(|r| [r.frame.time_s, of(&r.frame)]).collect(),
+    };
+    let plot = |caption: &str, unit: &str, series: Vec<Series>| {
+        let (x_label, y_label) = ("time, s".into(), unit.to_owned());
+        LinePlot { caption: caption.into(), x_label, y_label, log_y: false, series, events: events(done) }.figure()
+    };
+    let force = |f: &Frame| f.step.tools.first().map_or(f64::NAN, |t| t.axial_force_mn);
+    let steps = Histogram {
+        caption: "Time for a whole frame: collision, deformation, surfaces.".into(),
+        label: "frame".into(),
+        unit: "ms".into(),
+        values: done.rows.iter().map(|r| r.ms).collect(),
+        log_counts: false,
+    };
+    let distances = vec![
+        line("to the planned point (rigid)", &|f| f.distance_rigid_mm),
+        line("to the target's tissue (deformed)", &|f| f.distance_deformed_mm),
+    ];
+    let figures = vec![
+        plot("Distance from the tip to the target.", "mm", distances),
+        plot("Displacement of the target's tissue.", "mm", vec![line("target", &|f| f.target_displacement_mm)]),
+        plot("Depth of the tip under the skin.", "mm", vec![line("depth", &|f| f.depth_mm)]),
+        plot("Force of the tissue against the advance.", "mN", vec![line("axial force", &force)]),
+        plot("Volume of the tissue against rest.", "%", vec![line("volume", &|f| f.step.volume_change * 100.0)]),
+        steps.figure(),
+    ];
+    Section { title: "Over time".into(), figures, ..Section::default() }
+}
+
+/// Punctures and the first CSF, to be marked in the plots.
+fn events(done: &Run) -> Vec<(f64, String)> {
+    let name = |l: u16| u8::try_from(l).ok().and_then(Structure::from_label).map_or("tissue", Structure::name);
+    let mut out = Vec::new();
+    for row in &done.rows {
+        out.extend(row.frame.punctures().map(|(_, _, to)| (row.frame.time_s, name(to).replace('_', " "))));
+    }
+    out.extend(done.csf().map(|f| (f.time_s, "CSF".to_owned())));
+    out
+}

@@ -1,0 +1,157 @@
+//! Series, meshes and summary of an insertion as files.
+
+use super::Run;
+use crate::NOTICE;
+use anyhow::{Context, Result};
+use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
+use monro_case::{Staging, ply};
+use monro_geometry::{Structure, TetMesh, TriangleMesh};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+/// Columns of `insertion.csv`.
+const CSV_HEADER: &str = "time_s,tip_x_lps_mm,tip_y_lps_mm,tip_z_lps_mm,depth_mm,distance_rigid_mm,distance_deformed_mm,entry_angle_error_deg,target_displacement_mm,volume_change_percent,axial_force_mn,at_tip,inverted,rollbacks,step_ms\n";
+
+/// Writes everything but the report.
+pub(crate) fn write(done: &Run, staging: &Staging) -> Result<()> {
+    staging.write("insertion.csv", csv(done).as_bytes())?;
+    staging.write("brain_deformed.ply", &ply::encode(&done.brain, None))?;
+    staging.write("ventricles_deformed.ply", &ply::encode(&done.ventricles, None))?;
+    let frames = staging.path().join("frames");
+    fs::create_dir(&frames).with_context(|| format!("cannot make {}", frames.display()))?;
+    for (i, s) in done.snapshots.iter().enumerate() {
+        staging.write(&format!("frames/{}", snapshot_name(i)), &vtu::encode(&deformed_grid(&done.rest, &s.mesh)))?;
+    }
+    staging.write("insertion.pvd", collection(done).as_bytes())?;
+    staging.write("summary.json", format!("{:#}\n", summary(done)).as_bytes())?;
+    Ok(())
+}
+
+fn snapshot_name(i: usize) -> String {
+    format!("tets_{i:03}.vtu")
+}
+
+/// The series as one table.
+fn csv(done: &Run) -> String {
+    let mut out = String::from(CSV_HEADER);
+    for row in &done.rows {
+        let f = &row.frame;
+        let [x, y, z] = f.tip.to_array();
+        let axial = f.step.tools.first().map_or(f64::NAN, |t| t.axial_force_mn);
+        // Writing to a String cannot fail.
+        let _ = writeln!(
+            out,
+            "{:.4},{x:.4},{y:.4},{z:.4},{:.4},{:.4},{:.4},{:.5},{:.5},{:.6},{axial:.3},{},{},{},{:.4}",
+            f.time_s,
+            f.depth_mm,
+            f.distance_rigid_mm,
+            f.distance_deformed_mm,
+            f.entry_angle_error.to_degrees(),
+            f.target_displacement_mm,
+            f.step.volume_change * 100.0,
+            f.at_tip.map_or("outside", Structure::name),
+            f.step.inverted,
+            f.step.rollbacks,
+            row.ms
+        );
+    }
+    out
+}
+
+/// The deformed mesh with the displacement of its nodes from rest.
+fn deformed_grid(rest: &TetMesh, deformed: &TetMesh) -> UnstructuredGrid {
+    let moved = rest.vertices.iter().zip(&deformed.vertices).map(|(a, b)| (*b - *a).to_array());
+    let mut grid = UnstructuredGrid::from_mesh(deformed);
+    grid.point_data.push(DataArray::vectors("displacement_mm", Kind::Float32, &moved.collect::<Vec<_>>()));
+    grid
+}
+
+/// A ParaView collection: the snapshots with their times.
+fn collection(done: &Run) -> String {
+    let mut out =
+        String::from("<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n");
+    for (i, s) in done.snapshots.iter().enumerate() {
+        let _ = writeln!(out, "<DataSet timestep=\"{:.4}\" file=\"frames/{}\"/>", s.time_s, snapshot_name(i));
+    }
+    out + "</Collection>\n</VTKFile>\n"
+}
+
+/// Numbers of the insertion, as in `summary.json`.
+fn summary(done: &Run) -> Value {
+    let csf = done.csf_json();
+    let last = done.last();
+    json!({
+        "notice": NOTICE,
+        "reached_ventricle": last.is_some_and(monro_session::Frame::in_ventricle),
+        "csf": csf,
+        "tip_error_mm": last.map(|f| f.distance_deformed_mm),
+        "tip_error_rigid_mm": last.map(|f| f.distance_rigid_mm),
+        "target_shift_mm": last.map(|f| f.target_displacement_mm),
+        "at_tip": last.and_then(|f| f.at_tip).map(Structure::name),
+        "frames": done.rows.len(),
+        "ms_per_frame": { "median": done.ms_quantile(0.5), "p99": done.ms_quantile(0.99) },
+        "max_volume_change_percent": max(done, |f| f.step.volume_change.abs() * 100.0),
+        "max_target_shift_mm": max(done, |f| f.target_displacement_mm),
+        "max_axial_force_mn": max(done, |f| f.step.tools.first().map_or(0.0, |t| t.axial_force_mn)),
+        "rollbacks": done.rows.iter().map(|r| r.frame.step.rollbacks).sum::<u32>(),
+        "elements": done.rest.tets.len(),
+        "speed_mm_s": done.settings.speed_mm_s,
+        "mode": match done.settings.model.mode { monro_session::Mode::Paper(_) => "paper", monro_session::Mode::Physical(_) => "physical" },
+    })
+}
+
+fn max(done: &Run, of: impl Fn(&monro_session::Frame) -> f64) -> f64 {
+    done.rows.iter().map(|r| of(&r.frame)).fold(0.0, f64::max)
+}
+
+impl Run {
+    /// The moment of first CSF as JSON; null when the tip never got there.
+    fn csf_json(&self) -> Value {
+        match self.csf() {
+            Some(f) => {
+                json!({ "time_s": f.time_s, "depth_mm": f.depth_mm, "structure": f.at_tip.map(Structure::name) })
+            }
+            None => Value::Null,
+        }
+    }
+}
+
+/// What `--json` prints: the summary and where the files are.
+pub(crate) fn summary_json(done: &Run, out: &Path) -> Value {
+    let mut value = summary(done);
+    let path = |name: &str| out.join(name).display().to_string();
+    value["outputs"] = json!({
+        "folder": out.display().to_string(), "report": path("report.html"), "series": path("insertion.csv"),
+        "tetrahedra": path("insertion.pvd"), "brain": path("brain_deformed.ply"),
+        "ventricles": path("ventricles_deformed.ply"), "summary": path("summary.json"),
+    });
+    value
+}
+
+/// The summary for people.
+pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
+    let csf = match done.csf() {
+        Some(f) => format!("CSF at a depth of {:.1} mm", f.depth_mm),
+        None => "the tip never entered a ventricle".into(),
+    };
+    let Some(last) = done.last() else { return "nothing was simulated".into() };
+    format!(
+        "{csf}; at the end the tip is {:.1} mm from the target's tissue ({:.1} mm from the planned point), in {}.\n\
+         The target moved {:.2} mm. {} frames, {:.2} ms each (median; p99 {:.2}).\nReport: {}",
+        last.distance_deformed_mm,
+        last.distance_rigid_mm,
+        last.at_tip.map_or("no simulated tissue", Structure::name),
+        last.target_displacement_mm,
+        done.rows.len(),
+        done.ms_quantile(0.5),
+        done.ms_quantile(0.99),
+        out.join("report.html").display()
+    )
+}
+
+/// Largest displacement of the vertices of a surface, mm.
+pub(crate) fn largest_motion(rest: &TriangleMesh, now: &TriangleMesh) -> f64 {
+    rest.vertices.iter().zip(&now.vertices).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
+}

@@ -1,0 +1,127 @@
+//! The loop over the frames, with its clock.
+
+use crate::console::Console;
+use anyhow::Result;
+use monro_case::Case;
+use monro_geometry::{Patient, Point, TetMesh, TriangleMesh};
+use monro_session::{Follower, Frame, Insertion, InsertionSettings};
+use std::time::Instant;
+
+/// Deformed meshes written along the way, besides the last.
+const SNAPSHOTS: usize = 10;
+
+/// A frame and what it cost.
+#[derive(Debug)]
+pub(crate) struct Row {
+    /// The frame.
+    pub(crate) frame: Frame,
+    /// Collision, deformation and update of the surfaces, ms.
+    pub(crate) ms: f64,
+}
+
+/// The deformed mesh at one time.
+#[derive(Debug)]
+pub(crate) struct Snapshot {
+    /// Time since the start, s.
+    pub(crate) time_s: f64,
+    /// The mesh then.
+    pub(crate) mesh: TetMesh,
+}
+
+/// A finished insertion.
+#[derive(Debug)]
+pub(crate) struct Run {
+    /// All frames.
+    pub(crate) rows: Vec<Row>,
+    /// Some deformed meshes; the last is the end.
+    pub(crate) snapshots: Vec<Snapshot>,
+    /// Brain surface at the end.
+    pub(crate) brain: TriangleMesh,
+    /// Ventricle surface at the end.
+    pub(crate) ventricles: TriangleMesh,
+    /// The settings.
+    pub(crate) settings: InsertionSettings,
+    /// Nodes at rest, to show displacements against.
+    pub(crate) rest: TetMesh,
+}
+
+impl Run {
+    /// The first frame with the tip in a ventricle.
+    pub(crate) fn csf(&self) -> Option<&Frame> {
+        self.rows.iter().map(|r| &r.frame).find(|f| f.in_ventricle())
+    }
+
+    /// The last frame.
+    pub(crate) fn last(&self) -> Option<&Frame> {
+        self.rows.last().map(|r| &r.frame)
+    }
+
+    /// Frame time at a share of the frames (0.5: the median), ms.
+    pub(crate) fn ms_quantile(&self, share: f64) -> f64 {
+        let mut ms: Vec<f64> = self.rows.iter().map(|r| r.ms).collect();
+        ms.sort_by(f64::total_cmp);
+        ms.get(((ms.len().saturating_sub(1)) as f64 * share).round() as usize).copied().unwrap_or(f64::NAN)
+    }
+}
+
+/// Surfaces that follow the mesh.
+struct Surfaces {
+    brain: Follower,
+    ventricles: Follower,
+    now: [Vec<Point<Patient>>; 2],
+}
+
+impl Surfaces {
+    fn new(case: &Case) -> Result<Self> {
+        Ok(Self {
+            brain: Follower::new(&case.tets, &case.brain.vertices)?,
+            ventricles: Follower::new(&case.tets, &case.ventricles.vertices)?,
+            now: [Vec::new(), Vec::new()],
+        })
+    }
+
+    fn update(&mut self, insertion: &Insertion) {
+        let (nodes, origin) = (insertion.nodes(), insertion.origin());
+        self.now = [self.brain.follow(nodes, origin), self.ventricles.follow(nodes, origin)];
+    }
+}
+
+/// Runs the whole insertion.
+pub(crate) fn insert(case: &Case, settings: &InsertionSettings, console: &Console) -> Result<Run> {
+    let (mut insertion, mut surfaces) = console
+        .stage("build soft body", || -> Result<_> { Ok((Insertion::new(case, settings)?, Surfaces::new(case)?)) })?;
+    let (rows, snapshots) = console.stage("insert", || frames(&mut insertion, &mut surfaces, console))?;
+    let [brain, ventricles] = surfaces.now;
+    Ok(Run {
+        rows,
+        snapshots,
+        brain: TriangleMesh { vertices: brain, triangles: case.brain.triangles.clone() },
+        ventricles: TriangleMesh { vertices: ventricles, triangles: case.ventricles.triangles.clone() },
+        settings: *settings,
+        rest: insertion.rest().clone(),
+    })
+}
+
+fn frames(insertion: &mut Insertion, surfaces: &mut Surfaces, console: &Console) -> Result<(Vec<Row>, Vec<Snapshot>)> {
+    let (mut rows, mut snapshots) = (Vec::new(), Vec::new());
+    let (_, total) = insertion.progress();
+    let every = total.div_ceil(SNAPSHOTS).max(1);
+    let mut in_csf = false;
+    loop {
+        let start = Instant::now();
+        let Some(frame) = insertion.advance()? else { break };
+        surfaces.update(insertion);
+        let ms = start.elapsed().as_secs_f64() * 1000.0;
+        if frame.in_ventricle() && !in_csf {
+            console.note(&format!("CSF at a depth of {:.1} mm, {:.2} s", frame.depth_mm, frame.time_s));
+            in_csf = true;
+        }
+        let (done, _) = insertion.progress();
+        if done % every == 0 || done == total {
+            console.progress(format!("insert: frame {done} of {total}, depth {:.1} mm", frame.depth_mm));
+            snapshots.push(Snapshot { time_s: frame.time_s, mesh: insertion.deformed() });
+        }
+        rows.push(Row { frame, ms });
+    }
+    Ok((rows, snapshots))
+}

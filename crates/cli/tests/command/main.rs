@@ -1,0 +1,6 @@
+//! The command as a user meets it: refusals, the whole chain on the phantom, the real scans.
+
+mod common;
+mod real_scans;
+mod refusals;
+mod whole_chain;

@@ -1,0 +1,55 @@
+//! The phantom, written as DICOM, goes through the whole chain and comes out where its truth says.
+
+use crate::common::{distance, json, point, refusal, text};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+
+/// Positions of a Slicer markups file, by label, LPS mm.
+fn markups(path: &Path) -> Vec<(String, [f64; 3])> {
+    let value: Value = serde_json::from_slice(&fs::read(path).expect("markups")).expect("JSON");
+    let points = value["markups"][0]["controlPoints"].as_array().expect("points").clone();
+    points.iter().map(|p| (p["label"].as_str().expect("label").to_owned(), point(&p["position"]))).collect()
+}
+
+#[test]
+fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [phantom, case, out] = ["phantom 1", "case", "out"].map(|n| dir.path().join(n));
+    json(&["phantom", "--out", text(&phantom), "--seed", "1"]);
+    let inspected = json(&["inspect", text(&phantom.join("dicom"))]);
+    assert_eq!(inspected["series"].as_array().expect("series").len(), 1, "{inspected}");
+
+    let prepared = json(&["prepare", text(&phantom), "--out", text(&case), "--side", "left", "--elements", "20677"]);
+    let elements = prepared["elements"].as_f64().expect("elements");
+    assert!((elements / 20677.0 - 1.0).abs() <= 0.05, "{elements} elements");
+    assert_eq!(prepared["plan"]["side"], "left");
+    for (label, truth) in markups(&phantom.join("landmarks.mrk.json")) {
+        let found = point(&prepared["landmarks_lps_mm"][&label]);
+        let limit = if label.contains("Kocher") || label.contains("midline") { 12.0 } else { 6.0 };
+        assert!(distance(found, truth) <= limit, "{label}: {found:?}, truth {truth:?}");
+    }
+
+    let done = json(&["simulate", text(&case), "--out", text(&out), "--speed", "40"]);
+    assert_eq!(done["reached_ventricle"], true, "{done}");
+    assert!(done["frames"].as_u64().expect("frames") > 60);
+    assert!(done["max_volume_change_percent"].as_f64().expect("volume") < 1.0, "{done}");
+    let csv = fs::read_to_string(out.join("insertion.csv")).expect("series");
+    assert_eq!(csv.lines().count() as u64, done["frames"].as_u64().expect("frames") + 1);
+    let html = fs::read_to_string(out.join("report.html")).expect("report");
+    assert!(!html.contains("http://") && !html.contains("https://"), "the report must not need a network");
+    damaged_case(&case, dir.path());
+}
+
+/// A flipped byte in the mesh is found before anything is simulated.
+fn damaged_case(case: &Path, dir: &Path) {
+    let mesh = case.join("tets.vtu");
+    let mut bytes = fs::read(&mesh).expect("mesh");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 0x20;
+    fs::write(&mesh, bytes).expect("write");
+    let out = dir.join("damaged");
+    let said = refusal(&["simulate", text(case), "--out", text(&out)]);
+    assert!(said.contains("tets.vtu") && said.contains("damaged"), "{said}");
+    assert!(!out.exists());
+}
