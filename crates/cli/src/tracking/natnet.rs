@@ -1,0 +1,222 @@
+//! A NatNet client on UDP sockets.
+
+use super::{Batch, Clock, NatNetAddress, Recorder, Source};
+use anyhow::{Context, Result, bail};
+use monro_guidance::clock::{ClockEstimate, Exchange};
+use monro_wire::natnet::{Client, ClientOptions, DATA_PORT, Event, MULTICAST_GROUP, ServerInfo};
+use monro_wire::recording::Protocol;
+use socket2::{Domain, Socket, Type};
+use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::{Duration, Instant};
+
+/// How often the client is asked whether it has something to say.
+const TICK: Duration = Duration::from_millis(20);
+
+type Arrived = (f64, Vec<u8>);
+
+/// A NatNet client with its sockets; each of them is read by a thread of its own, so that arrival times are right.
+#[derive(Debug)]
+pub(super) struct NatNetSource {
+    client: Client,
+    clock: Clock,
+    estimate: ClockEstimate,
+    command: UdpSocket,
+    server: SocketAddr,
+    address: NatNetAddress,
+    interface: Ipv4Addr,
+    data: Option<(Ipv4Addr, u16)>,
+    arrivals: Receiver<Arrived>,
+    sender: Sender<Arrived>,
+    stop: Arc<AtomicBool>,
+    recorder: Option<Recorder>,
+    notes: Vec<String>,
+}
+
+impl NatNetSource {
+    pub(super) fn open(address: &NatNetAddress, clock: Clock, recorder: Option<Recorder>) -> Result<Self> {
+        let server = resolve(&address.host, address.port)?;
+        let interface = match address.interface {
+            Some(i) => i,
+            None => facing(server)?,
+        };
+        let bind = address.interface.unwrap_or(Ipv4Addr::UNSPECIFIED);
+        let command = UdpSocket::bind((bind, 0)).with_context(|| format!("cannot open a UDP socket on {bind}"))?;
+        let (sender, arrivals) = channel();
+        let stop = Arc::new(AtomicBool::new(false));
+        listen(command.try_clone()?, clock, sender.clone(), Arc::clone(&stop))?;
+        let options = ClientOptions { force_version: address.version, up: address.up, bitstream: address.bitstream };
+        let mut source = Self {
+            client: Client::new(options),
+            clock,
+            estimate: ClockEstimate::new(60.0),
+            command,
+            server,
+            address: address.clone(),
+            interface,
+            data: None,
+            arrivals,
+            sender,
+            stop,
+            recorder,
+            notes: Vec::new(),
+        };
+        // With a forced version frames may be read before, or without, any word of the server.
+        if address.multicast.is_some() || address.version.is_some() {
+            source.open_data(None)?;
+        }
+        Ok(source)
+    }
+
+    /// Opens the data socket that the server's announcement, or the address, asks for, unless it is open already.
+    fn open_data(&mut self, info: Option<&ServerInfo>) -> Result<()> {
+        let clock = info.and_then(|i| i.clock);
+        let group = self.address.multicast.unwrap_or_else(|| clock.map_or(MULTICAST_GROUP, |c| c.group).into());
+        let port = self.address.data_port.unwrap_or_else(|| clock.map_or(DATA_PORT, |c| c.data_port));
+        if self.data == Some((group, port)) {
+            return Ok(());
+        }
+        let multicast =
+            !self.address.unicast && (self.address.multicast.is_some() || clock.is_none_or(|c| c.multicast));
+        match shared_socket(port, multicast.then_some((group, self.interface))) {
+            Ok(socket) => listen(socket, self.clock, self.sender.clone(), Arc::clone(&self.stop))?,
+            // A unicast server may answer to the command socket just as well; another program may have this port.
+            Err(e) if !multicast => {
+                self.notes.push(format!("data port {port} is not free ({e}); using the command port"));
+            }
+            Err(e) => {
+                let i = self.interface;
+                return Err(e).with_context(|| {
+                    format!("cannot join {group}:{port} on interface {i}; name another with ?interface=")
+                });
+            }
+        }
+        self.data = Some((group, port));
+        Ok(())
+    }
+
+    fn take(&mut self, (arrival, bytes): Arrived) -> Result<Option<Batch>> {
+        if let Some(r) = &mut self.recorder {
+            r.write(Protocol::NatNet, arrival, &bytes)?;
+        }
+        // What cannot be read is counted by the client and shows in the diagnosis.
+        match self.client.receive(&bytes, arrival) {
+            Ok(Some(Event::Server(info))) => self.open_data(Some(&info))?,
+            Ok(Some(Event::Echo(e))) => {
+                self.estimate.push(Exchange { sent: e.sent, other: e.server, received: e.received });
+            }
+            Ok(Some(Event::Frame(_, poses))) => return Ok(Some(Batch { poses, clock: self.estimate.offset() })),
+            _ => {}
+        }
+        Ok(None)
+    }
+}
+
+impl Drop for NatNetSource {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        // A server that hears no good-bye finds out by itself.
+        let _ = self.command.send_to(&self.client.disconnect(), self.server);
+    }
+}
+
+impl Source for NatNetSource {
+    fn next(&mut self, wait: Duration) -> Result<Option<Batch>> {
+        let end = Instant::now() + wait;
+        loop {
+            for datagram in self.client.poll(self.clock.now()) {
+                // A refused datagram (port closed) is the same as no answer.
+                let _ = self.command.send_to(&datagram, self.server);
+            }
+            let left = end.saturating_duration_since(Instant::now());
+            if let Ok(arrived) = self.arrivals.recv_timeout(left.min(TICK))
+                && let Some(batch) = self.take(arrived)?
+            {
+                return Ok(Some(batch));
+            }
+            if left.is_zero() {
+                return Ok(Some(Batch::default()));
+            }
+        }
+    }
+
+    fn now(&self) -> f64 {
+        self.clock.now()
+    }
+
+    fn diagnosis(&self, wanted: &[&str]) -> String {
+        self.client.diagnosis(self.clock.now(), wanted).to_string()
+    }
+
+    fn facts(&self) -> Vec<String> {
+        let mut facts = vec![format!("server {} from interface {}", self.server, self.interface)];
+        facts.extend(self.notes.iter().cloned());
+        if let Some(info) = self.client.server() {
+            let [a, b, ..] = info.sender.application;
+            let v = info.sender.version();
+            facts.push(format!("{} {a}.{b}, NatNet {v}", info.sender.name));
+            facts.extend(info.clock.map(|c| {
+                let way =
+                    if c.multicast { format!("multicast {}", Ipv4Addr::from(c.group)) } else { "unicast".to_owned() };
+                format!("data by {way}, port {}", c.data_port)
+            }));
+        }
+        let names: Vec<_> = self.client.names().values().cloned().collect();
+        facts.push(format!("rigid bodies: {}", if names.is_empty() { "none".to_owned() } else { names.join(", ") }));
+        let c = self.client.counters();
+        facts.push(format!("{} frames, {} missed, {} malformed", c.frames, c.missed, c.malformed));
+        facts.extend(c.last_error.as_ref().map(|e| format!("last fault: {e}")));
+        if let Some(o) = self.estimate.offset() {
+            facts.push(format!("clock offset {:.6} s, known to {:.1} ms", o.offset, 1e3 * o.bound));
+        }
+        facts
+    }
+}
+
+fn resolve(host: &str, port: u16) -> Result<SocketAddr> {
+    let mut found = (host, port).to_socket_addrs().with_context(|| format!("cannot find the host '{host}'"))?;
+    match found.find(SocketAddr::is_ipv4) {
+        Some(address) => Ok(address),
+        None => bail!("'{host}' has no IPv4 address, which NatNet needs"),
+    }
+}
+
+/// Our address on the interface that faces the server. Nothing is sent.
+fn facing(server: SocketAddr) -> Result<Ipv4Addr> {
+    let probe = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
+    probe.connect(server).with_context(|| format!("no network interface leads to {server}"))?;
+    match probe.local_addr()? {
+        SocketAddr::V4(a) => Ok(*a.ip()),
+        SocketAddr::V6(a) => bail!("the interface {a} has no IPv4 address"),
+    }
+}
+
+/// A socket on a port that others may listen on too, in a multicast group if one is given.
+fn shared_socket(port: u16, group: Option<(Ipv4Addr, Ipv4Addr)>) -> std::io::Result<UdpSocket> {
+    let socket = Socket::new(Domain::IPV4, Type::DGRAM, None)?;
+    socket.set_reuse_address(group.is_some())?;
+    socket.bind(&SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, port).into())?;
+    let socket = UdpSocket::from(socket);
+    if let Some((group, interface)) = group {
+        socket.join_multicast_v4(&group, &interface)?;
+    }
+    Ok(socket)
+}
+
+fn listen(socket: UdpSocket, clock: Clock, sender: Sender<Arrived>, stop: Arc<AtomicBool>) -> Result<()> {
+    socket.set_read_timeout(Some(Duration::from_millis(100)))?;
+    let read = move || {
+        let mut buffer = vec![0u8; 65_536];
+        while !stop.load(Ordering::Relaxed) {
+            if let Ok((n, _)) = socket.recv_from(&mut buffer)
+                && sender.send((clock.now(), buffer[..n].to_vec())).is_err()
+            {
+                return;
+            }
+        }
+    };
+    std::thread::Builder::new().name("natnet".to_owned()).spawn(read)?;
+    Ok(())
+}

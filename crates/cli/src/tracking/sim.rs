@@ -1,0 +1,52 @@
+//! `sim:`: the fake tracker's scene without a network between.
+
+use super::{Batch, Clock, Scene, SceneOptions, Source, TOOLS};
+use anyhow::Result;
+use monro_wire::{Missing, TimedPose};
+use std::time::Duration;
+
+const RATE: f64 = 120.0;
+
+/// The scene, as a source.
+pub(super) struct SimSource {
+    clock: Clock,
+    scene: Scene,
+    start: f64,
+    frame: u64,
+}
+
+impl SimSource {
+    pub(super) fn new(clock: Clock) -> Self {
+        Self { clock, scene: Scene::new(SceneOptions::default()), start: clock.now(), frame: 0 }
+    }
+}
+
+impl Source for SimSource {
+    fn next(&mut self, wait: Duration) -> Result<Option<Batch>> {
+        let t = self.frame as f64 / RATE;
+        let left = (self.start + t - self.clock.now()).max(0.0);
+        std::thread::sleep(Duration::from_secs_f64(left).min(wait));
+        if left > wait.as_secs_f64() {
+            return Ok(Some(Batch::default()));
+        }
+        self.frame += 1;
+        let now = self.clock.now();
+        let one = |(name, pose): (&str, Option<_>)| {
+            TimedPose::new(name, None, now, pose.map(|p| (p, None)).ok_or(Missing::NotTracked))
+        };
+        let poses = TOOLS.into_iter().zip(self.scene.seen(t)).map(one).collect();
+        Ok(Some(Batch { poses, clock: None }))
+    }
+
+    fn now(&self) -> f64 {
+        self.clock.now()
+    }
+
+    fn diagnosis(&self, _: &[&str]) -> String {
+        "simulated".to_owned()
+    }
+
+    fn facts(&self) -> Vec<String> {
+        vec![format!("simulated tools: {}", TOOLS.join(", "))]
+    }
+}

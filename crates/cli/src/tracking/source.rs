@@ -1,0 +1,49 @@
+//! What all sources of poses have in common.
+
+use super::{Clock, Recorder, TrackerUrl, igtl, natnet, replay, sim};
+use anyhow::Result;
+use monro_guidance::clock::Offset;
+use monro_wire::TimedPose;
+use std::time::Duration;
+
+/// The poses of one frame or message.
+#[derive(Debug, Clone, Default)]
+pub struct Batch {
+    /// The poses; empty when nothing came in time.
+    pub poses: Vec<TimedPose>,
+    /// The source's clock against ours, where it is known.
+    pub clock: Option<Offset>,
+}
+
+/// A source of poses.
+pub trait Source: Send {
+    /// The next frame, or an empty batch when none comes within `wait`. `None` when the source has ended (a replay).
+    ///
+    /// # Errors
+    /// When the source cannot go on.
+    fn next(&mut self, wait: Duration) -> Result<Option<Batch>>;
+
+    /// The time, s, on the clock of the poses' arrival.
+    fn now(&self) -> f64;
+
+    /// What is wrong, or that nothing is, for people; `wanted` are the names of tools that should be there.
+    fn diagnosis(&self, wanted: &[&str]) -> String;
+
+    /// What is known of the other side, a line a fact.
+    fn facts(&self) -> Vec<String>;
+}
+
+/// Opens a source. What it receives goes to `recorder` too, if there is one.
+///
+/// # Errors
+/// When sockets or files cannot be opened.
+pub fn open(url: &TrackerUrl, clock: Clock, recorder: Option<Recorder>) -> Result<Box<dyn Source>> {
+    Ok(match url {
+        TrackerUrl::NatNet(address) => Box::new(natnet::NatNetSource::open(address, clock, recorder)?),
+        TrackerUrl::OpenIgtLink { host, port } => {
+            Box::new(igtl::IgtlSource::open(host.clone(), *port, clock, recorder)?)
+        }
+        TrackerUrl::Replay { path, fast } => Box::new(replay::Replay::open(path, *fast)?),
+        TrackerUrl::Sim => Box::new(sim::SimSource::new(clock)),
+    })
+}
