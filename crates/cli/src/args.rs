@@ -29,6 +29,8 @@ pub(crate) enum Command {
     Prepare(PrepareArgs),
     /// Simulate the insertion of a catheter along the plan of a case.
     Simulate(SimulateArgs),
+    /// Make graded tetrahedra from a label volume, or again from a case.
+    Mesh(MeshArgs),
     /// Measure speed and memory on this machine.
     #[command(subcommand)]
     Bench(BenchCommand),
@@ -134,6 +136,31 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
     pub(crate) mode: ModeArg,
     /// Overwrite an existing output folder.
+    #[arg(long)]
+    pub(crate) force: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct MeshArgs {
+    /// A label volume (NIfTI, NRRD, MetaImage) or a case.
+    #[arg(value_name = "LABELS|CASE")]
+    pub(crate) labels: PathBuf,
+    /// Labels to mesh (default: all but 0; of a case, everything inside the skull).
+    #[arg(long, value_name = "LABEL,..", value_delimiter = ',')]
+    pub(crate) keep: Option<Vec<u16>>,
+    /// Labels to be fine around (default: the ventricles where there are any, else all).
+    #[arg(long, value_name = "LABEL,..", value_delimiter = ',')]
+    pub(crate) fine: Option<Vec<u16>>,
+    /// A path to be fine along, LPS mm (default: the plan of a case).
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true)]
+    pub(crate) path: Option<String>,
+    /// Wanted number of tetrahedra.
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_ELEMENTS)]
+    pub(crate) elements: usize,
+    /// File to write, .vtu.
+    #[arg(long, value_name = "FILE.vtu")]
+    pub(crate) out: PathBuf,
+    /// Overwrite an existing file.
     #[arg(long)]
     pub(crate) force: bool,
 }

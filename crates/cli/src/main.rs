@@ -6,6 +6,7 @@ mod console;
 mod demo;
 mod inspect;
 mod interrupt;
+mod mesh;
 mod phantom;
 
 mod prepare;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
         Command::Phantom(a) => phantom::run(a, &console),
         Command::Prepare(a) => prepare::run(a, &console),
         Command::Simulate(a) => simulate::run(a, &console),
+        Command::Mesh(a) => mesh::run(a, &console),
         Command::Bench(a) => bench::run(a, &console),
     };
     console.finish();

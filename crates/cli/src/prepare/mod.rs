@@ -15,7 +15,7 @@ use monro_guidance::Side;
 use monro_scan::{ReadOptions, Scan, nifti};
 use std::path::{Path, PathBuf};
 
-pub(crate) use model::{Prepared, build};
+pub(crate) use model::{Prepared, build, simulated_labels};
 pub(crate) use result::{summary_json, summary_text};
 
 /// What to make of a scan.

@@ -92,17 +92,23 @@ fn surfaces(labels: &Volume<u8>) -> Result<Surfaces> {
     Ok(Surfaces { skin: skin?, skull: skull?.mesh, brain: brain?, ventricles: ventricles? })
 }
 
-/// Tetrahedra of all that lies inside the skull. The thin CSF around the brain is counted to it: it has no room for
-/// elements of its own, and the outer boundary is then the smooth inside of the skull, where the mesh is held.
-fn tetrahedra(labels: &Volume<u8>, planned: &Planned, request: &Request) -> Result<(TetMesh, MeshReport)> {
+/// The labels that are simulated, which of them to mesh, and which to be fine around: all that lies inside the skull.
+/// The thin CSF around the brain is counted to it: it has no room for elements of its own, and the outer boundary is then
+/// the smooth inside of the skull, where the mesh is held.
+pub(crate) fn simulated_labels(labels: &Volume<u8>) -> (Volume<u8>, Vec<u16>, Vec<u16>) {
     let (csf, brain) = (Structure::Csf.label(), Structure::Brain.label());
     let merged = labels.map(|l| if l == csf { brain } else { l });
     let present = |s: &Structure| merged.data().contains(&s.label());
     let ventricles: Vec<u16> =
         Structure::ALL.iter().filter(|s| s.is_ventricle()).filter(|s| present(s)).map(|s| s.label().into()).collect();
     let keep = [vec![brain.into()], ventricles.clone()].concat();
+    (merged, keep, ventricles)
+}
+
+fn tetrahedra(labels: &Volume<u8>, planned: &Planned, request: &Request) -> Result<(TetMesh, MeshReport)> {
+    let (merged, keep, fine) = simulated_labels(labels);
     let path = Some([planned.plan.entry(), planned.plan.target()]);
-    let options = MeshOptions { path, ..MeshOptions::new(&keep, &ventricles, request.elements) };
+    let options = MeshOptions { path, ..MeshOptions::new(&keep, &fine, request.elements) };
     tetra::mesh(&merged, &options).context("the tetrahedra cannot be made")
 }
 

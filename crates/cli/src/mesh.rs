@@ -1,0 +1,160 @@
+//! `monro mesh`: graded tetrahedra from any label volume, or again from a case.
+
+use crate::args::MeshArgs;
+use crate::console::{Console, seconds_json};
+use crate::prepare::simulated_labels;
+use anyhow::{Context, Result, bail};
+use monro_anatomy::tetra::{self, LabelReport, MeshOptions, MeshReport};
+use monro_case::Case;
+use monro_case::vtu::{self, UnstructuredGrid};
+use monro_geometry::{Patient, Point, Structure, Volume};
+use serde_json::{Value, json};
+use std::fs;
+use std::path::Path;
+
+/// What is to be meshed.
+struct Input {
+    labels: Volume<u16>,
+    keep: Vec<u16>,
+    fine: Vec<u16>,
+    path: Option<[Point<Patient>; 2]>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
+    if args.out.exists() && !args.force {
+        bail!("{} exists already; give --force to overwrite it, or another --out", args.out.display());
+    }
+    let input = console.stage("read", || input(args))?;
+    let options = MeshOptions { path: input.path, ..MeshOptions::new(&input.keep, &input.fine, args.elements) };
+    let (mesh, report) = console.stage("mesh", || tetra::mesh(&input.labels, &options))?;
+    console.stage("write", || write(&args.out, &vtu::encode(&UnstructuredGrid::from_mesh(&mesh))))?;
+    let json = as_json(&report, &args.out, &console.stages());
+    let text = format!(
+        "{} tetrahedra, {} vertices, dihedral angles {:.1} to {:.1} degrees, radius ratio at least {:.2}: {}",
+        report.elements,
+        report.vertices,
+        report.dihedral_min,
+        report.dihedral_max,
+        report.radius_ratio_min,
+        args.out.display()
+    );
+    console.result(&json, &text);
+    Ok(())
+}
+
+fn input(args: &MeshArgs) -> Result<Input> {
+    let mut input = if args.labels.is_dir() { of_case(&args.labels)? } else { of_file(&args.labels)? };
+    if let Some(keep) = &args.keep {
+        // The numbers of the file count here, also for a case.
+        if args.labels.is_dir() {
+            input.labels = monro_scan::read_labels(&args.labels.join("labels.nii.gz"))?;
+        }
+        input.keep.clone_from(keep);
+        input.fine.retain(|l| keep.contains(l));
+    }
+    if let Some(fine) = &args.fine {
+        input.fine.clone_from(fine);
+    }
+    if let Some(path) = &args.path {
+        input.path = Some(parse_path(path)?);
+    }
+    Ok(input)
+}
+
+/// A case is meshed as `prepare` does it: all inside the skull, fine around ventricles and path.
+fn of_case(dir: &Path) -> Result<Input> {
+    let case = Case::open(dir)?;
+    let file = dir.join("labels.nii.gz");
+    if !file.is_file() {
+        bail!("{} has no labels.nii.gz (it was shared without images), so it cannot be meshed again", dir.display());
+    }
+    let labels = monro_scan::read_labels(&file)?;
+    let small = labels.map(|l| u8::try_from(l).unwrap_or(0));
+    let (merged, keep, fine) = simulated_labels(&small);
+    Ok(Input { labels: merged.map(u16::from), keep, fine, path: Some([case.plan.entry(), case.plan.target()]) })
+}
+
+/// All labels of a file but 0; fine around the ventricles where the numbers are those of a case, else everywhere.
+fn of_file(path: &Path) -> Result<Input> {
+    let labels = monro_scan::read_labels(path)?;
+    let mut keep = labels.data().to_vec();
+    keep.sort_unstable();
+    keep.dedup();
+    keep.retain(|&l| l != 0);
+    if keep.is_empty() {
+        bail!("{} holds nothing but the label 0", path.display());
+    }
+    let ventricle =
+        |l: &u16| u8::try_from(*l).ok().and_then(Structure::from_label).is_some_and(Structure::is_ventricle);
+    let fine: Vec<u16> = keep.iter().copied().filter(ventricle).collect();
+    let fine = if fine.is_empty() { keep.clone() } else { fine };
+    Ok(Input { labels, keep, fine, path: None })
+}
+
+/// `X,Y,Z:X,Y,Z` in LPS mm.
+fn parse_path(text: &str) -> Result<[Point<Patient>; 2]> {
+    let point = |part: &str| -> Option<Point<Patient>> {
+        let numbers: Vec<f64> = part.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
+        let p = Point::from_array(numbers.try_into().ok()?);
+        p.is_finite().then_some(p)
+    };
+    let ends = text.split_once(':').and_then(|(a, b)| Some([point(a)?, point(b)?]));
+    ends.with_context(|| format!("--path \"{text}\" is not X,Y,Z:X,Y,Z (LPS mm)"))
+}
+
+/// Writes aside and renames, so that an interrupted run leaves no half file.
+fn write(out: &Path, bytes: &[u8]) -> Result<()> {
+    let mut name = out.file_name().unwrap_or_default().to_owned();
+    name.push(format!(".partial-{}", std::process::id()));
+    let aside = out.with_file_name(name);
+    fs::write(&aside, bytes).with_context(|| format!("cannot write {}", aside.display()))?;
+    fs::rename(&aside, out).with_context(|| format!("cannot write {}", out.display()))
+}
+
+fn as_json(report: &MeshReport, out: &Path, stages: &[(String, f64)]) -> Value {
+    json!({
+        "out": out.display().to_string(),
+        "elements": report.elements,
+        "vertices": report.vertices,
+        "seconds": seconds_json(stages),
+        "dihedral_min_deg": report.dihedral_min,
+        "dihedral_max_deg": report.dihedral_max,
+        "dihedral_p1_deg": report.dihedral_p1,
+        "radius_ratio_min": report.radius_ratio_min,
+        "radius_ratio_median": report.radius_ratio_median,
+        "core_edge_mean_mm": report.core_edge_mean,
+        "edge_bands": report.edge_bands.iter().map(|b| json!({ "from_mm": b.from, "to_mm": b.to, "mean_mm": b.mean, "edges": b.edges })).collect::<Vec<_>>(),
+        "open_at_border": report.open_at_border,
+        "labels": report.labels.iter().map(label_json).collect::<Vec<_>>(),
+    })
+}
+
+fn label_json(l: &LabelReport) -> Value {
+    json!({
+        "label": l.label,
+        "elements": l.elements,
+        "volume_mm3": l.volume,
+        "volume_error": l.volume_error,
+        "interface_mean_mm": l.interface.map(|i| i.mean),
+        "interface_max_mm": l.interface.map(|i| i.max),
+        "euler": l.euler,
+        "euler_labels": l.euler_labels,
+        "closed": l.closed,
+        "manifold": l.manifold,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_is_two_points_or_an_error_that_shows_the_form() {
+        let [a, b] = parse_path("1,-2.5,3: 4,5,6e1").expect("a path");
+        assert_eq!((a, b), (Point::new(1.0, -2.5, 3.0), Point::new(4.0, 5.0, 60.0)));
+        for bad in ["", "1,2,3", "1,2:3,4", "1,2,3:4,5,x", "1,2,3:4,5,inf"] {
+            assert!(parse_path(bad).expect_err("refused").to_string().contains("X,Y,Z:X,Y,Z"), "{bad}");
+        }
+    }
+}
