@@ -13,6 +13,9 @@ const CATHETER_LENGTH_MM: f64 = 250.0;
 const DIAMETER_MM: f64 = 3.0;
 /// Longest time step: after a pause the tissue is slow for a moment instead of unstable, s.
 const LONGEST_STEP_S: f64 = 1.0 / 20.0;
+/// Farthest that the tool moves through tissue in one step, mm. The solver cuts a step so that no part of it is longer
+/// than a share of the radius: without this bound a slow step would make the next one slower.
+const FARTHEST_MM: f64 = 6.0;
 /// Shortest time step, s.
 const SHORTEST_STEP_S: f64 = 1.0 / 1000.0;
 
@@ -53,7 +56,8 @@ pub struct Deformation {
     nodes: Vec<[f32; 4]>,
     target: Embedding,
     target_at_rest: Point<Patient>,
-    last: Option<ToolPose>,
+    /// Pose of the tool in the tissue, and the time at which it was seen there.
+    last: Option<(ToolPose, f64)>,
     steps: u64,
 }
 
@@ -85,18 +89,24 @@ impl Deformation {
         Deformed::at_rest(self.target_at_rest, self.model.node_count())
     }
 
-    /// Goes on by `dt_s` seconds, while the needle moves to where it was seen at `pose_time_s`. Steps are kept within
-    /// what the solver can take; a time step that is no number counts as the shortest.
+    /// Goes on by `dt_s` seconds, while the needle moves towards where it was seen at `pose_time_s`: all the way, or as
+    /// far as one step can take it; the result tells the time of the pose that was reached. A time step that is no number
+    /// counts as the shortest.
     pub fn advance(&mut self, needle: &NeedlePose, pose_time_s: f64, dt_s: f64) -> Deformed {
-        let to = ToolPose { tip: needle.tip(), tail: needle.tip() - needle.axis() * CATHETER_LENGTH_MM };
+        let wanted = ToolPose { tip: needle.tip(), tail: needle.tip() - needle.axis() * CATHETER_LENGTH_MM };
+        let (from, from_time) = self.last.unwrap_or((wanted, pose_time_s));
+        let way = from.tip.distance(wanted.tip).max(from.tail.distance(wanted.tail));
+        let share = if way > FARTHEST_MM { FARTHEST_MM / way } else { 1.0 };
+        let to = ToolPose { tip: from.tip.lerp(wanted.tip, share), tail: from.tail.lerp(wanted.tail, share) };
+        let time = if share < 1.0 { from_time + share * (pose_time_s - from_time) } else { pose_time_s };
         let tool = Tool { tip: TipShape::Round, radius_mm: DIAMETER_MM / 2.0 };
-        let motion = ToolMotion { tool, from: self.last.unwrap_or(to), to };
         let dt_s = if dt_s.is_nan() { SHORTEST_STEP_S } else { dt_s.clamp(SHORTEST_STEP_S, LONGEST_STEP_S) };
         let frame = FrameSettings { dt_s, ..FrameSettings::default() };
+        let motion = ToolMotion { tool, from, to };
         let report = self.stepper.step(&self.model, &mut self.state, &[motion], &frame);
-        self.last = Some(to);
+        self.last = Some((to, time));
         self.steps += 1;
-        self.result(&report, pose_time_s)
+        self.result(&report, time)
     }
 
     fn result(&mut self, report: &StepReport, pose_time_s: f64) -> Deformed {
@@ -222,6 +232,15 @@ mod tests {
     #[test]
     fn the_same_poses_give_the_same_bits() {
         assert_eq!(insertion(), insertion());
+    }
+
+    #[test]
+    fn a_needle_that_is_suddenly_elsewhere_is_caught_up_with_in_bounded_steps_and_honest_times() {
+        let mut d = deformation();
+        d.advance(&needle(0.0), 0.0, 1.0 / 60.0);
+        let times: Vec<f64> = (0..5).filter_map(|_| d.advance(&needle(15.0), 1.0, 1.0 / 60.0).pose_time_s).collect();
+        assert!((times[0] - 0.4).abs() < 1e-9 && times[0] < times[1] && times[1] < times[2], "{times:?}");
+        assert!((times[2] - 1.0).abs() < 1e-12 && (times[4] - 1.0).abs() < 1e-12, "{times:?}");
     }
 
     #[test]

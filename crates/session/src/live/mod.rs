@@ -24,5 +24,5 @@ pub use phase::{Event, Phase, Refusal, ToFirst};
 pub use script::{Script, ScriptTruth};
 pub use session::{Calibration, PlainEvent, Registration, Session, SessionEvent, ToolNames};
 pub use signal::{Expiry, Signal};
-pub use snapshot::{Numbers, Snapshot};
+pub use snapshot::{Numbers, Snapshot, SoftNumbers};
 pub use tracking::{Observation, Tracking};

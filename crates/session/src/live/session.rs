@@ -138,6 +138,11 @@ impl Session {
         self.registration.as_ref()
     }
 
+    /// When poses expire.
+    pub const fn expiry(&self) -> &Expiry {
+        &self.expiry
+    }
+
     /// The tracker's poses.
     pub const fn tracking(&self) -> &Tracking {
         &self.tracking

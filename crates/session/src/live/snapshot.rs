@@ -2,14 +2,12 @@
 
 use super::{Deformed, Phase, Session, Signal};
 use monro_geometry::Structure;
-use monro_guidance::{Kakarla, NeedlePose, Plan, Reading, TargetReading, TipSite};
+use monro_guidance::{Kakarla, NeedlePose, Plan, Reading, TargetReading};
 use std::sync::Arc;
 
 /// The numbers a surgeon steers by. Lengths in mm, angles in radians.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Numbers {
-    /// From the tip to where the tissue of the target is now.
-    pub distance_deformed_mm: f64,
     /// From the tip to where the target was planned.
     pub distance_rigid_mm: f64,
     /// From the planned entry to the needle's line.
@@ -18,28 +16,44 @@ pub struct Numbers {
     pub entry_angle_error: f64,
     /// Of the tip under the entry, along the plan; negative above the skin.
     pub depth_mm: f64,
-    /// How near the needle's line comes to the deformed target.
+    /// What follows from the soft body; `None` while that has nothing fresh to say.
+    pub soft: Option<SoftNumbers>,
+}
+
+/// The numbers that need the deformed tissue. Lengths in mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SoftNumbers {
+    /// From the tip to where the tissue of the target is now.
+    pub distance_mm: f64,
+    /// How near the needle's line comes to that.
     pub miss_mm: f64,
-    /// What the tip is in, as the soft body says; `None` outside of the simulated tissue.
+    /// What the tip is in; `None` outside of the simulated tissue.
     pub at_tip: Option<Structure>,
-    /// Grade, were the catheter left here.
-    pub kakarla: Kakarla,
+    /// Grade, were the catheter left here; `None` outside of the simulated tissue.
+    pub kakarla: Option<Kakarla>,
 }
 
 impl Numbers {
-    fn new(plan: &Plan, needle: &NeedlePose, deformed: &Deformed) -> Self {
+    fn new(plan: &Plan, needle: &NeedlePose, soft: Option<&Deformed>) -> Self {
         let rigid = Reading::new(plan, needle);
-        let target = TargetReading::new(needle, deformed.target);
-        let site = deformed.at_tip.map_or(TipSite::OutsideBrain, TipSite::from);
         Self {
-            distance_deformed_mm: target.distance,
             distance_rigid_mm: rigid.target.distance,
             entry_offset_mm: rigid.entry_offset,
             entry_angle_error: rigid.entry_angle,
             depth_mm: rigid.depth,
+            soft: soft.map(|d| SoftNumbers::new(plan, needle, d)),
+        }
+    }
+}
+
+impl SoftNumbers {
+    fn new(plan: &Plan, needle: &NeedlePose, deformed: &Deformed) -> Self {
+        let target = TargetReading::new(needle, deformed.target);
+        Self {
+            distance_mm: target.distance,
             miss_mm: target.miss,
             at_tip: deformed.at_tip,
-            kakarla: Kakarla::predict(plan.side(), site),
+            kakarla: deformed.at_tip.map(|s| Kakarla::predict(plan.side(), s.into())),
         }
     }
 
@@ -76,9 +90,12 @@ impl Session {
     /// The display loop's half: what may be shown at `now`, with the newest deformation.
     pub fn snapshot(&self, now: f64, deformed: &Arc<Deformed>) -> Snapshot {
         let needle = self.needle(now);
+        let deformation_age_s = deformed.pose_time_s.map(|t| now - t);
+        // A soft body that has fallen behind as far as a lost tool would say where the tissue was, not where it is.
+        let fresh = deformation_age_s.is_some_and(|age| self.expiry().signal(age) != Signal::Lost);
         let numbers = match (self.plan(), &needle) {
             (Some(plan), Some(needle)) if self.phase() == Phase::Navigating => {
-                Some(Numbers::new(plan, needle, deformed))
+                Some(Numbers::new(plan, needle, fresh.then_some(&**deformed)))
             }
             _ => None,
         };
@@ -87,7 +104,7 @@ impl Session {
             phase: self.phase(),
             signal: self.signal(now),
             age_s: self.age(now),
-            deformation_age_s: deformed.pose_time_s.map(|t| now - t),
+            deformation_age_s,
             needle,
             numbers,
             predicted_tre_mm: self.registration().and_then(|r| r.predicted_tre_mm),
@@ -104,17 +121,18 @@ mod tests {
     use crate::live::{Script, SessionEvent};
     use monro_geometry::Vector;
 
-    fn rest() -> Arc<Deformed> {
-        Arc::new(Deformed::at_rest(plan().target(), 0))
+    /// The soft body's answer to a pose seen at `time_s`.
+    fn answer(time_s: f64) -> Deformed {
+        Deformed { pose_time_s: Some(time_s), ..Deformed::at_rest(plan().target(), 0) }
     }
 
     #[test]
     fn numbers_vanish_when_lost_and_come_back() {
         let script = Script::new(plan());
         let mut s = navigating(&script);
-        let deformed = rest();
         for round in 0..3 {
             let t = 10.0 * f64::from(round);
+            let deformed = Arc::new(answer(t));
             script.observations(t).iter().for_each(|o| assert!(s.observe(o)));
             let shown = |dt: f64| s.snapshot(t + dt, &deformed);
             assert!(shown(0.0).numbers.is_some() && shown(0.3).numbers.is_some());
@@ -130,7 +148,7 @@ mod tests {
         let mut s = navigating(&script);
         script.observations(0.0).iter().for_each(|o| assert!(s.observe(o)));
         s.apply(SessionEvent::Plain(PlainEvent::Stopped)).expect("stop");
-        let shown = s.snapshot(0.0, &rest());
+        let shown = s.snapshot(0.0, &Arc::new(answer(0.0)));
         assert!(shown.numbers.is_none() && shown.needle.is_some());
     }
 
@@ -139,13 +157,25 @@ mod tests {
         let script = Script::new(plan());
         let mut s = navigating(&script);
         script.observations(0.0).iter().for_each(|o| assert!(s.observe(o)));
-        let shift = plan().direction() * 3.0;
-        let moved = Arc::new(Deformed { target: plan().target() + shift, ..Deformed::at_rest(plan().target(), 0) });
-        let n = s.snapshot(0.0, &moved).numbers.expect("navigating");
-        assert!((n.distance_deformed_mm - n.distance_rigid_mm - 3.0).abs() < 0.2);
-        let sideways = plan().direction().any_perpendicular().unwrap_or(Vector::ZERO) * 3.0;
-        let aside = Arc::new(Deformed { target: plan().target() + sideways, ..Deformed::at_rest(plan().target(), 0) });
-        assert_eq!(s.snapshot(0.0, &aside).numbers.map(|n| n.distance_rigid_mm), Some(n.distance_rigid_mm));
+        let along = plan().direction();
+        let aside = along.any_perpendicular().unwrap_or(Vector::ZERO);
+        for (shift, nearer) in [(along * 3.0, 3.0), (aside * 3.0, 0.0)] {
+            let moved = Arc::new(Deformed { target: plan().target() + shift, ..answer(0.0) });
+            let n = s.snapshot(0.0, &moved).numbers.expect("navigating");
+            let soft = n.soft.expect("fresh");
+            assert!((n.distance_rigid_mm - plan().length() - 40.0).abs() < 1e-9);
+            assert!((soft.distance_mm - n.distance_rigid_mm - nearer).abs() < 0.2, "{shift:?}");
+        }
+    }
+
+    #[test]
+    fn a_soft_body_that_has_fallen_behind_says_nothing() {
+        let script = Script::new(plan());
+        let mut s = navigating(&script);
+        script.observations(2.0).iter().for_each(|o| assert!(s.observe(o)));
+        let soft = |d: Deformed| s.snapshot(2.0, &Arc::new(d)).numbers.expect("navigating").soft;
+        assert!(soft(answer(1.6)).is_some());
+        assert!(soft(answer(1.4)).is_none() && soft(Deformed::at_rest(plan().target(), 0)).is_none());
     }
 
     #[test]
@@ -154,13 +184,13 @@ mod tests {
         let mut s = navigating(&script);
         script.observations(0.0).iter().for_each(|o| assert!(s.observe(o)));
         let read = |at_tip| {
-            let d = Arc::new(Deformed { at_tip, ..Deformed::at_rest(plan().target(), 0) });
-            let n = s.snapshot(0.0, &d).numbers.expect("navigating");
-            (n.in_ventricle(), n.kakarla.number())
+            let d = Arc::new(Deformed { at_tip, ..answer(0.0) });
+            let n = s.snapshot(0.0, &d).numbers.and_then(|n| n.soft).expect("fresh");
+            (n.in_ventricle(), n.kakarla.map(Kakarla::number))
         };
-        assert_eq!(read(Some(Structure::RightLateralVentricle)), (true, 1));
-        assert_eq!(read(Some(Structure::LeftLateralVentricle)), (true, 2));
-        assert_eq!(read(Some(Structure::Brain)), (false, 3));
-        assert_eq!(read(None), (false, 3));
+        assert_eq!(read(Some(Structure::RightLateralVentricle)), (true, Some(1)));
+        assert_eq!(read(Some(Structure::LeftLateralVentricle)), (true, Some(2)));
+        assert_eq!(read(Some(Structure::Brain)), (false, Some(3)));
+        assert_eq!(read(None), (false, None));
     }
 }
