@@ -1,0 +1,149 @@
+//! The JSON API.
+
+use crate::door::refuse;
+use crate::server::Shared;
+use axum::body::Bytes;
+use axum::extract::State;
+use axum::extract::rejection::JsonRejection;
+use axum::http::StatusCode;
+use axum::http::header::CONTENT_TYPE;
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use axum::{Json, Router};
+use monro_geometry::{Point, Rigid, Vector};
+use monro_session::live::{Calibration, PlainEvent, Registration, SessionEvent};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+/// The description that `/api/openapi.json` gives; a test compares it with the routes.
+pub(crate) const OPENAPI: &str = include_str!("openapi.json");
+
+/// All routes below `/api`.
+pub(crate) fn routes() -> Router<Arc<Shared>> {
+    Router::new()
+        .route("/api/openapi.json", get(async || ([(CONTENT_TYPE, "application/json")], OPENAPI)))
+        .route("/api/case", get(async |State(s): State<Arc<Shared>>| Json(s.case.clone())))
+        .route("/api/guidance", get(async |State(s): State<Arc<Shared>>| Json(s.live.snapshot().1)))
+        .route("/api/status", get(status))
+        .route("/api/scene", get(async |State(s): State<Arc<Shared>>| binary(s.scene.clone())))
+        .route("/api/ct", get(ct))
+        .route("/api/ticket", post(ticket))
+        .route("/api/session", post(event))
+        .route("/api/tracker", post(tracker))
+        .route("/api/{*rest}", get(unknown).post(unknown))
+}
+
+async fn unknown() -> Response {
+    refuse(StatusCode::NOT_FOUND, "no such path; /api/openapi.json lists them all")
+}
+
+fn binary(bytes: Bytes) -> Response {
+    ([(CONTENT_TYPE, "application/octet-stream")], bytes).into_response()
+}
+
+async fn ct(State(shared): State<Arc<Shared>>) -> Response {
+    match &shared.ct {
+        Some(bytes) => binary(bytes.clone()),
+        None => refuse(StatusCode::NOT_FOUND, "this case was shared without its images"),
+    }
+}
+
+async fn ticket(State(shared): State<Arc<Shared>>) -> Response {
+    match shared.keys.ticket() {
+        Ok(ticket) => Json(json!({ "ticket": ticket })).into_response(),
+        Err(e) => refuse(StatusCode::INTERNAL_SERVER_ERROR, &format!("no random numbers: {e}")),
+    }
+}
+
+async fn status(State(shared): State<Arc<Shared>>) -> Json<Value> {
+    let live = &shared.live;
+    let (rates, now) = (live.rates(), live.clock.now());
+    Json(json!({
+        "tracker": shared.tracker,
+        "simulated": shared.simulated,
+        "paused": live.paused.load(Ordering::Relaxed),
+        "tools": live.tools(),
+        "tracking_hz": rates.tracking.hz(now),
+        "deformation_hz": rates.deformation.hz(now),
+        "deformation_ms": rates.deformation.ms(),
+        "displays": live.displays.load(Ordering::Relaxed),
+        "uptime_s": now,
+    }))
+}
+
+/// An event of the procedure, as the operator sends it.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "event", rename_all = "snake_case", deny_unknown_fields)]
+enum EventRequest {
+    Calibrated { tip_mm: [f64; 3], axis: [f64; 3] },
+    Registered { quaternion_wxyz: [f64; 4], translation_mm: [f64; 3], predicted_tre_mm: Option<f64> },
+    ToolChanged,
+    ReferenceMoved,
+    CheckPassed,
+    CheckFailed,
+    Started,
+    Stopped,
+}
+
+impl EventRequest {
+    fn event(&self) -> Result<SessionEvent, &'static str> {
+        let plain = match *self {
+            Self::Calibrated { tip_mm, axis } => {
+                let calibration = Calibration { tip: Point::from_array(tip_mm), axis: Vector::from_array(axis) };
+                if !calibration.tip.is_finite() || calibration.axis.normalized().is_none() {
+                    return Err("the tip must be finite and the axis must have a direction");
+                }
+                return Ok(SessionEvent::Calibrated(calibration));
+            }
+            Self::Registered { quaternion_wxyz, translation_mm, predicted_tre_mm } => {
+                let rigid = Rigid::from_quaternion(quaternion_wxyz, Vector::from_array(translation_mm));
+                let patient_from_reference = rigid.ok_or("the quaternion has no length, or a number is not finite")?;
+                if predicted_tre_mm.is_some_and(|t| !(t.is_finite() && t >= 0.0)) {
+                    return Err("predicted_tre_mm must be a distance");
+                }
+                return Ok(SessionEvent::Registered(Registration { patient_from_reference, predicted_tre_mm }));
+            }
+            Self::ToolChanged => PlainEvent::ToolChanged,
+            Self::ReferenceMoved => PlainEvent::ReferenceMoved,
+            Self::CheckPassed => PlainEvent::CheckPassed,
+            Self::CheckFailed => PlainEvent::CheckFailed,
+            Self::Started => PlainEvent::Started,
+            Self::Stopped => PlainEvent::Stopped,
+        };
+        Ok(SessionEvent::Plain(plain))
+    }
+}
+
+async fn event(State(shared): State<Arc<Shared>>, body: Result<Json<EventRequest>, JsonRejection>) -> Response {
+    let Json(request) = match body {
+        Ok(json) => json,
+        Err(e) => return refuse(e.status(), &e.body_text()),
+    };
+    match request.event().map(|e| shared.live.apply(e)) {
+        Ok(Ok(phase)) => Json(json!({ "phase": phase.name() })).into_response(),
+        Ok(Err(refusal)) => refuse(StatusCode::CONFLICT, &refusal.to_string()),
+        Err(e) => refuse(StatusCode::UNPROCESSABLE_ENTITY, e),
+    }
+}
+
+/// Stops and continues the scripted tracker.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TrackerRequest {
+    paused: bool,
+}
+
+async fn tracker(State(shared): State<Arc<Shared>>, body: Result<Json<TrackerRequest>, JsonRejection>) -> Response {
+    if !shared.simulated {
+        return refuse(StatusCode::CONFLICT, "only the scripted tracker (sim:) can be paused");
+    }
+    match body {
+        Ok(Json(request)) => {
+            shared.live.paused.store(request.paused, Ordering::Relaxed);
+            Json(json!({ "paused": request.paused })).into_response()
+        }
+        Err(e) => refuse(e.status(), &e.body_text()),
+    }
+}

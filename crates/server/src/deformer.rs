@@ -1,0 +1,34 @@
+//! The thread of the soft body: as fast as it can, whatever tracker and displays do.
+
+use crate::live::Live;
+use monro_session::live::Deformation;
+use std::io;
+use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
+
+/// Faster than any display needs, s: what is left of it is given back to the machine.
+const PERIOD_S: f64 = 1.0 / 120.0;
+
+/// Starts the thread; it ends when the session stops.
+pub(crate) fn spawn(live: Arc<Live>, deformation: Deformation) -> io::Result<()> {
+    thread::Builder::new().name("deformation".into()).spawn(move || run(&live, deformation))?;
+    Ok(())
+}
+
+fn run(live: &Live, mut deformation: Deformation) {
+    let mut last = live.clock.now();
+    while !live.is_stopping() {
+        let start = live.clock.now();
+        // A lost catheter leaves the tissue as it is.
+        if let Some((needle, seen_at)) = live.needle(start) {
+            let deformed = deformation.advance(&needle, seen_at, start - last);
+            live.publish(deformed, live.clock.now() - start);
+        }
+        last = start;
+        let rest = PERIOD_S - (live.clock.now() - start);
+        if rest > 0.0 {
+            thread::sleep(Duration::from_secs_f64(rest));
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Why a case cannot be served.
+
+use monro_case::CaseError;
+use monro_geometry::EmbeddingError;
+use monro_scan::ScanError;
+use monro_session::SessionError;
+use std::io;
+use std::net::SocketAddr;
+use thiserror::Error;
+
+/// Why a case cannot be served.
+#[derive(Debug, Error)]
+pub enum ServeError {
+    /// The case is faulty.
+    #[error(transparent)]
+    Case(#[from] CaseError),
+    /// The images of the case are faulty.
+    #[error("the images of the case cannot be read: {0}")]
+    Images(#[from] ScanError),
+    /// The soft body cannot be made.
+    #[error(transparent)]
+    Session(#[from] SessionError),
+    /// A surface cannot be bound to the tetrahedra.
+    #[error("a surface of the case cannot be bound to its tetrahedra: {0}")]
+    Embedding(#[from] EmbeddingError),
+    /// The address is not on this machine alone.
+    #[error("{0} can be reached by others, and there is no encryption yet; listen on 127.0.0.1 (or [::1])")]
+    NotLoopback(SocketAddr),
+    /// The address cannot be had.
+    #[error("cannot listen on {address}: {error}; choose another with --listen, or 127.0.0.1:0 for any free port")]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// The reason.
+        error: io::Error,
+    },
+    /// No randomness for the token.
+    #[error("the system gives no random numbers for the access token: {0}")]
+    Random(getrandom::Error),
+    /// Threads or sockets failed.
+    #[error("the server stopped: {0}")]
+    Io(#[from] io::Error),
+}

@@ -1,0 +1,67 @@
+//! A snapshot as JSON: the numbers of `/api/guidance`, and the end of every binary snapshot. Angles in degrees here.
+
+use monro_geometry::{Patient, Point, Structure};
+use monro_guidance::Kakarla;
+use monro_session::live::Snapshot;
+use serde::Serialize;
+
+/// What `/api/guidance` answers.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct Guidance {
+    /// How far the procedure has come.
+    phase: &'static str,
+    /// `live`, `stale` or `lost`.
+    state: &'static str,
+    age_ms: Option<f64>,
+    deformation_age_ms: Option<f64>,
+    /// To where the target is in the deformed tissue.
+    distance_to_target_mm: Option<f64>,
+    /// To where the target was planned.
+    distance_to_target_rigid_mm: Option<f64>,
+    entry_offset_mm: Option<f64>,
+    entry_angle_error_deg: Option<f64>,
+    depth_mm: Option<f64>,
+    miss_mm: Option<f64>,
+    in_ventricle: Option<bool>,
+    tip_in: Option<&'static str>,
+    kakarla_grade: Option<u8>,
+    predicted_tre_mm: Option<f64>,
+    tip_lps_mm: Option<[f64; 3]>,
+    axis_lps: Option<[f64; 3]>,
+    target_shift_mm: f64,
+    largest_displacement_mm: f64,
+    solver_fault: bool,
+    /// Clock of the server, s.
+    time_s: f64,
+}
+
+impl Guidance {
+    /// Reads a snapshot; `planned` is the target at rest.
+    pub(crate) fn new(s: &Snapshot, planned: Point<Patient>) -> Self {
+        let ms = |t: Option<f64>| t.map(|t| t * 1e3);
+        let rigid = s.numbers.as_ref();
+        let soft = rigid.and_then(|n| n.soft);
+        Self {
+            phase: s.phase.name(),
+            state: s.signal.name(),
+            age_ms: ms(s.age_s),
+            deformation_age_ms: ms(s.deformation_age_s),
+            distance_to_target_mm: soft.map(|n| n.distance_mm),
+            distance_to_target_rigid_mm: rigid.map(|n| n.distance_rigid_mm),
+            entry_offset_mm: rigid.map(|n| n.entry_offset_mm),
+            entry_angle_error_deg: rigid.map(|n| n.entry_angle_error.to_degrees()),
+            depth_mm: rigid.map(|n| n.depth_mm),
+            miss_mm: soft.map(|n| n.miss_mm),
+            in_ventricle: soft.map(|n| n.in_ventricle()),
+            tip_in: soft.and_then(|n| n.at_tip).map(Structure::name),
+            kakarla_grade: soft.and_then(|n| n.kakarla).map(Kakarla::number),
+            predicted_tre_mm: s.predicted_tre_mm,
+            tip_lps_mm: s.needle.map(|n| n.tip().to_array()),
+            axis_lps: s.needle.map(|n| n.axis().to_array()),
+            target_shift_mm: s.deformed.target.distance(planned),
+            largest_displacement_mm: s.deformed.largest_mm,
+            solver_fault: s.deformed.fault,
+            time_s: s.time_s,
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! A live session for browsers: one case, one tracker, any number of displays.
+//!
+//! [`serve`] opens a case, starts the tracker and the soft body on threads of their own, and answers on one port: the web
+//! app, a JSON API (`/api/openapi.json` describes it), and a binary WebSocket of snapshots. The rules of the session live
+//! in `monro_session::live`; this crate adds clocks, threads, sockets and the guard at the door.
+//!
+//! - **Nobody waits for anybody.** The newest pose and the newest deformation are shared as immutable values. A display
+//!   asks for one snapshot at a time and gets the newest then; one that does not ask gets nothing and delays nobody.
+//! - **Loopback only**, until there is TLS: any other address is refused. The API wants a bearer token that is made anew at
+//!   every start, the WebSocket a one-time ticket; `Host` and `Origin` are checked against DNS rebinding and foreign pages.
+//! - **The web app is in the binary** when `web/dist` was there at build time (`scripts/web.sh build`); without it a small
+//!   page says how to build it.
+
+mod api;
+mod case_data;
+mod clock;
+mod container;
+mod deformer;
+mod door;
+mod error;
+mod guidance;
+mod half;
+mod headers;
+mod listener;
+mod live;
+mod options;
+mod rate;
+mod server;
+mod snapshot;
+mod socket;
+mod tracker;
+mod web;
+
+pub use error::ServeError;
+pub use options::{ServeOptions, TrackerUrl, TrackerUrlError};
+pub use server::{Ready, Running, serve, start};

@@ -1,0 +1,156 @@
+//! A small made-up head as a case folder, and a bare HTTP client.
+
+#![allow(dead_code, unreachable_pub, reason = "each test and example uses its own part")]
+
+use monro_case::{Case, CaseFiles, Manifest, SCHEMA, Source, Staging};
+use monro_geometry::{Grid, Patient, Point, TetMesh, TriangleMesh, Vector, Volume};
+use monro_guidance::{Plan, Side};
+use monro_server::{ServeOptions, TrackerUrl};
+use monro_session::{Mode, ModelSettings};
+use monro_tissue::{CollisionResponse, PaperOptions};
+use std::path::{Path, PathBuf};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+
+const CELLS: usize = 10;
+/// Half axes of the brain, mm.
+const BRAIN_MM: [f64; 3] = [65.0, 82.0, 62.0];
+/// Skin and skull as multiples of the brain.
+const SKIN: f64 = 1.2;
+const SKULL: [f64; 2] = [1.04, 1.13];
+/// Half axes of a lateral ventricle, and its middle on the patient's left, mm.
+const VENTRICLE_MM: [f64; 3] = [9.0, 30.0, 12.0];
+const VENTRICLE_AT: [f64; 3] = [11.0, -6.0, 8.0];
+
+fn ellipsoid(p: [f64; 3], axes: [f64; 3]) -> f64 {
+    (0..3).map(|a| (p[a] / axes[a]).powi(2)).sum::<f64>().sqrt()
+}
+
+/// 5 or 6 in a lateral ventricle, else 4.
+fn label(p: [f64; 3]) -> u16 {
+    let inside = |side: f64| {
+        ellipsoid([p[0] - side * VENTRICLE_AT[0], p[1] - VENTRICLE_AT[1], p[2] - VENTRICLE_AT[2]], VENTRICLE_MM) < 1.0
+    };
+    match (inside(1.0), inside(-1.0)) {
+        (true, _) => 5,
+        (_, true) => 6,
+        _ => 4,
+    }
+}
+
+/// A block of cubes of six tetrahedra each, rounded into an ellipsoid.
+pub fn brain() -> TetMesh {
+    const PATHS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
+    let n = CELLS + 1;
+    let mut mesh = TetMesh::default();
+    for c in 0..n * n * n {
+        let unit = [c % n, c / n % n, c / n / n].map(|i| 2.0 * i as f64 / CELLS as f64 - 1.0);
+        let (largest, length) = (unit.iter().fold(0f64, |m, v| m.max(v.abs())), ellipsoid(unit, [1.0; 3]));
+        // Most of the way from the cube to the ball: all of it would flatten the elements at the cube's edges.
+        let shrink = if length > 0.0 { 0.1 + 0.9 * largest / length } else { 1.0 };
+        mesh.vertices.push(Point::from_array(core::array::from_fn(|a| unit[a] * shrink * BRAIN_MM[a])));
+    }
+    for c in 0..CELLS.pow(3) {
+        for (turn, path) in PATHS.iter().enumerate() {
+            let mut at = [c % CELLS, c / CELLS % CELLS, c / CELLS / CELLS];
+            let mut tet = [0; 4];
+            for (k, t) in tet.iter_mut().enumerate() {
+                *t = (at[0] + n * (at[1] + n * at[2])) as u32;
+                if k < 3 {
+                    at[path[k]] += 1;
+                }
+            }
+            if turn >= 3 {
+                tet.swap(1, 2);
+            }
+            let corners = tet.map(|v| mesh.vertices[v as usize].to_array());
+            mesh.labels.push(label(core::array::from_fn(|a| corners.iter().map(|p| p[a]).sum::<f64>() / 4.0)));
+            mesh.tets.push(tet);
+        }
+    }
+    mesh
+}
+
+fn ct() -> Volume<i16> {
+    let grid = Grid::axis_aligned([64, 80, 60], [2.6; 3], [-82.0, -103.0, -77.0]).expect("grid");
+    let hu = |p: Point<Patient>| match ellipsoid(p.to_array(), BRAIN_MM) {
+        r if r > SKIN => -1000,
+        r if r > SKULL[1] => 40,
+        r if r > SKULL[0] => 900,
+        r if r > 1.0 => 8,
+        _ if label(p.to_array()) == 4 => 36,
+        _ => 6,
+    };
+    let data = (0..grid.len()).map(|i| grid.voxel(i)).map(|[i, j, k]| hu(grid.centre(i, j, k))).collect();
+    Volume::new(grid, data).expect("volume")
+}
+
+fn scaled(mesh: &TriangleMesh, factor: f64) -> TriangleMesh {
+    let vertices = mesh.vertices.iter().map(|p| Point::ORIGIN + (*p - Point::ORIGIN) * factor).collect();
+    TriangleMesh { vertices, triangles: mesh.triangles.clone() }
+}
+
+fn plan() -> Plan {
+    let target = Point::new(-9.0, -14.0, 8.0);
+    let up = Vector::new(-0.35, -0.45, 0.82).normalized().expect("direction");
+    let outside = |t: &f64| ellipsoid((target + up * *t).to_array(), BRAIN_MM) > SKIN;
+    let length = (0..1200).map(|i| f64::from(i) * 0.1).find(outside).expect("out of the head");
+    Plan::new(Side::Right, target + up * length, target).expect("plan")
+}
+
+pub fn case() -> Case {
+    let tets = brain();
+    tets.validate().expect("a valid mesh");
+    let surface = tets.surface(|_| true);
+    let (format, series) = ("phantom".into(), "made up".into());
+    let manifest = Manifest {
+        schema: SCHEMA,
+        generator: "server tests".into(),
+        notice: "Research software. Not for clinical use.".into(),
+        pseudonym: "ELLIPSOID-1".into(),
+        side: "right".into(),
+        skull_angle_deg: Some(85.0),
+        source: Source { format, series, dims: [64, 80, 60], spacing_mm: [2.6; 3] },
+        findings: Vec::new(),
+        files: Vec::new(),
+    };
+    Case {
+        manifest,
+        plan: plan(),
+        landmarks: Vec::new(),
+        skin: scaled(&surface, SKIN),
+        ventricles: tets.surface(|l| l != 4),
+        brain: surface,
+        tets,
+    }
+}
+
+/// Writes the case into a new folder below `dir`.
+pub fn write_case(dir: &Path, with_ct: bool) -> PathBuf {
+    let staging = Staging::begin(&dir.join("case"), false).expect("begin");
+    let images = CaseFiles { ct: with_ct.then(|| monro_scan::nifti::encode_i16(&ct())), labels: None };
+    case().write(&staging, images).expect("write");
+    staging.finish().expect("finish")
+}
+
+pub fn options(case_dir: PathBuf) -> ServeOptions {
+    ServeOptions {
+        case_dir,
+        listen: "127.0.0.1:0".parse().expect("address"),
+        tracker: TrackerUrl::Sim,
+        model: ModelSettings { mode: Mode::Paper(PaperOptions::default()), collision: CollisionResponse::Insertion },
+    }
+}
+
+/// Status, headers, body of one request with exactly these headers.
+pub async fn request(address: &str, head: &str, body: &str) -> (u16, String, Vec<u8>) {
+    let mut stream = TcpStream::connect(address).await.expect("connect");
+    let text = format!("{head}\r\nConnection: close\r\nContent-Length: {}\r\n\r\n{body}", body.len());
+    stream.write_all(text.as_bytes()).await.expect("send");
+    let mut all = Vec::new();
+    stream.read_to_end(&mut all).await.expect("answer");
+    let end = all.windows(4).position(|w| w == b"\r\n\r\n").expect("a head");
+    let headers = String::from_utf8_lossy(&all[..end]).into_owned();
+    let status = headers.split(' ').nth(1).and_then(|s| s.parse().ok()).expect("a status");
+    (status, headers, all.split_off(end + 4))
+}

@@ -1,0 +1,189 @@
+//! A server with the scripted tracker, seen from outside.
+
+mod common;
+
+use common::{options, request, write_case};
+use monro_server::{Running, ServeError, start};
+use serde_json::Value;
+use std::time::Duration;
+
+struct Served {
+    running: Running,
+    _dir: tempfile::TempDir,
+}
+
+async fn serve(with_ct: bool) -> Served {
+    let dir = tempfile::tempdir().expect("temp");
+    let case = write_case(dir.path(), with_ct);
+    Served { running: start(options(case)).await.expect("start"), _dir: dir }
+}
+
+impl Served {
+    fn address(&self) -> &str {
+        self.running.ready().url.strip_prefix("http://").expect("http")
+    }
+
+    fn head(&self, method: &str, path: &str) -> String {
+        let token = &self.running.ready().token;
+        format!("{method} {path} HTTP/1.1\r\nHost: {}\r\nAuthorization: Bearer {token}", self.address())
+    }
+
+    async fn get(&self, path: &str) -> Value {
+        let (status, _, body) = request(self.address(), &self.head("GET", path), "").await;
+        assert_eq!(status, 200, "{path}");
+        serde_json::from_slice(&body).expect("json")
+    }
+
+    async fn post(&self, path: &str, body: &str) -> (u16, Value) {
+        let head = format!("{}\r\nContent-Type: application/json", self.head("POST", path));
+        let (status, _, body) = request(self.address(), &head, body).await;
+        (status, serde_json::from_slice(&body).expect("json"))
+    }
+
+    async fn status(&self, head: &str) -> u16 {
+        request(self.address(), head, "").await.0
+    }
+
+    async fn until(&self, wanted: impl Fn(&Value) -> bool) -> Value {
+        for _ in 0..400 {
+            let g = self.get("/api/guidance").await;
+            if wanted(&g) {
+                return g;
+            }
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+        panic!("waited in vain; last: {}", self.get("/api/guidance").await);
+    }
+}
+
+fn numbers(v: &Value) -> Vec<f64> {
+    v.as_array().expect("array").iter().map(|x| x.as_f64().expect("number")).collect()
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn numbers_move_vanish_when_lost_and_come_back() {
+    let served = serve(false).await;
+    let g = served.until(|g| g["state"] == "live" && g["depth_mm"].is_number()).await;
+    assert_eq!((&g["phase"], &g["predicted_tre_mm"]), (&"navigating".into(), &0.0.into()));
+    let first = g["depth_mm"].as_f64().expect("depth");
+    let later = served.until(|g| g["depth_mm"].as_f64().is_some_and(|d| (d - first).abs() > 1.0)).await;
+    let tip = numbers(&later["tip_lps_mm"]);
+    let target = numbers(&served.get("/api/case").await["plan"]["target_lps_mm"]);
+    let distance = tip.iter().zip(&target).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+    let told = later["distance_to_target_rigid_mm"].as_f64().expect("distance");
+    assert!((distance - told).abs() < 1e-9, "{distance} {told}");
+
+    assert_eq!(served.post("/api/tracker", r#"{"paused":true}"#).await.0, 200);
+    let lost = served.until(|g| g["state"] == "lost").await;
+    for field in ["distance_to_target_mm", "distance_to_target_rigid_mm", "depth_mm", "in_ventricle", "tip_lps_mm"] {
+        assert!(lost[field].is_null(), "{field}: {}", lost[field]);
+    }
+    assert!(lost["age_ms"].as_f64().is_some_and(|a| a >= 500.0));
+    assert_eq!(served.post("/api/tracker", r#"{"paused":false}"#).await.0, 200);
+    served.until(|g| g["state"] == "live" && g["depth_mm"].is_number()).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_procedure_follows_its_phases_and_refuses_with_a_way_out() {
+    let served = serve(false).await;
+    let (status, said) = served.post("/api/session", r#"{"event":"reference_moved"}"#).await;
+    assert_eq!((status, &said["phase"]), (200, &"calibrated".into()));
+    let (status, said) = served.post("/api/session", r#"{"event":"started"}"#).await;
+    assert_eq!(status, 409);
+    assert!(said["error"].as_str().is_some_and(|e| e.contains("first register the patient")), "{said}");
+    assert!(served.get("/api/guidance").await["distance_to_target_mm"].is_null());
+    let register =
+        r#"{"event":"registered","quaternion_wxyz":[1,0,0,0],"translation_mm":[0,0,0],"predicted_tre_mm":1.5}"#;
+    assert_eq!(served.post("/api/session", register).await.0, 200);
+    assert_eq!(served.get("/api/guidance").await["predicted_tre_mm"], 1.5);
+    for (bad, wanted) in [
+        ("{", 400),
+        (r#"{"event":"flown"}"#, 422),
+        (r#"{"event":"registered","quaternion_wxyz":[0,0,0,0],"translation_mm":[0,0,0]}"#, 422),
+        (r#"{"event":"calibrated","tip_mm":[0,0,0],"axis":[0,0,0]}"#, 422),
+    ] {
+        assert_eq!(served.post("/api/session", bad).await.0, wanted, "{bad}");
+    }
+    assert_eq!(served.post("/api/session", &"x".repeat(20 << 10)).await.0, 413);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_door_checks_token_host_and_origin() {
+    let served = serve(false).await;
+    let host = served.address().to_owned();
+    let port = host.rsplit_once(':').expect("port").1.to_owned();
+    let token = &served.running.ready().token;
+    let line = |path: &str, host: &str, more: &str| format!("GET {path} HTTP/1.1\r\nHost: {host}{more}");
+    let auth = format!("\r\nAuthorization: Bearer {token}");
+    assert_eq!(served.status(&line("/", &host, "")).await, 200);
+    assert_eq!(served.status(&line("/api/guidance", &host, &auth)).await, 200);
+    assert_eq!(served.status(&line("/api/guidance", &format!("localhost:{port}"), &auth)).await, 200);
+    for more in ["", "\r\nAuthorization: Bearer ", "\r\nAuthorization: Bearer 0123", "\r\nAuthorization: Basic x"] {
+        for path in ["/api/guidance", "/api/ct", "/api/openapi.json", "/api/nothing", "/api", "/live"] {
+            assert_eq!(served.status(&line(path, &host, more)).await, 401, "{path} {more}");
+        }
+    }
+    assert_eq!(served.status(&line("/live?ticket=0123", &host, "")).await, 401);
+    assert_eq!(served.status(&line("/api/guidance", "evil.example", &auth)).await, 421);
+    assert_eq!(served.status(&line("/", &format!("evil.example:{port}"), "")).await, 421);
+    let origin = |o: &str| format!("{auth}\r\nOrigin: {o}");
+    assert_eq!(served.status(&line("/api/case", &host, &origin(&format!("http://{host}")))).await, 200);
+    for bad in ["http://evil.example", "null", "http://127.0.0.1:1", &format!("https://{host}")] {
+        assert_eq!(served.status(&line("/api/case", &host, &origin(bad))).await, 403, "{bad}");
+    }
+    assert_eq!(served.status(&line("/api/nothing", &host, &auth)).await, 404);
+    assert_eq!(served.status(&line("/nothing.js", &host, "")).await, 404);
+    assert_eq!(served.status(&line("/../Cargo.toml", &host, "")).await, 404);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn every_answer_carries_the_headers_of_a_closed_page() {
+    let served = serve(false).await;
+    let (_, headers, _) = request(served.address(), &format!("GET / HTTP/1.1\r\nHost: {}", served.address()), "").await;
+    let headers = headers.to_ascii_lowercase();
+    for wanted in ["content-security-policy: default-src 'self'", "x-content-type-options: nosniff", "cache-control:"] {
+        assert!(headers.contains(wanted), "{wanted}: {headers}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn every_documented_path_is_there_and_answers_with_its_documented_fields() {
+    let served = serve(true).await;
+    let api = served.get("/api/openapi.json").await;
+    for (path, methods) in api["paths"].as_object().expect("paths") {
+        for method in methods.as_object().expect("methods").keys() {
+            let status = served.status(&served.head(&method.to_ascii_uppercase(), path)).await;
+            // An event without a body is refused for that, not for its path.
+            assert!(status == 200 || status == 415, "{method} {path}: {status}");
+        }
+    }
+    for (path, schema) in [("/api/guidance", "Guidance"), ("/api/case", "Case"), ("/api/status", "Status")] {
+        let answer = served.get(path).await;
+        let documented = &api["components"]["schemas"][schema];
+        let mut names: Vec<&String> = answer.as_object().expect("object").keys().collect();
+        let mut wanted: Vec<&String> = documented["properties"].as_object().expect("properties").keys().collect();
+        names.sort();
+        wanted.sort();
+        assert_eq!(names, wanted, "{path}");
+    }
+    let (_, _, ct) = request(served.address(), &served.head("GET", "/api/ct"), "").await;
+    assert_eq!(&ct[..4], b"MNRB");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_case_without_images_says_so() {
+    let served = serve(false).await;
+    assert_eq!(served.get("/api/case").await["has_ct"], false);
+    let (status, _, body) = request(served.address(), &served.head("GET", "/api/ct"), "").await;
+    assert_eq!(status, 404);
+    assert!(String::from_utf8_lossy(&body).contains("without its images"));
+}
+
+#[tokio::test]
+async fn an_address_that_others_can_reach_and_a_folder_that_is_no_case_are_refused() {
+    let dir = tempfile::tempdir().expect("temp");
+    let mut o = options(dir.path().to_owned());
+    assert!(matches!(start(o.clone()).await, Err(ServeError::Case(_))));
+    o.listen = "0.0.0.0:0".parse().expect("address");
+    assert!(matches!(start(o).await, Err(ServeError::NotLoopback(_))));
+}

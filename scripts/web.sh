@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# The web app. Monro builds and runs without it; with it, the server shows the live view.
+#   web.sh setup   install what is missing: Node packages (from the lock file), Chromium for the tests
+#   web.sh build   check the types and build web/dist, which the next cargo build puts into the binary
+#   web.sh test    build the app and the server, and try both in a headless browser
+# SHOTS=DIR keeps screenshots of the test.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+target="${CARGO_TARGET_DIR:-target}"
+
+need_node() {
+  command -v npm >/dev/null || { echo "The web app needs Node.js 20 or newer with npm; install it (https://nodejs.org) and run this again."; exit 1; }
+}
+
+packages() {
+  need_node
+  if ! cmp -s web/package-lock.json web/node_modules/.monro-lock; then
+    echo "Installing with npm into web/node_modules: $(node -p 'const p = require("./web/package.json"); Object.keys({ ...p.dependencies, ...p.devDependencies }).join(" ")')"
+    npm ci --prefix web --no-audit --no-fund --loglevel=error
+    cp web/package-lock.json web/node_modules/.monro-lock
+  fi
+}
+
+browser() {
+  [ -x "${CHROMIUM:-/usr/bin/chromium}" ] && return
+  command -v apt-get >/dev/null || { echo "The web tests need Chromium; install it and set CHROMIUM to its path."; exit 1; }
+  sudo=""
+  [ "$(id -u)" -eq 0 ] || sudo="sudo"
+  echo "Installing with apt-get: chromium"
+  $sudo apt-get update -qq && $sudo apt-get install -y -qq --no-install-recommends chromium
+}
+
+setup() {
+  packages
+  browser
+}
+
+build() {
+  packages
+  npm run --silent --prefix web build
+}
+
+test() {
+  build
+  browser
+  cargo build --locked -p monro-server --example serve_ellipsoid
+  node web/tests/run.mjs "$target/debug/examples/serve_ellipsoid"
+}
+
+"${1:?say setup, build or test}"

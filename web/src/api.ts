@@ -1,0 +1,110 @@
+// The server's JSON API and containers. Types mirror crates/server/src/openapi.json.
+
+export type Point = [number, number, number];
+
+export interface Case {
+  pseudonym: string;
+  side: "left" | "right";
+  notice: string;
+  plan: { entry_lps_mm: Point; target_lps_mm: Point; length_mm: number };
+  nodes: number;
+  elements: number;
+  has_ct: boolean;
+}
+
+export interface Guidance {
+  phase: "no_case" | "case" | "calibrated" | "registered" | "checked" | "navigating";
+  state: "live" | "stale" | "lost";
+  age_ms: number | null;
+  deformation_age_ms: number | null;
+  distance_to_target_mm: number | null;
+  distance_to_target_rigid_mm: number | null;
+  entry_offset_mm: number | null;
+  entry_angle_error_deg: number | null;
+  depth_mm: number | null;
+  miss_mm: number | null;
+  in_ventricle: boolean | null;
+  tip_in: string | null;
+  kakarla_grade: number | null;
+  predicted_tre_mm: number | null;
+  tip_lps_mm: Point | null;
+  axis_lps: Point | null;
+  target_shift_mm: number;
+  largest_displacement_mm: number;
+  solver_fault: boolean;
+  time_s: number;
+}
+
+export interface Status {
+  tracker: string;
+  simulated: boolean;
+  paused: boolean;
+  tracking_hz: number;
+  deformation_hz: number;
+  deformation_ms: number;
+  displays: number;
+}
+
+/** The token is missing or wrong. */
+export class Unauthorized extends Error {}
+
+export class Api {
+  readonly #token: string;
+
+  constructor(token: string) {
+    this.#token = token;
+  }
+
+  async #fetch(path: string, method = "GET"): Promise<Response> {
+    const response = await fetch(path, { method, headers: { Authorization: `Bearer ${this.#token}` } });
+    if (response.status === 401) throw new Unauthorized("The access token is missing or wrong.");
+    if (!response.ok) throw new Error(`${path}: ${response.status} ${await response.text()}`);
+    return response;
+  }
+
+  async case(): Promise<Case> {
+    return (await this.#fetch("/api/case")).json() as Promise<Case>;
+  }
+
+  async status(): Promise<Status> {
+    return (await this.#fetch("/api/status")).json() as Promise<Status>;
+  }
+
+  async container(path: "/api/scene" | "/api/ct"): Promise<Container> {
+    return new Container(await (await this.#fetch(path)).arrayBuffer());
+  }
+
+  /** A one-time ticket for the WebSocket: browsers cannot set headers there. */
+  async ticket(): Promise<string> {
+    const { ticket } = (await (await this.#fetch("/api/ticket", "POST")).json()) as { ticket: string };
+    return ticket;
+  }
+}
+
+/** `MNRB`: JSON, then arrays (crates/server/src/container.rs). */
+export class Container {
+  readonly header: unknown;
+  readonly #buffer: ArrayBuffer;
+  readonly #start: number;
+
+  constructor(buffer: ArrayBuffer) {
+    const view = new DataView(buffer);
+    const length = view.getUint32(4, true);
+    if (view.getUint32(0, false) !== 0x4d4e5242) throw new Error("The server sent no MNRB container.");
+    this.#start = 8 + length;
+    this.#buffer = buffer;
+    this.header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 8, length)));
+  }
+
+  floats(at: number, count: number): Float32Array<ArrayBuffer> {
+    return new Float32Array(this.#buffer, this.#start + at, count);
+  }
+
+  words(at: number, count: number): Uint32Array<ArrayBuffer> {
+    return new Uint32Array(this.#buffer, this.#start + at, count);
+  }
+
+  halves(at: number, count: number): Uint16Array<ArrayBuffer> {
+    return new Uint16Array(this.#buffer, this.#start + at, count);
+  }
+}

@@ -1,0 +1,38 @@
+// The CT as a 3D texture of half-precision HU.
+
+import { Data3DTexture, HalfFloatType, LinearFilter, Matrix4, RedFormat, Vector3 } from "three";
+import type { Container } from "../api";
+
+interface CtHeader {
+  dims: [number, number, number];
+  patient_from_voxel: [number, number, number, number][];
+  hu_at: number;
+}
+
+export interface Ct {
+  texture: Data3DTexture;
+  voxelFromPatient: Matrix4;
+  dims: Vector3;
+}
+
+/** Window centre and width, HU. */
+export const WINDOWS = {
+  Brain: [40, 80],
+  Stroke: [35, 40],
+  Subdural: [75, 215],
+  Bone: [500, 2000],
+} as const satisfies Record<string, readonly [number, number]>;
+
+export function ct(container: Container): Ct {
+  const header = container.header as CtHeader;
+  const [columns, rows, slices] = header.dims;
+  const texture = new Data3DTexture(container.halves(header.hu_at, columns * rows * slices), columns, rows, slices);
+  texture.format = RedFormat;
+  texture.type = HalfFloatType;
+  texture.minFilter = texture.magFilter = LinearFilter;
+  texture.unpackAlignment = 2;
+  texture.needsUpdate = true;
+  const m = header.patient_from_voxel.flat() as [number, number, number, number, ...number[]];
+  const patientFromVoxel = new Matrix4().fromArray([...m, 0, 0, 0, 1]).transpose();
+  return { texture, voxelFromPatient: patientFromVoxel.invert(), dims: new Vector3(...header.dims) };
+}

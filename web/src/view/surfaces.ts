@@ -1,0 +1,95 @@
+// The surfaces of the case as geometries and materials.
+
+import {
+  BufferAttribute, BufferGeometry, Color, DoubleSide, FrontSide, GLSL3, Mesh, ShaderMaterial, type Texture,
+} from "three";
+import type { Container, Point } from "../api";
+import { maskFragment, surfaceFragment, surfaceVertex } from "./shaders";
+
+export type SurfaceName = "skin" | "brain" | "ventricles";
+
+interface SurfaceHeader {
+  name: SurfaceName;
+  vertices: number;
+  triangles: number;
+  positions_at: number;
+  indices_at: number;
+  nodes_at?: number;
+  weights_at?: number;
+}
+
+export interface SceneHeader {
+  surfaces: SurfaceHeader[];
+  node_count: number;
+  plan: { entry_lps_mm: Point; target_lps_mm: Point; length_mm: number; side: string };
+}
+
+interface Look {
+  colour: string;
+  opacity: number;
+  rim: number;
+  order: number;
+}
+
+/** Colours of Okabe and Ito, told apart with any colour vision. */
+const LOOKS: Record<SurfaceName, Look> = {
+  ventricles: { colour: "#56b4e9", opacity: 0.95, rim: 0, order: 1 },
+  brain: { colour: "#e69f00", opacity: 0.12, rim: 0.45, order: 2 },
+  skin: { colour: "#cfc4ba", opacity: 0.06, rim: 0.45, order: 3 },
+};
+
+export interface Surface {
+  name: SurfaceName;
+  soft: boolean;
+  mesh: Mesh<BufferGeometry, ShaderMaterial>;
+}
+
+export function surfaces(scene: Container, displacement: Texture): Surface[] {
+  const header = scene.header as SceneHeader;
+  return header.surfaces.map((s) => {
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new BufferAttribute(scene.floats(s.positions_at, 3 * s.vertices), 3));
+    geometry.setIndex(new BufferAttribute(scene.words(s.indices_at, 3 * s.triangles), 1));
+    geometry.computeVertexNormals();
+    const soft = s.nodes_at !== undefined && s.weights_at !== undefined;
+    if (s.nodes_at !== undefined && s.weights_at !== undefined) {
+      geometry.setAttribute("nodes", new BufferAttribute(scene.words(s.nodes_at, 4 * s.vertices), 4));
+      geometry.setAttribute("weights", new BufferAttribute(scene.floats(s.weights_at, 4 * s.vertices), 4));
+    }
+    const mesh = new Mesh(geometry, look(LOOKS[s.name], soft, displacement));
+    mesh.renderOrder = LOOKS[s.name].order;
+    // The GPU moves it: the bounds at rest do not say what is in view.
+    mesh.frustumCulled = false;
+    return { name: s.name, soft, mesh };
+  });
+}
+
+function look({ colour, opacity, rim }: Look, soft: boolean, displacement: Texture): ShaderMaterial {
+  const opaque = opacity > 0.9;
+  return new ShaderMaterial({
+    glslVersion: GLSL3,
+    vertexShader: surfaceVertex(soft),
+    fragmentShader: surfaceFragment,
+    side: FrontSide,
+    transparent: !opaque,
+    depthWrite: opaque,
+    uniforms: {
+      displacement: { value: displacement },
+      colour: { value: new Color(colour).convertLinearToSRGB() },
+      opacity: { value: opacity },
+      rim: { value: rim },
+      movedScale: { value: 0 },
+    },
+  });
+}
+
+/** The material with which a surface is cut by a slice. */
+export function maskMaterial(displacement: Texture): ShaderMaterial {
+  return new ShaderMaterial({
+    glslVersion: GLSL3,
+    vertexShader: surfaceVertex(true),
+    fragmentShader: maskFragment,
+    side: DoubleSide,
+    uniforms: { displacement: { value: displacement } },
+  });
+}

@@ -1,0 +1,156 @@
+// The web app in a real browser against a real server with the scripted tracker.
+//   node tests/run.mjs SERVER [ARGS...]   SERVER prints {url, token} on its first line; screenshots go to $SHOTS, if set.
+
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { createInterface } from "node:readline";
+import { launch } from "./chromium.mjs";
+
+const SHOTS = process.env.SHOTS;
+const [command, ...args] = process.argv.slice(2);
+if (!command) {
+  console.error("usage: node tests/run.mjs SERVER [ARGS...]");
+  process.exit(2);
+}
+
+const server = spawn(command, args, { stdio: ["ignore", "pipe", "inherit"] });
+const { url, token } = JSON.parse(await new Promise((resolve, reject) => {
+  createInterface(server.stdout).once("line", resolve);
+  server.once("exit", (code) => reject(new Error(`the server ended with ${code}`)));
+}));
+const browser = await launch();
+
+async function api(path, body) {
+  const headers = { Authorization: `Bearer ${token}`, "Content-Type": "application/json" };
+  const response = await fetch(url + path, body ? { method: "POST", headers, body: JSON.stringify(body) } : { headers });
+  assert.equal(response.status, 200, path);
+  return response.json();
+}
+
+let opened;
+
+/** A page, the only one open, that fails the test when anything is written to its console as a fault, or asked of another server. */
+async function page(address) {
+  await opened?.close();
+  const p = (opened = await browser.newPage({ viewport: { width: 1100, height: 700 } }));
+  p.faults = [];
+  p.on("console", (m) => ["error", "warning"].includes(m.type()) && !/GPU stall|swiftshader/i.test(m.text()) && p.faults.push(m.text()));
+  p.on("pageerror", (e) => p.faults.push(String(e)));
+  p.on("request", (r) => r.url().startsWith(url) || r.url().startsWith("data:") || p.faults.push(`asked ${r.url()}`));
+  await p.goto(address);
+  return p;
+}
+
+const text = (p, id) => p.locator(id).textContent();
+const number = async (p, id) => Number.parseFloat(await text(p, id));
+
+/** Machines under load are slow: the wait is long, and short where it can be. */
+async function until(what, check, seconds = 60) {
+  const end = Date.now() + 1000 * seconds;
+  let last;
+  while (Date.now() < end) {
+    last = await check();
+    if (last) return last;
+    await new Promise((r) => setTimeout(r, 50));
+  }
+  throw new Error(`waited ${seconds} s for: ${what}`);
+}
+
+async function shot(p, name) {
+  if (SHOTS) await p.screenshot({ path: `${SHOTS}/${name}.png` });
+}
+
+const tests = {
+  async "the numbers move and agree with the API"() {
+    const p = await page(`${url}/#token=${token}`);
+    await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
+    assert.equal(new URL(p.url()).hash, "", "the token stays in the address bar");
+    const served = await api("/api/case");
+    assert.equal(await text(p, "#patient"), served.pseudonym);
+    assert.match(await text(p, "#side"), new RegExp(served.side, "i"));
+    assert.match(await text(p, "#notice"), /research use only/i);
+    const first = await number(p, "#n-depth");
+    await until("another depth", async () => Math.abs((await number(p, "#n-depth")) - first) > 1);
+    // The page lags behind the API by what happens between the two questions: compare where the hand rests.
+    await until("the hand at rest", async () => {
+      const [a, shown, b] = [await api("/api/guidance"), await number(p, "#n-rigid"), await api("/api/guidance")];
+      const still = a.depth_mm !== null && Math.abs(a.depth_mm - b.depth_mm) < 0.01;
+      return still && Math.abs(shown - a.distance_to_target_rigid_mm) <= 0.051;
+    });
+    await until("a deformed distance", async () => Number.isFinite(await number(p, "#n-distance")));
+    await shot(p, "navigating");
+    await p.getByLabel("displacement").check();
+    await p.waitForTimeout(300);
+    await shot(p, "displacement");
+    return p;
+  },
+
+  async "a drag in a slice moves the crosshair and ends the following"(p) {
+    const label = p.locator("#axial output");
+    const box = await p.locator("#coronal").boundingBox();
+    const before = await label.textContent();
+    await p.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+    await p.mouse.down();
+    await p.mouse.move(box.x + box.width / 2 + 20, box.y + box.height / 2 - 40, { steps: 4 });
+    await p.mouse.up();
+    const after = await label.textContent();
+    assert.notEqual(after, before);
+    assert.equal(await p.locator("#follow input").isChecked(), false);
+    await p.locator("#axial").focus();
+    await p.keyboard.press("PageDown");
+    assert.notEqual(await label.textContent(), after);
+    await p.getByRole("button", { name: "Bone" }).click();
+    await p.waitForTimeout(300);
+    await shot(p, "bone");
+    await p.locator("#follow input").check();
+  },
+
+  async "a dark tracker is lost: the numbers vanish, and come back with it"(p) {
+    await api("/api/tracker", { paused: true });
+    await until("lost", async () => (await text(p, "#signal span")) === "Lost");
+    for (const id of ["#n-distance", "#n-rigid", "#n-angle", "#n-depth", "#n-ventricle"]) {
+      assert.equal(await text(p, id), "–", id);
+    }
+    await shot(p, "lost");
+    await api("/api/tracker", { paused: false });
+    await until("live again", async () => (await text(p, "#signal span")) === "Live");
+    await until("numbers again", async () => Number.isFinite(await number(p, "#n-depth")));
+  },
+
+  async "a reload in mid-insertion goes on where it was"(p) {
+    await p.reload();
+    await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
+    const [shown, told] = [await number(p, "#n-depth"), (await api("/api/guidance")).depth_mm];
+    assert.ok(Number.isFinite(shown) && Number.isFinite(told));
+    assert.deepEqual(p.faults, []);
+  },
+
+  async "a bad token is refused and the right one opens"() {
+    const p = await page(`${url}/#token=0123`);
+    await p.locator("#login").waitFor({ state: "visible" });
+    assert.match(await text(p, "#login-why"), /missing or wrong/);
+    await shot(p, "login");
+    // The browser itself reports the refusal on the console.
+    p.faults = p.faults.filter((f) => !/401/.test(f));
+    await p.locator("#login-token").fill(token);
+    await p.getByRole("button", { name: "Open" }).click();
+    await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
+    assert.deepEqual(p.faults, []);
+  },
+};
+
+let failed = 0;
+let shared;
+for (const [name, test] of Object.entries(tests)) {
+  try {
+    shared = (await test(shared)) ?? shared;
+    console.log(`ok    ${name}`);
+  } catch (error) {
+    failed++;
+    console.log(`FAIL  ${name}\n${error.stack}`);
+  }
+}
+await browser.close();
+server.kill();
+console.log(`${Object.keys(tests).length - failed} passed, ${failed} failed`);
+process.exit(failed ? 1 : 0);
