@@ -30,6 +30,8 @@ impl Default for DrawerOptions {
     }
 }
 
+/// Thickness of the printed head's closed shell, mm.
+const SHELL: f64 = 3.0;
 /// Thickness of the drawer's wall, mm.
 const WALL: f64 = 4.0;
 /// Middle of the left chamber's opening into the channel.
@@ -75,7 +77,9 @@ impl Model for Drawer {
         }
         let q = folded(p);
         let gelatin = rounded_box(q, at(0.0, 12.0, 10.0), [50.0, 61.0, 45.0], 22.0);
-        paint.layer(skin, 40.0, Structure::Scalp);
+        paint.layer(skin, 60.0, Structure::Scalp);
+        // A printer fills a solid body sparsely under a closed shell.
+        paint.tint(skin + SHELL, -150.0);
         paint.layer(gelatin - WALL, 900.0, Structure::Skull);
         paint.layer(gelatin, 28.0, Structure::Brain);
         let side = if p.x > 0.0 { Structure::LeftLateralVentricle } else { Structure::RightLateralVentricle };
