@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::trackers::{DoctorArgs, FakeTrackerCommand, TrackArgs};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -31,6 +32,13 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     /// Make graded tetrahedra from a label volume, or again from a case.
     Mesh(MeshArgs),
+    /// Print live poses with their age and quality.
+    Track(TrackArgs),
+    /// Act as Motive (NatNet) or as PLUS (OpenIGTLink) and play a scene.
+    #[command(subcommand)]
+    FakeTracker(FakeTrackerCommand),
+    /// Say why there are no poses.
+    Doctor(DoctorArgs),
     /// Measure speed and memory on this machine.
     #[command(subcommand)]
     Bench(BenchCommand),
@@ -174,5 +182,20 @@ pub(crate) enum BenchCommand {
         /// Wanted number of tetrahedra.
         #[arg(long, value_name = "N", default_value_t = DEFAULT_ELEMENTS)]
         elements: usize,
+    },
+    /// Monte-Carlo of tip calibration and registration with simulated cameras: errors at the foramen, predicted and actual.
+    Registration {
+        /// Trials.
+        #[arg(long, value_name = "N", default_value_t = 300)]
+        trials: usize,
+    },
+    /// How long a pose takes from datagram to our hands (NatNet, loopback).
+    Latency {
+        /// Frames.
+        #[arg(long, value_name = "N", default_value_t = 2400)]
+        frames: u32,
+        /// Frames per second.
+        #[arg(long, value_name = "HZ", default_value_t = 240.0)]
+        rate: f64,
     },
 }

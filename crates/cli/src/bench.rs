@@ -5,6 +5,9 @@ use crate::console::{Console, seconds_json};
 use crate::prepare::{self, Request};
 use crate::{demo, simulate};
 use anyhow::Result;
+use monro_cli::tracking::latencies;
+use monro_guidance::Random;
+use monro_guidance::simulation::{Scene, Trial, TrialOptions, quantile, rms};
 use monro_scan::{ReadOptions, Scan};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -13,6 +16,8 @@ use std::path::Path;
 pub(crate) fn run(command: &BenchCommand, console: &Console) -> Result<()> {
     match command {
         BenchCommand::Prepare { scan, elements } => prepare_and_insert(scan.as_deref(), *elements, console),
+        BenchCommand::Registration { trials } => registration(*trials, console),
+        BenchCommand::Latency { frames, rate } => latency(*frames, *rate, console),
     }
 }
 
@@ -37,6 +42,42 @@ fn prepare_and_insert(path: Option<&Path>, elements: usize, console: &Console) -
     let result = json!({
         "elements": prepared.case.tets.tets.len(), "seconds": seconds_json(&stages), "seconds_total": total,
         "peak_memory_mib": peak_mib, "threads": std::thread::available_parallelism().map_or(1, usize::from), "insertion": modes,
+    });
+    console.result(&result, &text(&result));
+    Ok(())
+}
+
+/// Prints the errors of simulated registrations: each trial begins its refinement 5 to 30 degrees off.
+fn registration(trials: usize, console: &Console) -> Result<()> {
+    let (scene, mut random, mut done, mut refused) = (Scene::new(), Random::new(1), Vec::new(), 0usize);
+    console.stage("registration", || {
+        for _ in 0..trials {
+            let start_error = random.between(5.0, 30.0).to_radians();
+            match scene.trial(&TrialOptions { start_error, ..TrialOptions::default() }, &mut random) {
+                Some(trial) => done.push(trial),
+                None => refused += 1,
+            }
+        }
+    });
+    let each = |f: fn(&Trial) -> f64| done.iter().map(f).collect::<Vec<f64>>();
+    let tre = each(|t| t.tre);
+    let result = json!({
+        "trials": done.len(), "refused": refused, "tip_rms_mm": rms(&each(|t| t.tip)),
+        "tre_median_mm": quantile(&tre, 0.5), "tre_p95_mm": quantile(&tre, 0.95),
+        "entry_tre_median_mm": quantile(&each(|t| t.entry_tre), 0.5),
+        "landmarks_only_tre_median_mm": quantile(&each(|t| t.landmark_tre), 0.5),
+        "predicted_over_actual": rms(&each(|t| t.predicted)) / rms(&tre).max(f64::MIN_POSITIVE),
+    });
+    console.result(&result, &text(&result));
+    Ok(())
+}
+
+/// Prints how long poses take from datagram to our hands.
+fn latency(frames: u32, rate: f64, console: &Console) -> Result<()> {
+    let ms: Vec<f64> = latencies(frames, rate)?.iter().map(|s| 1e3 * s).collect();
+    let result = json!({
+        "frames": ms.len(), "lost": (frames as usize).saturating_sub(ms.len()), "rate_hz": rate,
+        "ms_p50": quantile(&ms, 0.5), "ms_p99": quantile(&ms, 0.99),
     });
     console.result(&result, &text(&result));
     Ok(())

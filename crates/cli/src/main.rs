@@ -12,6 +12,7 @@ mod phantom;
 mod prepare;
 
 mod simulate;
+mod trackers;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -32,6 +33,9 @@ fn main() -> ExitCode {
         Command::Prepare(a) => prepare::run(a, &console),
         Command::Simulate(a) => simulate::run(a, &console),
         Command::Mesh(a) => mesh::run(a, &console),
+        Command::Track(a) => trackers::track(a, cli.json),
+        Command::FakeTracker(a) => trackers::fake(a),
+        Command::Doctor(a) => trackers::doctor(a, &console),
         Command::Bench(a) => bench::run(a, &console),
     };
     console.finish();

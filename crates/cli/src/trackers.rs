@@ -1,0 +1,207 @@
+//! `monro track`, `monro fake-tracker`, `monro doctor`.
+
+use crate::console::Console;
+use anyhow::{Context, Result, bail};
+use clap::{Args, Subcommand, ValueEnum};
+use monro_cli::tracking::{
+    self, Clock, IgtlFake, Motion, NatNetFake, Recorder, Scene, SceneOptions, TrackOptions, TrackerUrl, open,
+    run_fake_igtl, run_fake_natnet,
+};
+use monro_guidance::clock::Expiry;
+use monro_wire::natnet::{DATA_PORT, UpAxis, Version};
+use monro_wire::openigtlink::HeaderVersion;
+use serde_json::json;
+use std::net::SocketAddrV4;
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+/// Nobody sets it: Ctrl-C ends the whole program.
+static NEVER: AtomicBool = AtomicBool::new(false);
+
+#[derive(Debug, Args)]
+pub(crate) struct TrackArgs {
+    /// `natnet://HOST[:PORT][?interface=&multicast=&unicast=1&up=z&version=]`, `igtl://HOST[:PORT]`, `replay:FILE[?fast=1]`, `sim:`.
+    pub(crate) url: String,
+    /// Stop after so many frames.
+    #[arg(long, value_name = "N")]
+    pub(crate) frames: Option<u64>,
+    /// Keep what arrives in a new file, to be played again with `replay:FILE`.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) record: Option<PathBuf>,
+    /// A pose is stale from this age on, ms.
+    #[arg(long, value_name = "MS", default_value_t = 100.0)]
+    pub(crate) stale: f64,
+    /// A pose is lost from this age on, ms.
+    #[arg(long, value_name = "MS", default_value_t = 500.0)]
+    pub(crate) lost: f64,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct DoctorArgs {
+    /// As for "monro track".
+    pub(crate) url: String,
+    /// Tools that should be there.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) tool: Vec<String>,
+    /// How long to listen, s.
+    #[arg(long, value_name = "S", default_value_t = 3.0)]
+    pub(crate) listen: f64,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum MotionArg {
+    /// The catheter goes to the foramen and back.
+    Insertion,
+    /// The stylus swings about its tip.
+    Pivot,
+    /// The stylus touches landmarks and strokes the skin.
+    Trace,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SceneArgs {
+    /// What is played.
+    #[arg(long, value_enum, default_value_t = MotionArg::Insertion)]
+    pub(crate) motion: MotionArg,
+    /// Frames per second.
+    #[arg(long, value_name = "HZ", default_value_t = 120.0)]
+    pub(crate) rate: f64,
+    /// Noise of a marker across the cameras' view, mm.
+    #[arg(long, value_name = "MM", default_value_t = 0.12)]
+    pub(crate) noise_across: f64,
+    /// Noise of a marker along the cameras' view, mm.
+    #[arg(long, value_name = "MM", default_value_t = 0.74)]
+    pub(crate) noise_along: f64,
+    /// Probability that a tool is missed in a frame.
+    #[arg(long, value_name = "P", default_value_t = 0.0)]
+    pub(crate) dropout: f64,
+    /// Frames are late by up to this, ms.
+    #[arg(long, value_name = "MS", default_value_t = 0.0)]
+    pub(crate) jitter: f64,
+    /// Bump the reference by 3 mm after so many seconds.
+    #[arg(long, value_name = "S")]
+    pub(crate) bump_at: Option<f64>,
+    /// Seed of the noise.
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum FakeTrackerCommand {
+    /// Act as Motive.
+    Natnet {
+        /// Address and command port.
+        #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:1510")]
+        listen: SocketAddrV4,
+        /// Port of the data.
+        #[arg(long, value_name = "PORT", default_value_t = DATA_PORT)]
+        data_port: u16,
+        /// Send to each client by itself, not to a multicast group.
+        #[arg(long)]
+        unicast: bool,
+        /// Bitstream version, 2.0 to 4.3.
+        #[arg(long, value_name = "VERSION", default_value = "4.1")]
+        protocol: String,
+        /// Stream with z up instead of y.
+        #[arg(long)]
+        z_up: bool,
+        #[command(flatten)]
+        scene: SceneArgs,
+    },
+    /// Act as PLUS.
+    Openigtlink {
+        /// Address and port.
+        #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:18944")]
+        listen: SocketAddrV4,
+        /// Header version, 1 or 2; version 1 has no tool status.
+        #[arg(long, value_name = "VERSION", default_value_t = 2, value_parser = clap::value_parser!(u8).range(1..=2))]
+        header: u8,
+        #[command(flatten)]
+        scene: SceneArgs,
+    },
+}
+
+impl SceneArgs {
+    fn scene(&self) -> Result<Scene> {
+        if !(self.rate.is_finite() && (0.1..=2000.0).contains(&self.rate)) {
+            bail!("--rate {} is not between 0.1 and 2000 frames a second", self.rate);
+        }
+        if !(self.noise_across >= 0.0 && self.noise_along >= 0.0 && self.jitter >= 0.0) {
+            bail!("noise and jitter must not be negative");
+        }
+        let motion = match self.motion {
+            MotionArg::Insertion => Motion::Insertion,
+            MotionArg::Pivot => Motion::Pivot,
+            MotionArg::Trace => Motion::Trace,
+        };
+        Ok(Scene::new(SceneOptions {
+            motion,
+            across: self.noise_across,
+            along: self.noise_along,
+            dropout: self.dropout,
+            bump_at: self.bump_at,
+            speed: 1.0,
+            seed: self.seed,
+        }))
+    }
+}
+
+/// Prints poses until their number is reached or the source ends.
+pub(crate) fn track(args: &TrackArgs, json: bool) -> Result<()> {
+    let url: TrackerUrl = args.url.parse()?;
+    let clock = Clock::new();
+    let recorder = args.record.as_deref().map(|p| Recorder::create(p, clock)).transpose()?;
+    let mut source = open(&url, clock, recorder)?;
+    let expiry = Expiry { stale: args.stale / 1e3, lost: args.lost / 1e3 };
+    let options = TrackOptions { frames: args.frames, json, expiry, ..TrackOptions::default() };
+    let printed = tracking::track(source.as_mut(), &options, &NEVER, &mut std::io::stdout().lock());
+    match printed {
+        // Whoever reads our output has seen enough.
+        Err(e) if is_broken_pipe(&e) => Ok(()),
+        other => other.map(drop),
+    }
+}
+
+fn is_broken_pipe(e: &anyhow::Error) -> bool {
+    e.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
+}
+
+/// Plays a scene until it is interrupted.
+pub(crate) fn fake(command: &FakeTrackerCommand) -> Result<()> {
+    let ready = |what: &'static str| move |at| eprintln!("{what} on {at}; Ctrl-C ends it");
+    match command {
+        FakeTrackerCommand::Natnet { listen, data_port, unicast, protocol, z_up, scene } => {
+            let version = Version::parse(protocol).filter(|v| (Version::OLDEST..=Version::NEWEST).contains(v));
+            let version = version.with_context(|| format!("--protocol {protocol} is not between 2.0 and 4.3"))?;
+            let fake = NatNetFake {
+                listen: *listen,
+                data_port: *data_port,
+                unicast: *unicast,
+                version,
+                rate: scene.rate,
+                jitter: scene.jitter / 1e3,
+                up: if *z_up { UpAxis::Z } else { UpAxis::Y },
+            };
+            run_fake_natnet(&fake, &mut scene.scene()?, &NEVER, ready("fake Motive takes commands"))
+        }
+        FakeTrackerCommand::Openigtlink { listen, header, scene } => {
+            let version = if *header == 1 { HeaderVersion::V1 } else { HeaderVersion::V2 };
+            let fake = IgtlFake { listen: *listen, version, rate: scene.rate, jitter: scene.jitter / 1e3 };
+            run_fake_igtl(&fake, &mut scene.scene()?, &NEVER, ready("fake PLUS listens"))
+        }
+    }
+}
+
+/// Says what a tracker sends, or why it does not.
+pub(crate) fn doctor(args: &DoctorArgs, console: &Console) -> Result<()> {
+    if !(args.listen.is_finite() && (0.0..=3600.0).contains(&args.listen)) {
+        bail!("--listen {} is not between 0 and 3600 seconds", args.listen);
+    }
+    let mut source = open(&args.url.parse()?, Clock::new(), None)?;
+    let wanted: Vec<&str> = args.tool.iter().map(String::as_str).collect();
+    let lines = tracking::doctor(source.as_mut(), &wanted, Duration::from_secs_f64(args.listen))?;
+    let (diagnosis, facts) = lines.split_last().context("the source told nothing")?;
+    console.result(&json!({ "facts": facts, "diagnosis": diagnosis }), &lines.join("\n"));
+    Ok(())
+}
