@@ -1,6 +1,9 @@
 //! Wrong input of each kind gets a clear error and leaves nothing behind.
 
 use crate::common::{monro, refusal, text};
+use monro_geometry::{Grid, Volume};
+use monro_scan::dicom::{self, SeriesMeta};
+use monro_scan::nifti;
 use std::fs;
 use std::path::Path;
 
@@ -62,4 +65,81 @@ fn a_bad_option_is_explained_with_status_two() {
     let out = monro(&["simulate", "case", "--out", "x", "--mode", "magic"]);
     assert_eq!(out.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&out.stderr).contains("paper"));
+}
+
+/// A ball of tissue of the given radius in a box of 4 mm voxels.
+fn ball(radius: f64, voxels: usize) -> Volume<i16> {
+    let grid = Grid::axis_aligned([voxels; 3], [4.0; 3], [0.0; 3]).expect("grid");
+    let middle = grid.centre(voxels / 2, voxels / 2, voxels / 2);
+    let at = |n: usize| {
+        let [i, j, k] = grid.voxel(n);
+        if grid.centre(i, j, k).distance(middle) < radius { 40 } else { -1000 }
+    };
+    Volume::new(grid, (0..grid.len()).map(at).collect()).expect("count")
+}
+
+fn series(dir: &Path, number: u16, patient: &str) {
+    fs::create_dir_all(dir).expect("dir");
+    let meta = SeriesMeta { seed: number.into(), number, patient_id: patient.into(), ..SeriesMeta::default() };
+    dicom::write_series(&ball(95.0, 64), dir, &meta).expect("series");
+}
+
+#[test]
+fn two_patients_in_one_folder_are_refused_without_their_names() {
+    let dir = tempfile::tempdir().expect("temp");
+    let scan = dir.path().join("scan");
+    series(&scan.join("a"), 1, "SMITH-1");
+    series(&scan.join("b"), 2, "JONES-2");
+    let said = refusal(&["prepare", text(&scan), "--out", text(&dir.path().join("case"))]);
+    assert!(said.contains("2 patients") || said.contains("two patients"), "{said}");
+    assert!(!said.contains("SMITH") && !said.contains("JONES"), "{said}");
+    only(dir.path(), &["scan"]);
+}
+
+#[test]
+fn a_knee_is_no_head() {
+    let dir = tempfile::tempdir().expect("temp");
+    let file = dir.path().join("knee.nii.gz");
+    fs::write(&file, nifti::encode_i16(&ball(45.0, 40))).expect("write");
+    let said = refusal(&["prepare", text(&file), "--out", text(&dir.path().join("case"))]);
+    assert!(said.contains("not a head") && said.contains("mm"), "{said}");
+    only(dir.path(), &["knee.nii.gz"]);
+}
+
+#[test]
+fn a_ball_of_tissue_without_a_skull_is_refused_with_a_way_out() {
+    let dir = tempfile::tempdir().expect("temp");
+    let file = dir.path().join("ball.nii.gz");
+    fs::write(&file, nifti::encode_i16(&ball(95.0, 64))).expect("write");
+    let said = refusal(&["prepare", text(&file), "--out", text(&dir.path().join("case"))]);
+    assert!(said.contains("segmentation") && said.contains("--labels"), "{said}");
+    only(dir.path(), &["ball.nii.gz"]);
+}
+
+#[test]
+fn truncated_files_of_each_kind_are_named() {
+    let dir = tempfile::tempdir().expect("temp");
+    series(&dir.path().join("scan"), 1, "P");
+    let slice = fs::read_dir(dir.path().join("scan")).expect("list").next().expect("a slice").expect("entry").path();
+    let bytes = fs::read(&slice).expect("read");
+    fs::write(&slice, &bytes[..bytes.len() / 2]).expect("write");
+    let said = refusal(&["prepare", text(&dir.path().join("scan")), "--out", text(&dir.path().join("case"))]);
+    assert!(said.contains(text(Path::new(slice.file_name().expect("name")))), "{said}");
+    let file = dir.path().join("head.nii.gz");
+    let whole = nifti::encode_i16(&ball(95.0, 64));
+    fs::write(&file, &whole[..whole.len() / 3]).expect("write");
+    let said = refusal(&["prepare", text(&file), "--out", text(&dir.path().join("case"))]);
+    assert!(said.contains("head.nii.gz"), "{said}");
+    only(dir.path(), &["head.nii.gz", "scan"]);
+}
+
+#[test]
+fn labels_on_no_known_numbers_are_refused() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [scan, labels] = ["head.nii.gz", "labels.nii.gz"].map(|n| dir.path().join(n));
+    let ct = ball(95.0, 64);
+    fs::write(&scan, nifti::encode_i16(&ct)).expect("write");
+    fs::write(&labels, nifti::encode_u8(&ct.map(|hu| if hu > 0 { 42 } else { 0 }))).expect("write");
+    let said = refusal(&["prepare", text(&scan), "--labels", text(&labels), "--out", text(&dir.path().join("case"))]);
+    assert!(said.contains("42") && said.contains("labels.nii.gz"), "{said}");
 }
