@@ -107,8 +107,8 @@ impl Features {
         f
     }
 
-    /// The magnitude that counts as a full edge (MB95 eq. 3 uses the maximum): the 99th percentile over pixels inside
-    /// the window, so that neither the skull nor one bright pixel sets the scale.
+    /// The magnitude that counts as a full edge (MB95 eq. 3 uses the maximum): the 95th percentile over pixels inside
+    /// the window, so that neither the skull nor one bright pixel sets the scale, and soft tissue's edges count in full.
     fn gradient_ceiling(&self, magnitude: &[f32], options: &FeatureOptions) -> f32 {
         let [low, high] = options.window;
         let margin = 0.02 * (high - low);
@@ -122,7 +122,7 @@ impl Features {
                 total += 1;
             }
         }
-        let mut above = total / 100;
+        let mut above = total / 20;
         let mut bin = 1024;
         while bin > 0 && counts[bin] <= above {
             above -= counts[bin];

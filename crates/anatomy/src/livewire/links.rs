@@ -28,7 +28,7 @@ pub struct Weights {
 
 impl Default for Weights {
     fn default() -> Self {
-        Self { crossing: 0.1, gradient: 0.4, direction: 0.1, value: 0.1, bright: 0.1, dark: 0.1, length: 0.05 }
+        Self { crossing: 0.1, gradient: 0.4, direction: 0.1, value: 0.1, bright: 0.15, dark: 0.15, length: 0.01 }
     }
 }
 

@@ -19,7 +19,7 @@ pub struct RefineOptions {
 impl Default for RefineOptions {
     fn default() -> Self {
         // Half a brain window more on each side than the wire sees: clipped noise would move the edge.
-        Self { sigma: 1.2, reach: 2.5, smoothing: 2.0, window: [-40.0, 120.0] }
+        Self { sigma: 1.2, reach: 2.5, smoothing: 3.0, window: [-40.0, 120.0] }
     }
 }
 

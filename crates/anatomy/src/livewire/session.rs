@@ -46,7 +46,7 @@ impl Default for LivewireOptions {
             features: FeatureOptions::default(),
             weights: Weights::default(),
             snap_radius: 4.0,
-            training_pixels: 64,
+            training_pixels: 128,
             cooling: None,
             refine: Some(RefineOptions::default()),
         }

@@ -161,3 +161,92 @@ fn sharpen(field: &mut [f32], mask: &Mask, contours: &[Contour], spacing: [f64; 
         field[n] = if mask.data()[n] { -d } else { d };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn circle(x: f64, y: f64, r: f64) -> Contour {
+        let at = |n: i32| {
+            let (sin, cos) = (f64::from(n) * core::f64::consts::TAU / 720.0).sin_cos();
+            [x + r * cos, y + r * sin]
+        };
+        Contour { points: (0..720).map(at).collect() }
+    }
+
+    fn stack() -> ContourStack {
+        ContourStack::new([80, 64], [0.5, 0.5]).expect("stack")
+    }
+
+    /// Two discs of one centre: distance to a circle is linear along rays, so the disc between is exact.
+    #[test]
+    fn a_cone_is_interpolated_exactly() {
+        let mut s = stack();
+        s.set(10, &[circle(40.2, 31.7, 24.0)]).expect("low");
+        s.set(20, &[circle(40.2, 31.7, 12.0)]).expect("high");
+        for slice in 11..20 {
+            let radius = 24.0 - 1.2 * (slice - 10) as f64;
+            let exact = fill(&[circle(40.2, 31.7, radius)], 80, 64);
+            let found = s.mask(slice);
+            let wrong = found.data().iter().zip(exact.data()).filter(|(a, b)| a != b).count();
+            // Away from both contours distances come from the masks and are good to half a pixel.
+            assert!(wrong as f64 <= 0.5 * core::f64::consts::TAU * radius, "slice {slice}: {wrong}");
+            let area = found.count() as f64 / exact.count() as f64;
+            assert!((area - 1.0).abs() < 0.04, "slice {slice}: {area}");
+        }
+        assert_eq!((s.mask(9).count(), s.mask(21).count()), (0, 0));
+        assert_eq!(s.slices().collect::<Vec<_>>(), [10, 20]);
+    }
+
+    fn parts(mask: &Mask) -> usize {
+        let grid =
+            monro_geometry::Grid::axis_aligned([mask.size()[0], mask.size()[1], 1], [1.0; 3], [0.0; 3]).expect("grid");
+        crate::edit::islands(&crate::edit::Selection::where_(grid, |n| mask.data()[n])).len()
+    }
+
+    #[test]
+    fn one_part_splits_into_two_and_a_hole_closes() {
+        let mut s = stack();
+        s.set(0, &[circle(40.0, 32.0, 26.0)]).expect("one");
+        s.set(10, &[circle(24.0, 32.0, 11.0), circle(56.0, 32.0, 11.0)]).expect("two");
+        assert_eq!((0..=10).map(|k| parts(&s.mask(k))).collect::<std::collections::BTreeSet<_>>(), [1, 2].into());
+        let counts: Vec<usize> = (0..=10).map(|k| s.mask(k).count()).collect();
+        assert!(counts.windows(2).all(|w| w[0] >= w[1]), "{counts:?}");
+        s.set(0, &[circle(40.0, 32.0, 20.0), circle(40.0, 32.0, 6.0)]).expect("ring");
+        s.set(10, &[circle(40.0, 32.0, 20.0)]).expect("disc");
+        assert!(!s.mask(1).at(40, 32) && s.mask(9).at(40, 32));
+    }
+
+    #[test]
+    fn a_correction_changes_the_slices_up_to_its_neighbours_only() {
+        let mut s = stack();
+        for (slice, radius) in [(0, 10.0), (10, 14.0), (20, 10.0), (30, 6.0)] {
+            s.set(slice, &[circle(40.0, 32.0, radius)]).expect("key");
+        }
+        let before: Vec<Mask> = (0..=30).map(|k| s.mask(k)).collect();
+        let touched = s.set(14, &[circle(44.0, 30.0, 16.0)]).expect("correction");
+        assert_eq!(touched, 11..=19);
+        for k in 0..=30 {
+            assert_eq!(s.mask(k) != before[k], touched.contains(&k), "{k}");
+        }
+        assert_eq!(s.remove(14), Some(11..=19));
+        assert!((0..=30).all(|k| s.mask(k) == before[k]));
+        assert_eq!((s.remove(14), s.remove(0)), (None, Some(0..=9)));
+        let brushed = before[3].clone();
+        assert_eq!(s.set_mask(25, brushed.clone()).expect("mask"), 21..=29);
+        assert_eq!(s.mask(25), brushed);
+    }
+
+    #[test]
+    fn misfits_are_refused() {
+        let mut s = stack();
+        assert!(matches!(s.set(0, &[circle(-50.0, -50.0, 3.0)]), Err(LivewireError::Degenerate { .. })));
+        assert!(matches!(s.set(0, &[Contour::default()]), Err(LivewireError::Degenerate { points: 0, .. })));
+        assert!(matches!(s.set_mask(0, Mask::empty(3, 3)), Err(LivewireError::MaskSize { .. })));
+        assert!(ContourStack::new([0, 4], [1.0; 2]).is_err() && ContourStack::new([4, 4], [1.0, f64::NAN]).is_err());
+        let (a, b) = (fill(&[circle(9.0, 9.0, 5.0)], 20, 20), Mask::empty(20, 20));
+        assert_eq!(interpolate(&a, &b, [1.0; 2], 0.0).expect("low"), a);
+        assert!(interpolate(&a, &b, [1.0; 2], 0.5).expect("between").count() < a.count());
+        assert!(interpolate(&a, &b, [1.0; 2], 1.5).is_err());
+    }
+}
