@@ -80,7 +80,7 @@ impl Script {
         let patient_from_catheter = self.patient_from_catheter(time_s);
         let reference_from_catheter = self.patient_from_reference.inverse().after(&patient_from_catheter);
         let tracker_from_catheter = tracker_from_reference.after(&reference_from_catheter);
-        [("reference", tracker_from_reference), ("catheter", tracker_from_catheter)].map(|(name, pose)| Observation {
+        [("Reference", tracker_from_reference), ("Catheter", tracker_from_catheter)].map(|(name, pose)| Observation {
             name: name.to_owned(),
             time_s,
             tracker_from_tool: Some(pose),

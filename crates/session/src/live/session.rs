@@ -76,7 +76,7 @@ pub struct ToolNames {
 
 impl Default for ToolNames {
     fn default() -> Self {
-        Self { catheter: "catheter".into(), reference: "reference".into() }
+        Self { catheter: "Catheter".into(), reference: "Reference".into() }
     }
 }
 
@@ -219,7 +219,7 @@ pub(crate) mod tests {
         let mut s = navigating(&script);
         script.observations(1.0).iter().for_each(|o| assert!(s.observe(o)));
         let newer = script.observations(1.4);
-        newer.iter().filter(|o| o.name == "catheter").for_each(|o| assert!(s.observe(o)));
+        newer.iter().filter(|o| o.name == "Catheter").for_each(|o| assert!(s.observe(o)));
         assert_eq!(s.signal(1.4), Signal::Stale);
     }
 

@@ -58,7 +58,7 @@ mod tests {
     }
 
     fn seen(time_s: f64, x: Option<f64>) -> Observation {
-        Observation { name: "catheter".into(), time_s, tracker_from_tool: x.map(at) }
+        Observation { name: "Catheter".into(), time_s, tracker_from_tool: x.map(at) }
     }
 
     #[test]
@@ -67,7 +67,7 @@ mod tests {
         assert!(t.observe(&seen(1.0, Some(1.0))));
         assert!(t.observe(&seen(3.0, Some(3.0))));
         assert!(!t.observe(&seen(2.0, Some(2.0))));
-        assert_eq!(t.latest("catheter"), Some((3.0, at(3.0))));
+        assert_eq!(t.latest("Catheter"), Some((3.0, at(3.0))));
     }
 
     #[test]
@@ -76,7 +76,7 @@ mod tests {
         t.observe(&seen(1.0, Some(1.0)));
         assert!(!t.observe(&seen(2.0, None)));
         assert!(!t.observe(&seen(f64::NAN, Some(9.0))));
-        assert_eq!(t.latest("catheter").map(|(s, _)| s), Some(1.0));
+        assert_eq!(t.latest("Catheter").map(|(s, _)| s), Some(1.0));
     }
 
     #[test]
