@@ -2,6 +2,7 @@
 
 use crate::trackers::{DoctorArgs, FakeTrackerCommand, TrackArgs};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 /// Elements of the simulation mesh when nothing else is asked: the paper's brain model.
@@ -30,6 +31,8 @@ pub(crate) enum Command {
     Prepare(PrepareArgs),
     /// Simulate the insertion of a catheter along the plan of a case.
     Simulate(SimulateArgs),
+    /// Show a live insertion in the browser.
+    Serve(ServeArgs),
     /// Make graded tetrahedra from a label volume, or again from a case.
     Mesh(MeshArgs),
     /// Print live poses with their age and quality.
@@ -146,6 +149,21 @@ pub(crate) struct SimulateArgs {
     /// Overwrite an existing output folder.
     #[arg(long)]
     pub(crate) force: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ServeArgs {
+    /// A case made by "monro prepare".
+    pub(crate) case: PathBuf,
+    /// Where poses come from: "sim:" plays an insertion, "igtl://HOST[:PORT]" is an OpenIGTLink server such as PLUS.
+    #[arg(long, value_name = "URL", default_value = "sim:")]
+    pub(crate) tracker: String,
+    /// Loopback address to listen on; port 0 takes any free port.
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
+    pub(crate) listen: SocketAddr,
+    /// Which soft body.
+    #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
+    pub(crate) mode: ModeArg,
 }
 
 #[derive(Debug, Args)]

@@ -11,6 +11,7 @@ mod phantom;
 
 mod prepare;
 
+mod serve;
 mod simulate;
 mod trackers;
 
@@ -32,6 +33,7 @@ fn main() -> ExitCode {
         Command::Phantom(a) => phantom::run(a, &console),
         Command::Prepare(a) => prepare::run(a, &console),
         Command::Simulate(a) => simulate::run(a, &console),
+        Command::Serve(a) => serve::run(a, &console),
         Command::Mesh(a) => mesh::run(a, &console),
         Command::Track(a) => trackers::track(a, cli.json),
         Command::FakeTracker(a) => trackers::fake(a),
