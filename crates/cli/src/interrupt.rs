@@ -10,13 +10,15 @@ static UNDER_CONSTRUCTION: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 /// Removes the folders under construction on Ctrl-C (and on a termination signal) and ends with status 130.
 pub(crate) fn install() {
     let result = ctrlc::set_handler(|| {
+        let mut told = "interrupted";
         if let Ok(folders) = UNDER_CONSTRUCTION.lock() {
             for folder in folders.iter() {
                 // The process ends here; a folder that cannot be removed keeps its ".partial" name.
                 let _ = std::fs::remove_dir_all(folder);
+                told = "interrupted; nothing was written";
             }
         }
-        eprintln!("monro: interrupted; nothing was written");
+        eprintln!("monro: {told}");
         std::process::exit(130);
     });
     if let Err(error) = result {

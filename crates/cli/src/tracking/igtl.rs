@@ -2,6 +2,7 @@
 
 use super::{Batch, Clock, Recorder, Source};
 use anyhow::{Result, anyhow};
+use monro_wire::TimedPose;
 use monro_wire::openigtlink::{Parser, poses};
 use monro_wire::recording::Protocol;
 use std::collections::{BTreeMap, VecDeque};
@@ -75,15 +76,26 @@ impl IgtlSource {
         Ok(())
     }
 
+    /// Messages of one moment about different tools are one frame.
+    fn add(&mut self, poses: Vec<TimedPose>) {
+        let Some(first) = poses.first() else { return };
+        let same = |b: &&mut Batch| {
+            let time = b.poses.first().and_then(|p| p.source_time);
+            time.is_some() && time == first.source_time && !b.poses.iter().any(|p| p.name == first.name)
+        };
+        match self.ready.back_mut().filter(same) {
+            Some(batch) => batch.poses.extend(poses),
+            None => self.ready.push_back(Batch { poses, clock: None }),
+        }
+    }
+
     fn parse(&mut self, arrival: f64) -> Result<()> {
         while let Some(message) = self.parser.next_message() {
             match message {
                 Ok(m) => {
                     let poses = poses(&m, arrival);
                     *self.devices.entry(format!("{} {}", m.content.type_name(), m.device)).or_default() += 1;
-                    if !poses.is_empty() {
-                        self.ready.push_back(Batch { poses, clock: None });
-                    }
+                    self.add(poses);
                 }
                 Err(e) if self.parser.is_broken() => return Err(anyhow!(e).context(format!("igtl://{}", self.place))),
                 Err(e) => {

@@ -15,6 +15,9 @@ use std::time::{Duration, Instant};
 /// How often the client is asked whether it has something to say.
 const TICK: Duration = Duration::from_millis(20);
 
+/// Frames are held back until their tools have names, but no longer than this, s.
+const PATIENCE_FOR_NAMES: f64 = 1.0;
+
 type Arrived = (f64, Vec<u8>);
 
 /// A NatNet client with its sockets; each of them is read by a thread of its own, so that arrival times are right.
@@ -33,6 +36,7 @@ pub(super) struct NatNetSource {
     stop: Arc<AtomicBool>,
     recorder: Option<Recorder>,
     notes: Vec<String>,
+    first_frame: Option<f64>,
 }
 
 impl NatNetSource {
@@ -62,6 +66,7 @@ impl NatNetSource {
             stop,
             recorder,
             notes: Vec::new(),
+            first_frame: None,
         };
         // With a forced version frames may be read before, or without, any word of the server.
         if address.multicast.is_some() || address.version.is_some() {
@@ -107,7 +112,12 @@ impl NatNetSource {
             Ok(Some(Event::Echo(e))) => {
                 self.estimate.push(Exchange { sent: e.sent, other: e.server, received: e.received });
             }
-            Ok(Some(Event::Frame(_, poses))) => return Ok(Some(Batch { poses, clock: self.estimate.offset() })),
+            Ok(Some(Event::Frame(_, poses))) => {
+                let first = *self.first_frame.get_or_insert(arrival);
+                // Names come a moment after the first frames; a server that never tells them is listened to all the same.
+                let named = !self.client.names().is_empty() || arrival - first > PATIENCE_FOR_NAMES;
+                return Ok(named.then(|| Batch { poses, clock: self.estimate.offset() }));
+            }
             _ => {}
         }
         Ok(None)
@@ -169,7 +179,7 @@ impl Source for NatNetSource {
         facts.push(format!("{} frames, {} missed, {} malformed", c.frames, c.missed, c.malformed));
         facts.extend(c.last_error.as_ref().map(|e| format!("last fault: {e}")));
         if let Some(o) = self.estimate.offset() {
-            facts.push(format!("clock offset {:.6} s, known to {:.1} ms", o.offset, 1e3 * o.bound));
+            facts.push(format!("clock offset {:.6} s, known to {:.3} ms", o.offset, 1e3 * o.bound));
         }
         facts
     }
