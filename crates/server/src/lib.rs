@@ -32,5 +32,6 @@ mod tracker;
 mod web;
 
 pub use error::ServeError;
-pub use options::{ServeOptions, TrackerUrl, TrackerUrlError};
+pub use options::ServeOptions;
 pub use server::{Ready, Running, serve, start};
+pub use tracker::{Feed, Tracker, TrackerUrlError};

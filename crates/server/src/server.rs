@@ -3,13 +3,15 @@
 use crate::door::{self, Keys};
 use crate::listener::Limited;
 use crate::live::Live;
-use crate::options::{ServeOptions, TrackerUrl};
-use crate::{ServeError, api, case_data, deformer, headers, socket, tracker, web};
+use crate::options::ServeOptions;
+use crate::tracker::Tracker;
+use crate::{ServeError, api, case_data, deformer, headers, socket, web};
 use axum::body::Bytes;
 use axum::extract::DefaultBodyLimit;
 use axum::routing::get;
 use axum::{Router, middleware};
 use monro_case::Case;
+use monro_guidance::Plan;
 use monro_session::live::{Deformation, Expiry, Session, SessionEvent, ToolNames};
 use serde_json::{Value, json};
 use std::io;
@@ -111,11 +113,10 @@ pub async fn start(options: ServeOptions) -> Result<Running, ServeError> {
     }
     let listener = TcpListener::bind(address).await.map_err(|error| ServeError::Listen { address, error })?;
     let address = listener.local_addr()?;
-    let tracker_url = options.tracker.clone();
-    let (shared, deformation, plan) =
-        tokio::task::spawn_blocking(move || prepare(&options)).await.map_err(io::Error::other)??;
+    let (shared, deformation, plan, tracker) =
+        tokio::task::spawn_blocking(move || prepare(options)).await.map_err(io::Error::other)??;
     deformer::spawn(Arc::clone(&shared.live), deformation)?;
-    tracker::start(&tracker_url, &shared.live, plan)?;
+    tracker.start(&shared.live, plan)?;
     Ok(run(shared, listener, address))
 }
 
@@ -147,7 +148,7 @@ fn router(shared: Arc<Shared>) -> Router {
 }
 
 /// Everything that takes a while: files, meshes, the soft body.
-fn prepare(options: &ServeOptions) -> Result<(Shared, Deformation, monro_guidance::Plan), ServeError> {
+fn prepare(options: ServeOptions) -> Result<(Shared, Deformation, Plan, Tracker), ServeError> {
     let case = Case::open(&options.case_dir)?;
     let deformation = Deformation::new(&case, &options.model)?;
     let scene = case_data::scene(&case)?;
@@ -162,10 +163,10 @@ fn prepare(options: &ServeOptions) -> Result<(Shared, Deformation, monro_guidanc
         case: describe(&case, ct.is_some()),
         scene: scene.into(),
         ct: ct.map(Bytes::from),
-        tracker: options.tracker.to_string(),
-        simulated: options.tracker == TrackerUrl::Sim,
+        tracker: options.tracker.name().into_owned(),
+        simulated: matches!(options.tracker, Tracker::Sim),
     };
-    Ok((shared, deformation, case.plan))
+    Ok((shared, deformation, case.plan, options.tracker))
 }
 
 fn describe(case: &Case, has_ct: bool) -> Value {

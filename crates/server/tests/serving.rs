@@ -3,9 +3,14 @@
 mod common;
 
 use common::{options, request, write_case};
-use monro_server::{Running, ServeError, start};
+use monro_geometry::{Rigid, Vector};
+use monro_server::{Running, ServeError, Tracker, start};
+use monro_wire::TimedPose;
+use monro_wire::openigtlink::{Message, ToolStatus};
 use serde_json::Value;
 use std::time::Duration;
+use tokio::io::AsyncWriteExt;
+use tokio::net::TcpListener;
 
 struct Served {
     running: Running,
@@ -182,8 +187,73 @@ async fn a_case_without_images_says_so() {
 #[tokio::test]
 async fn an_address_that_others_can_reach_and_a_folder_that_is_no_case_are_refused() {
     let dir = tempfile::tempdir().expect("temp");
+    assert!(matches!(start(options(dir.path().to_owned())).await, Err(ServeError::Case(_))));
     let mut o = options(dir.path().to_owned());
-    assert!(matches!(start(o.clone()).await, Err(ServeError::Case(_))));
     o.listen = "0.0.0.0:0".parse().expect("address");
     assert!(matches!(start(o).await, Err(ServeError::NotLoopback(_))));
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_foreign_tracker_is_calibrated_and_registered_over_the_api() {
+    let dir = tempfile::tempdir().expect("temp");
+    let mut o = options(write_case(dir.path(), false));
+    // Catheter 10 mm from the reference along x, on a clock that started long ago.
+    let pose = |name: &str, x: f64| {
+        let rigid = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(x, 0.0, 0.0)).expect("pose");
+        TimedPose::new(name, None, 1e9, Ok((rigid, None)))
+    };
+    let poses = [pose("Catheter", 110.0), pose("Reference", 100.0)];
+    let run = Box::new(move |feed: monro_server::Feed| {
+        while !feed.is_stopping() {
+            feed.take(&poses, 1e9 + 0.002);
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    });
+    o.tracker = Tracker::Other { name: "test:".into(), run };
+    let served = Served { running: start(o).await.expect("start"), _dir: dir };
+    let g = served.until(|g| g["state"] == "live").await;
+    assert_eq!((&g["phase"], &g["tip_lps_mm"], &g["depth_mm"]), (&"case".into(), &Value::Null, &Value::Null));
+    assert!(g["age_ms"].as_f64().is_some_and(|a| a >= 2.0));
+    for event in [
+        r#"{"event":"calibrated","tip_mm":[0,0,-20],"axis":[0,0,-1]}"#,
+        r#"{"event":"registered","quaternion_wxyz":[1,0,0,0],"translation_mm":[1,2,90],"predicted_tre_mm":1.2}"#,
+        r#"{"event":"check_passed"}"#,
+        r#"{"event":"started"}"#,
+    ] {
+        assert_eq!(served.post("/api/session", event).await.0, 200, "{event}");
+    }
+    let g = served.until(|g| g["depth_mm"].is_number()).await;
+    assert_eq!(numbers(&g["tip_lps_mm"]), [11.0, 2.0, 70.0]);
+    assert_eq!(g["predicted_tre_mm"], 1.2);
+    assert_eq!(served.get("/api/status").await["tracker"], "test:");
+    assert_eq!(served.post("/api/tracker", r#"{"paused":true}"#).await.0, 409);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_openigtlink_server_feeds_the_session_and_is_found_again_when_it_comes_back() {
+    let plus = TcpListener::bind("127.0.0.1:0").await.expect("bind");
+    let address = plus.local_addr().expect("address");
+    tokio::spawn(async move {
+        // A first connection that ends in the middle of a header, then one that streams.
+        let (mut first, _) = plus.accept().await.expect("accept");
+        first.write_all(b"\0\x02TRANS").await.expect("write");
+        drop(first);
+        let (mut second, _) = plus.accept().await.expect("accept");
+        let pose = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::ZERO).expect("pose");
+        for id in 0.. {
+            for name in ["Catheter", "Reference"] {
+                let message = Message::transform(name, None, id, Some(&pose), ToolStatus::Ok);
+                if second.write_all(&message.encode().expect("message")).await.is_err() {
+                    return;
+                }
+            }
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    });
+    let dir = tempfile::tempdir().expect("temp");
+    let mut o = options(write_case(dir.path(), false));
+    o.tracker = format!("igtl://{address}").parse().expect("url");
+    let served = Served { running: start(o).await.expect("start"), _dir: dir };
+    served.until(|g| g["state"] == "live").await;
+    assert_eq!(served.get("/api/status").await["tools"], serde_json::json!(["Catheter", "Reference"]));
 }

@@ -5,7 +5,7 @@
 use monro_case::{Case, CaseFiles, Manifest, SCHEMA, Source, Staging};
 use monro_geometry::{Grid, Patient, Point, TetMesh, TriangleMesh, Vector, Volume};
 use monro_guidance::{Plan, Side};
-use monro_server::{ServeOptions, TrackerUrl};
+use monro_server::{ServeOptions, Tracker};
 use monro_session::{Mode, ModelSettings};
 use monro_tissue::{CollisionResponse, PaperOptions};
 use std::path::{Path, PathBuf};
@@ -137,7 +137,7 @@ pub fn options(case_dir: PathBuf) -> ServeOptions {
     ServeOptions {
         case_dir,
         listen: "127.0.0.1:0".parse().expect("address"),
-        tracker: TrackerUrl::Sim,
+        tracker: Tracker::Sim,
         model: ModelSettings { mode: Mode::Paper(PaperOptions::default()), collision: CollisionResponse::Insertion },
     }
 }
