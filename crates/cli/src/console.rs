@@ -14,7 +14,7 @@ pub(crate) struct Console {
 }
 
 impl Console {
-    /// A console; with `json`, [`Console::result`] prints JSON and [`Console::text`] nothing.
+    /// A console; with `json`, [`Console::result`] prints JSON instead of text.
     pub(crate) fn new(json: bool) -> Self {
         // Hidden by itself where stderr is not a terminal; stages are then announced line by line.
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
