@@ -27,6 +27,7 @@ mod options;
 mod paper;
 mod physical;
 mod report;
+mod simd;
 mod sphere_tree;
 mod state;
 mod statics;

@@ -96,6 +96,9 @@ pub struct FrameSettings {
     pub iterations: u32,
     /// Gravity, mm/s2, patient frame.
     pub gravity_mm_s2: [f64; 3],
+    /// Physical mode: do two iterations of three only where the tissue moves more than on average (the paper's predicted
+    /// deformation space).
+    pub predicted_space: bool,
 }
 
 impl Default for PaperOptions {
@@ -113,7 +116,7 @@ impl Default for PhysicalOptions {
 
 impl Default for FrameSettings {
     fn default() -> Self {
-        Self { dt_s: 1.0 / 60.0, substeps: 1, iterations: 10, gravity_mm_s2: [0.0; 3] }
+        Self { dt_s: 1.0 / 60.0, substeps: 1, iterations: 10, gravity_mm_s2: [0.0; 3], predicted_space: false }
     }
 }
 
@@ -127,6 +130,7 @@ impl FrameSettings {
             substeps: self.substeps.clamp(1, 1000),
             iterations: self.iterations.clamp(1, 10_000),
             gravity_mm_s2,
+            predicted_space: self.predicted_space,
         }
     }
 }

@@ -70,17 +70,19 @@ impl Stepper {
         state.tools.resize_with(tools.len(), ToolState::default);
         self.backup.copy_from(state);
         let jumped = self.put_elsewhere(model, state, tools);
-        let before = inverted(model, &state.positions);
         let mut report = StepReport::default();
         let mut failures = Vec::new();
+        let mut survey = Survey::default();
         let mut substeps = substeps_for(&settings, tools);
         for attempt in 0..=RETRIES {
             self.events.clear();
             self.attempt(model, state, tools, &settings, substeps);
             report.substeps = substeps;
-            match judge(model, &self.backup, state, before) {
+            survey = Survey::of(model, &state.positions);
+            let verdict = judge(model, &self.backup, state, survey.inverted);
+            match verdict {
                 Verdict::Good => break,
-                Verdict::Inverted(_) if attempt > 0 || before > 0 => break,
+                Verdict::Inverted(_) if attempt > 0 => break,
                 verdict => {
                     let inverted = if let Verdict::Inverted(n) = verdict { Some(n) } else { None };
                     failures.push(Event::RolledBack { substeps, inverted });
@@ -95,9 +97,15 @@ impl Stepper {
             }
         }
         report.rollbacks = failures.iter().filter(|e| matches!(e, Event::RolledBack { .. })).count() as u32;
+        let failed_for_good = failures.contains(&Event::Held);
         report.events = failures;
         report.events.extend(jumped);
         report.events.append(&mut self.events);
+        if failed_for_good {
+            survey = Survey::of(model, &state.positions);
+        }
+        report.inverted = survey.inverted;
+        report.volume_change = survey.six_volumes / 6.0 / model.rest_volume - 1.0;
         self.fill(model, state, tools, &mut report);
         report
     }
@@ -205,7 +213,8 @@ impl Stepper {
             couplings: &mut self.couplings,
         };
         let gravity = settings.gravity_mm_s2.map(|g| g as f32);
-        let step = Substep { dt, iterations: settings.iterations, gravity };
+        let (iterations, predicted_space) = (settings.iterations, settings.predicted_space);
+        let step = Substep { dt, iterations, gravity, predicted_space };
         self.residual = solver.advance(&mut body, &mut self.descent, step);
     }
 
@@ -235,21 +244,17 @@ impl Stepper {
     }
 
     fn fill(&self, model: &Model, state: &State, tools: &[ToolMotion], report: &mut StepReport) {
-        let (mut six, mut turned) = (0f64, 0);
-        for t in &model.tets {
-            let v = six_volume(t.map(|v| xyz(state.positions[v as usize])));
-            six += f64::from(v);
-            turned += usize::from(v <= 0.0);
-        }
-        report.inverted = turned;
-        report.volume_change = six / 6.0 / model.rest_volume - 1.0;
         let moved = state.positions.iter().zip(&model.rest).map(|(p, r)| {
             let d = sub(xyz(*p), xyz(*r));
             dot(d, d)
         });
         report.max_displacement_mm = f64::from(moved.fold(0f32, f32::max).sqrt());
         report.residual_mm = self.residual.into();
-        report.active_nodes = state.positions.iter().filter(|p| p[3] > 0.0).count();
+        let free = state.positions.iter().filter(|p| p[3] > 0.0).count();
+        report.active_nodes = match model.solver {
+            Solver::Paper(_) => free,
+            Solver::Physical(_) => self.descent.active_nodes().min(free),
+        };
         report.contacts =
             self.couplings.iter().filter(|c| matches!(c.rule, Rule::Push { .. }) && norm(c.force) > 0.0).count();
         report.tools = tools.iter().enumerate().map(|(i, m)| self.felt(model, state, i, m)).collect();
@@ -311,17 +316,36 @@ enum Verdict {
 }
 
 /// The one place where a state is accepted.
-fn judge(model: &Model, from: &State, state: &State, inverted_before: usize) -> Verdict {
+fn judge(model: &Model, from: &State, state: &State, inverted: usize) -> Verdict {
     let finite = |v: &[f32; 4]| (v[0] + v[1] + v[2]).is_finite();
     // Tissue thrown across the whole model within a frame is as bad as no number.
     let sane = |(p, q): (&[f32; 4], &[f32; 4])| (0..3).all(|a| (p[a] - q[a]).abs() < 3.0 * model.reach);
     if !(state.positions.iter().zip(&from.positions).all(sane) && state.velocities.iter().all(finite)) {
         return Verdict::NotFinite;
     }
-    let now = inverted(model, &state.positions);
-    if now > inverted_before { Verdict::Inverted(now) } else { Verdict::Good }
+    // Elements that were turned already are left to the solver to turn back.
+    if inverted > 0 && Survey::of(model, &from.positions).inverted == 0 {
+        Verdict::Inverted(inverted)
+    } else {
+        Verdict::Good
+    }
 }
 
-fn inverted(model: &Model, positions: &[[f32; 4]]) -> usize {
-    model.tets.iter().filter(|t| six_volume(t.map(|v| xyz(positions[v as usize]))) <= 0.0).count()
+/// Sums over all elements.
+#[derive(Debug, Clone, Copy, Default)]
+struct Survey {
+    six_volumes: f64,
+    inverted: usize,
+}
+
+impl Survey {
+    fn of(model: &Model, positions: &[[f32; 4]]) -> Self {
+        let mut out = Self::default();
+        for t in &model.tets {
+            let v = six_volume(t.map(|v| xyz(positions[v as usize])));
+            out.six_volumes += f64::from(v);
+            out.inverted += usize::from(v <= 0.0);
+        }
+        out
+    }
 }

@@ -8,6 +8,7 @@
 mod constraints;
 mod damping;
 mod global_volume;
+mod lanes;
 mod solver;
 mod surface;
 

@@ -1,11 +1,13 @@
 //! All constraints of a mesh, and one Gauss-Seidel iteration over them.
 
-use super::constraints::{angle_with_gradients, dihedral, hetero, stretch, triangle, volume};
+use super::constraints::{angle_with_gradients, dihedral, stretch, triangle, volume};
 use super::global_volume::GlobalVolume;
+use super::lanes::{Edges, Tets};
 use super::{per_iteration, project, surface};
 use crate::membrane::{Membranes, OUTSIDE};
 use crate::model::Region;
 use crate::options::{DihedralScope, PaperOptions};
+use crate::simd;
 use crate::vec3::{V3, add, norm, scale, sub, xyz};
 
 /// A constraint on `N` vertices with its rest value and its coefficient.
@@ -16,22 +18,16 @@ struct Constraint<const N: usize> {
     coefficient: f32,
 }
 
-/// Springs of equation (11) in one element.
-#[derive(Debug, Clone, Copy)]
-struct Springs {
-    nodes: [u32; 4],
-    rest: [f32; 4],
-    coefficient: f32,
-}
-
 /// The constraints of a mesh: constant.
 #[derive(Debug, Clone)]
 pub(crate) struct PaperModel {
-    edges: Vec<Constraint<2>>,
+    edges: Edges,
+    edge_coefficients: Vec<f32>,
     hinges: Vec<Constraint<4>>,
     strips: Vec<Constraint<3>>,
-    volumes: Vec<Constraint<4>>,
-    springs: Vec<Springs>,
+    tets: Tets,
+    volume_coefficients: Vec<f32>,
+    spring_coefficients: Vec<f32>,
     global: GlobalVolume,
     global_coefficient: f64,
     /// Share of the deforming motion lost per second.
@@ -62,28 +58,25 @@ impl PaperModel {
     ) -> Self {
         let of = |r: u8| regions[r as usize].material.paper;
         let corners = |t: &[u32; 4]| t.map(|v| xyz(rest[v as usize]));
-        let volumes = tets.iter().zip(region).map(|(t, &r)| Constraint {
-            nodes: *t,
-            // By the same arithmetic as in the iteration: at rest the constraint is then exactly zero.
-            rest: volume(corners(t), 0.0).0,
-            coefficient: of(r).volume as f32,
-        });
-        let springs = tets.iter().zip(region).map(|(t, &r)| {
-            let p = corners(t);
-            let q = scale(add(add(p[0], p[1]), add(p[2], p[3])), 0.25);
-            Springs { nodes: *t, rest: p.map(|v| norm(sub(v, q))), coefficient: of(r).hetero as f32 }
-        });
+        // By the same arithmetic as in the iteration: at rest the constraints are then exactly zero.
+        let volumes: Vec<f32> = tets.iter().map(|t| volume(corners(t), 0.0).0).collect();
+        let springs: Vec<[f32; 4]> = tets.iter().map(|t| centroid_distances(corners(t))).collect();
         let strips = surface::strips(membranes, rest).into_iter().filter_map(|(nodes, r)| {
             let (rest, _) = triangle(nodes.map(|v| xyz(rest[v as usize])), 0.0)?;
             Some(Constraint { nodes, rest, coefficient: of(r).triangle as f32 })
         });
         let outer = membranes.faces.iter().filter(|m| m.outer == OUTSIDE).map(|m| m.nodes).collect();
+        let edges = edges(rest, tets, region, regions);
+        let ends: Vec<[u32; 2]> = edges.iter().map(|e| e.nodes).collect();
+        let lengths: Vec<f32> = edges.iter().map(|e| e.rest).collect();
         Self {
-            edges: edges(rest, tets, region, regions),
+            edges: Edges::new(&ends, &lengths),
+            edge_coefficients: edges.iter().map(|e| e.coefficient).collect(),
             hinges: hinges(rest, tets, region, regions, membranes, options.dihedral),
             strips: strips.collect(),
-            volumes: volumes.collect(),
-            springs: springs.collect(),
+            tets: Tets::new(tets, &springs, &volumes),
+            volume_coefficients: region.iter().map(|&r| of(r).volume as f32).collect(),
+            spring_coefficients: region.iter().map(|&r| of(r).hetero as f32).collect(),
             global: GlobalVolume::new(outer, rest),
             global_coefficient: options.global_volume,
             damping: options.damping,
@@ -96,23 +89,21 @@ impl PaperModel {
             return;
         }
         let corrected = |k: f32| per_iteration(k.into(), iterations);
-        scratch.edges = self.edges.iter().map(|c| corrected(c.coefficient)).collect();
+        scratch.edges = self.edge_coefficients.iter().map(|&k| corrected(k)).collect();
         scratch.hinges = self.hinges.iter().map(|c| corrected(c.coefficient)).collect();
         scratch.strips = self.strips.iter().map(|c| corrected(c.coefficient)).collect();
-        scratch.volumes = self.volumes.iter().map(|c| corrected(c.coefficient)).collect();
-        scratch.springs = self.springs.iter().map(|c| corrected(c.coefficient)).collect();
+        scratch.volumes = self.volume_coefficients.iter().map(|&k| corrected(k)).collect();
+        scratch.springs = self.spring_coefficients.iter().map(|&k| corrected(k)).collect();
         scratch.global = per_iteration(self.global_coefficient, iterations);
         scratch.iterations = iterations;
     }
 
     /// One iteration over all constraints in Gauss-Seidel order; returns the largest motion of a vertex, mm.
     pub(crate) fn iterate(&self, positions: &mut [[f32; 4]], scratch: &mut PaperScratch) -> f32 {
-        let mut most = 0f32;
-        for (c, &k) in self.edges.iter().zip(&scratch.edges) {
-            if let Some((value, g)) = stretch(c.nodes.map(|v| xyz(positions[v as usize])), c.rest) {
-                most = most.max(project(positions, c.nodes, value, g, k));
-            }
-        }
+        let mut most = simd::widest(
+            #[inline(always)]
+            || self.edges.project(positions, &scratch.edges),
+        );
         for (c, &k) in self.hinges.iter().zip(&scratch.hinges) {
             if let Some((value, g)) = dihedral(c.nodes.map(|v| xyz(positions[v as usize])), c.rest) {
                 most = most.max(project(positions, c.nodes, value, g, k));
@@ -123,17 +114,19 @@ impl PaperModel {
                 most = most.max(project(positions, c.nodes, value, g, k));
             }
         }
-        for (c, &k) in self.springs.iter().zip(&scratch.springs) {
-            let (value, g) = hetero(c.nodes.map(|v| xyz(positions[v as usize])), c.rest, [1.0; 4]);
-            most = most.max(project(positions, c.nodes, value, g, k));
-        }
-        for (c, &k) in self.volumes.iter().zip(&scratch.volumes) {
-            let (value, g) = volume(c.nodes.map(|v| xyz(positions[v as usize])), c.rest);
-            most = most.max(project(positions, c.nodes, value, g, k));
-        }
+        let inside = simd::widest(
+            #[inline(always)]
+            || self.tets.project(positions, &scratch.springs, &scratch.volumes),
+        );
         self.global.project(positions, scratch.global, &mut scratch.gradients);
-        most.sqrt()
+        most.max(inside).sqrt()
     }
+}
+
+/// Distance of each corner from the centroid, by the arithmetic of the iteration.
+fn centroid_distances(p: [V3; 4]) -> [f32; 4] {
+    let q = scale(add(add(p[0], p[1]), add(p[2], p[3])), 0.25);
+    p.map(|v| norm(sub(v, q)))
 }
 
 /// Distinct edges; the coefficient is the mean of the elements around.
@@ -150,7 +143,8 @@ fn edges(rest: &[[f32; 4]], tets: &[[u32; 4]], region: &[u8], regions: &[Region]
     all.chunk_by(|a, b| a.0 == b.0)
         .map(|c| {
             let [a, b] = c[0].0;
-            let length = norm(sub(xyz(rest[a as usize]), xyz(rest[b as usize])));
+            // Validation has made sure that no two vertices coincide.
+            let length = stretch([xyz(rest[a as usize]), xyz(rest[b as usize])], 0.0).map_or(0.0, |c| c.0);
             Constraint { nodes: [a, b], rest: length, coefficient: mean(c) as f32 }
         })
         .collect()

@@ -8,6 +8,10 @@
 
 pub(crate) mod descent;
 pub(crate) mod elastic;
+mod lanes;
+mod pressure;
+mod region;
+mod touch;
 
 use crate::model::Region;
 use descent::Descent;
