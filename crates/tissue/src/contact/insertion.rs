@@ -74,8 +74,9 @@ fn follow_tip(
     found: &mut Found,
     events: &mut Vec<Event>,
 ) {
-    let Some(was) = memory.inside else { return };
     let now = detect::locate(model, state, spheres, rod.tip, found).map(|p| model.region[p.tet as usize]);
+    memory.ahead = if advance == Advance::Forwards { now } else { None };
+    let Some(was) = memory.inside else { return };
     let label = |r: u8| model.regions[r as usize].label;
     memory.seen |= now.is_some();
     match now {
@@ -267,31 +268,41 @@ fn yield_membrane(
     press: Option<(f32, u32)>,
     events: &mut Vec<Event>,
 ) {
-    let Some((force, to)) = press else {
-        memory.press = None;
-        return;
+    let slipped = memory.ahead.filter(|&r| Some(r) != memory.inside);
+    let (force, to) = match (press, slipped) {
+        (Some(press), _) => press,
+        // Elements much larger than the tool can give way beside it: a tip that is behind the wall has gone through.
+        (None, Some(r)) => (0.0, u32::from(r)),
+        (None, None) => {
+            memory.press = None;
+            return;
+        }
     };
-    if force <= 0.0 && memory.press.is_none() {
+    if force <= 0.0 && memory.press.is_none() && press.is_some() {
         return;
     }
     let start = *memory.press.get_or_insert(rod.tip);
     let depth = dot(sub(rod.tip, start), forward);
-    let region = &model.regions[to as usize];
-    let bears = region.material.insertion;
-    let torn = model.forces_are_physical() && f64::from(force) >= bears.puncture_force_mn;
-    if to == u32::from(OUTSIDE) || (!torn && f64::from(depth) < bears.puncture_depth_mm) {
+    if to == u32::from(OUTSIDE) || (press.is_some() && !gives_way(model, to, force, depth)) {
         return;
     }
     events.push(Event::Punctured {
         tool,
         from: memory.inside.map(|r| model.regions[r as usize].label),
-        to: region.label,
+        to: model.regions[to as usize].label,
         point: patient(model, rod.tip),
         force_mn: force.into(),
         depth_mm: depth.into(),
     });
     memory.seen = memory.inside.is_some();
     (memory.inside, memory.press) = (Some(to as u8), None);
+}
+
+/// Whether the membrane in front of region `to` yields to this force (mN, where forces mean something) or dimple (mm).
+fn gives_way(model: &Model, to: u32, force: f32, depth: f32) -> bool {
+    let bears = model.regions[to as usize].material.insertion;
+    let torn = model.forces_are_physical() && f64::from(force) >= bears.puncture_force_mn;
+    torn || f64::from(depth) >= bears.puncture_depth_mm
 }
 
 fn patient(model: &Model, x: V3) -> Point<Patient> {

@@ -37,6 +37,8 @@ pub(crate) struct ToolState {
     pub(crate) inside: Option<u8>,
     /// Whether the tip has been found in the mesh since it went in.
     pub(crate) seen: bool,
+    /// Region that the tip has been found in on its way forwards.
+    pub(crate) ahead: Option<u8>,
     /// Material points held by the shaft, from the tip backwards.
     pub(crate) anchors: Vec<Anchor>,
     /// The tip when it began to press on the membrane it presses on now.
