@@ -3,7 +3,7 @@
 use monro_anatomy::landmarks::{self, LandmarkError};
 use monro_anatomy::phantom::{HeadOptions, head};
 use monro_anatomy::segment::{SegmentError, Segmentation, from_labels, segment};
-use monro_geometry::{Grid, Patient, Point, Volume};
+use monro_geometry::{Affine, Grid, Matrix3, Patient, Point, Rigid, Vector, Volume};
 use monro_scan::ReadOptions;
 use std::path::PathBuf;
 
@@ -138,6 +138,55 @@ fn a_phantom_is_found_again() {
         ("monro right", marks.monro_right, made.landmarks.monro_right, 4.0),
     ] {
         assert!(p.distance(q) < limit, "{name}: {:.1} mm off", p.distance(q));
+    }
+}
+
+/// The same voxels in another position: turned about the patient's axes (degrees), rows and slices in reverse order.
+fn turned(ct: &Volume<i16>, degrees: [f64; 3]) -> Volume<i16> {
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(Vector::<Patient>::from_array);
+    let centre = ct.grid().centre(ct.grid().dims()[0] / 2, ct.grid().dims()[1] / 2, ct.grid().dims()[2] / 2);
+    let about = |a: usize| {
+        Rigid::<Patient, Patient>::from_axis_angle(axes[a], degrees[a].to_radians(), Vector::ZERO).expect("axis")
+    };
+    let turn = about(2).after(&about(1)).after(&about(0));
+    let [nx, ny, nz] = ct.grid().dims();
+    let place = |i: f64, j: f64, k: f64| {
+        let p = ct.grid().patient_from_voxel().point(Point::new(i, ny as f64 - 1.0 - j, nz as f64 - 1.0 - k));
+        centre + turn.vector(p - centre)
+    };
+    let origin = place(0.0, 0.0, 0.0);
+    let linear = Matrix3::from_columns(
+        place(1.0, 0.0, 0.0) - origin,
+        place(0.0, 1.0, 0.0) - origin,
+        place(0.0, 0.0, 1.0) - origin,
+    );
+    let grid = Grid::new([nx, ny, nz], Affine::new(linear, origin.to_array())).expect("grid");
+    let data = (0..grid.len())
+        .map(|n| {
+            let [i, j, k] = grid.voxel(n);
+            ct.at(i, ny - 1 - j, nz - 1 - k)
+        })
+        .collect();
+    Volume::new(grid, data).expect("count")
+}
+
+#[test]
+fn a_turned_and_reordered_head_keeps_its_labels() {
+    let Some(ct) = scan("head-ct-thin/head_ct.nii.gz") else { return };
+    let plain = segment(&ct).expect("segmentation");
+    let moved = segment(&turned(&ct, [10.0, -9.0, 13.0])).expect("turned");
+    let [_, ny, nz] = ct.grid().dims();
+    let mut pairs = [[0usize; 2]; 8];
+    for (n, &m) in moved.labels.data().iter().enumerate() {
+        let [i, j, k] = ct.grid().voxel(n);
+        let p = plain.labels.at(i, ny - 1 - j, nz - 1 - k);
+        pairs[usize::from(m)][0] += usize::from(m == p);
+        pairs[usize::from(m)][1] += 1;
+        pairs[usize::from(p)][1] += 1;
+    }
+    for (s, least) in [(1, 0.95), (2, 0.95), (4, 0.95), (5, 0.9), (6, 0.9)] {
+        let score = 2.0 * pairs[s][0] as f64 / pairs[s][1] as f64;
+        assert!(score > least, "structure {s}: {score}");
     }
 }
 

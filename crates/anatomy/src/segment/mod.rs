@@ -1,9 +1,8 @@
 //! Automatic segmentation of a head CT, and the check of labels made elsewhere.
 //!
-//! The way: resample to 1 mm in the patient's axes ([`working`]); thresholds from the scan's own values ([`tissue`]);
-//! the space inside the skull ([`cavity`]); its plane of symmetry ([`midplane`]); the pose of a coarse ventricle model
-//! ([`model`]); a flood of the fluid from the model's seeds ([`ventricles`]); and labels painted on the scan's own grid
-//! ([`paint`]).
+//! The way: resample to 1 mm in the patient's axes (`working`); thresholds from the scan's own values (`tissue`); the
+//! space inside the skull (`cavity`); its plane of symmetry (`midplane`); the pose of a coarse ventricle model (`model`);
+//! a flood of the fluid from the model's seeds (`ventricles`); and labels painted on the scan's own grid (`paint`).
 
 mod cavity;
 mod csf;

@@ -25,6 +25,10 @@ const COURSE: [[f64; 3]; 11] = [
     [28.0, 52.0, 5.0],
 ];
 
+/// Left temporal horn from the atrium forwards; often too narrow to be seen, so it takes no part in the search of the pose.
+const TEMPORAL: [[f64; 3]; 5] =
+    [[26.0, 44.0, 4.0], [30.0, 36.0, -8.0], [33.0, 23.0, -17.0], [33.0, 9.0, -22.0], [31.0, -2.0, -24.0]];
+
 /// Points that are brain: thalamus, internal capsule, white matter above the body and before the frontal horn.
 const BRAIN: [[f64; 3]; 9] = [
     [10.0, 8.0, 4.0],
@@ -116,7 +120,16 @@ impl Pose {
 
     /// The course of one side (`1.0` left, `-1.0` right) as points not farther apart than about 1 mm.
     pub(crate) fn course(&self, side: f64) -> Vec<Point<Patient>> {
-        let corners: Vec<Point<Patient>> = COURSE.iter().map(|m| self.place([m[0] * side, m[1], m[2]])).collect();
+        self.line(&COURSE, side)
+    }
+
+    /// The course of one side's temporal horn.
+    pub(crate) fn temporal(&self, side: f64) -> Vec<Point<Patient>> {
+        self.line(&TEMPORAL, side)
+    }
+
+    fn line(&self, stations: &[[f64; 3]], side: f64) -> Vec<Point<Patient>> {
+        let corners: Vec<Point<Patient>> = stations.iter().map(|m| self.place([m[0] * side, m[1], m[2]])).collect();
         let between = |w: &[Point<Patient>]| -> Vec<Point<Patient>> {
             (0..12).map(|n| w[0].lerp(w[1], f64::from(n) / 12.0)).collect()
         };

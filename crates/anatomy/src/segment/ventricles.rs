@@ -20,6 +20,9 @@ const ROOM: f64 = 40.0;
 const LEAST_CONTRAST: f32 = 8.0;
 /// Calcified choroid plexus is at least this much brighter than brain, HU (grey matter is 5 brighter than white).
 const CALCIFIED: f32 = 13.0;
+/// Choroid plexus that is not calcified is still this much brighter than brain, HU; it fills an atrium up to this gap, mm.
+const CHOROID: f32 = 8.0;
+const CHOROID_GAP: f32 = 4.0;
 /// A lateral ventricle has at least this, mL.
 const LEAST_ML: f64 = 0.4;
 
@@ -58,6 +61,8 @@ struct Crop<'a> {
     depth: Raster<f32>,
     /// Distance to the model's course on each side, mm.
     course: [Raster<f32>; 2],
+    /// The same with the temporal horns.
+    horns: [Raster<f32>; 2],
 }
 
 /// Finds the ventricles.
@@ -108,9 +113,14 @@ impl<'a> Crop<'a> {
         }
         let lattice = scene.lattice.cropped(low);
         let cavity = scene.cavity.crop(low, high);
-        let course = courses.map(|c| distance_to(&drawn(&c, &lattice, cavity.dims)));
+        let mut drawings = courses.map(|c| drawn(&c, &lattice, cavity.dims));
+        let course = drawings.each_ref().map(distance_to);
+        for (drawing, side) in drawings.iter_mut().zip([1.0, -1.0]) {
+            *drawing = drawing.or(&drawn(&scene.pose.temporal(side), &lattice, cavity.dims));
+        }
+        let horns = drawings.each_ref().map(distance_to);
         let depth = distance_to_false(scene.cavity).crop(low, high);
-        Ok(Self { scene, lattice, hu: scene.smooth.crop(low, high), cavity, depth, course })
+        Ok(Self { scene, lattice, hu: scene.smooth.crop(low, high), cavity, depth, course, horns })
     }
 
     fn nearest_course(&self, n: usize) -> f32 {
@@ -174,7 +184,10 @@ impl<'a> Crop<'a> {
     /// The seed class of a dark voxel, `inner` mm from the nearest brighter one; 0 for none.
     fn marker(&self, n: usize, inner: f32) -> u8 {
         let m = self.model(n);
-        if self.depth.data[n] < 9.0 || is_cistern(m) {
+        // Sulci and cisterns reach the skull; of the ventricles only the temporal horns come near it.
+        let in_horn = self.horns[0].data[n].min(self.horns[1].data[n]) < (6.0 * self.scene.pose.scale) as f32;
+        let shallow = if in_horn { 4.0 } else { 9.0 };
+        if self.depth.data[n] < shallow || !in_horn && is_cistern(m) {
             return ELSEWHERE;
         }
         let near = (2.5 * self.scene.pose.scale) as f32;
@@ -194,7 +207,7 @@ impl<'a> Crop<'a> {
     fn lateral(&self, flooded: &Raster<u8>, markers: &Raster<u8>) -> Raster<u8> {
         let mut out = Raster::filled(flooded.dims, 0u8);
         let keep = (10.0 * self.scene.pose.scale) as f32;
-        for (class, course) in [(LEFT, &self.course[0]), (RIGHT, &self.course[1])] {
+        for (class, course) in [(LEFT, &self.horns[0]), (RIGHT, &self.horns[1])] {
             let all = flooded.map(|c| c == class);
             let thick = open(&all, 1.5);
             let mut kept = all.and(&thick);
@@ -203,7 +216,7 @@ impl<'a> Crop<'a> {
             }
             let seeds = markers.map(|m| m == class);
             let kept = label(&kept).touching(&seeds);
-            let filled = close(&kept, 2.0);
+            let filled = close(&kept, 2.0).or(&self.choroid(&kept));
             for n in 0..out.data.len() {
                 let free = flooded.data[n] == 0 || flooded.data[n] == class;
                 if kept.data[n] || filled.data[n] && free && self.cavity.data[n] {
@@ -212,6 +225,25 @@ impl<'a> Crop<'a> {
             }
         }
         out
+    }
+
+    /// The atrium with the choroid plexus in it: fluid and bright voxels near it, closed.
+    fn choroid(&self, kept: &Mask) -> Mask {
+        let in_atrium = |n: usize| {
+            let [lateral, posterior, _] = self.model(n);
+            lateral.abs() > 10.0 && posterior > 25.0
+        };
+        let near = distance_to(kept);
+        let bright = |n: usize| self.hu.data[n] > self.scene.brain + CHOROID;
+        let mut plexus = Mask::filled(kept.dims, false);
+        for n in 0..plexus.data.len() {
+            plexus.data[n] = near.data[n] < 2.0 * CHOROID_GAP && self.cavity.data[n] && bright(n) && in_atrium(n);
+        }
+        let mut closed = close(&kept.or(&dilate(&plexus, 1.0)), CHOROID_GAP);
+        for n in 0..closed.data.len() {
+            closed.data[n] = closed.data[n] && near.data[n] < 3.0 * CHOROID_GAP && in_atrium(n);
+        }
+        closed
     }
 
     /// The third ventricle: the seeded part within its own surroundings.
@@ -251,7 +283,7 @@ fn is_cistern([lateral, posterior, superior]: [f64; 3]) -> bool {
     let off = lateral.abs();
     let quadrigeminal = off < 8.0 && posterior > 27.0 && superior < 6.0;
     let suprasellar = off < 9.0 && posterior < 14.0 && superior < -19.0;
-    let below_tentorium = off < 32.0 && posterior < 40.0 && superior < -27.0;
+    let below_tentorium = off < 22.0 && posterior < 40.0 && superior < -27.0;
     let insular = off > 30.0 && posterior < 22.0 && (-5.0..12.0).contains(&superior);
     let interhemispheric = off < 4.0 && superior > 32.0 || off < 3.0 && posterior < -36.0;
     quadrigeminal || suprasellar || below_tentorium || insular || interhemispheric
