@@ -20,7 +20,8 @@ const ROOM: f64 = 40.0;
 const LEAST_CONTRAST: f32 = 8.0;
 /// Calcified choroid plexus is at least this much brighter than brain, HU (grey matter is 5 brighter than white).
 const CALCIFIED: f32 = 13.0;
-/// Choroid plexus that is not calcified is still this much brighter than brain, HU; it fills an atrium up to this gap, mm.
+/// Around a calcified core the choroid plexus is still this much brighter than brain, HU; it fills an atrium up to this
+/// gap, mm.
 const CHOROID: f32 = 8.0;
 const CHOROID_GAP: f32 = 4.0;
 /// A lateral ventricle has at least this, mL.
@@ -234,14 +235,21 @@ impl<'a> Crop<'a> {
             lateral.abs() > 10.0 && posterior > 25.0
         };
         let near = distance_to(kept);
-        let bright = |n: usize| self.hu.data[n] > self.scene.brain + CHOROID;
         let mut plexus = Mask::filled(kept.dims, false);
+        let mut core = plexus.clone();
         for n in 0..plexus.data.len() {
-            plexus.data[n] = near.data[n] < 2.0 * CHOROID_GAP && self.cavity.data[n] && bright(n) && in_atrium(n);
+            let above = self.hu.data[n] - self.scene.brain;
+            if above > CHOROID && near.data[n] < CHOROID_GAP && self.cavity.data[n] && in_atrium(n) {
+                plexus.data[n] = true;
+                core.data[n] = above > CALCIFIED;
+            }
         }
+        // Noise and grey matter reach the lower bound here and there, never the core's.
+        let plexus = label(&plexus).touching(&core);
+        let plexus_near = distance_to(&plexus);
         let mut closed = close(&kept.or(&dilate(&plexus, 1.0)), CHOROID_GAP);
         for n in 0..closed.data.len() {
-            closed.data[n] = closed.data[n] && near.data[n] < 3.0 * CHOROID_GAP && in_atrium(n);
+            closed.data[n] = closed.data[n] && plexus_near.data[n] < 2.0 * CHOROID_GAP && in_atrium(n);
         }
         closed
     }
