@@ -41,7 +41,8 @@ pub(super) fn cut_all(points: Vec<V3>, tets: Vec<[u32; 4]>, fields: &LabelFields
         let (plus, minus) = if s == 0 { (PENDING, OUTSIDE) } else { ((s - 1) as u8, PENDING) };
         Cut::new(&mut mesh, &mut pinned, fields, s).run(plus, minus);
         if s == 0 {
-            drop_outside(&mut mesh, &mut pinned);
+            let order = drop_outside(&mut mesh);
+            pinned = order.iter().map(|&v| pinned[v as usize]).collect();
         }
     }
     let rest = (fields.surfaces() - 1) as u8;
@@ -49,14 +50,13 @@ pub(super) fn cut_all(points: Vec<V3>, tets: Vec<[u32; 4]>, fields: &LabelFields
     mesh
 }
 
-/// Removes elements labelled [`OUTSIDE`] and points no longer used.
-fn drop_outside(mesh: &mut RawMesh, pinned: &mut Vec<bool>) {
+/// Removes elements labelled [`OUTSIDE`] and points no longer used; returns the old number of each point.
+pub(super) fn drop_outside(mesh: &mut RawMesh) -> Vec<u32> {
     let keep: Vec<bool> = mesh.labels.iter().map(|&l| l != OUTSIDE).collect();
     let mut each = keep.iter();
     mesh.tets.retain(|_| each.next().copied().unwrap_or(false));
     mesh.labels.retain(|&l| l != OUTSIDE);
-    let order = compact(mesh);
-    *pinned = order.iter().map(|&v| pinned[v as usize]).collect();
+    compact(mesh)
 }
 
 /// Renumbers the points in use in order of first appearance; returns the old number of each.

@@ -9,8 +9,10 @@ mod improve;
 mod lattice;
 mod octree;
 mod quality;
+mod repair;
 mod report;
 mod size;
+mod thickness;
 mod vec3;
 
 pub use report::{EdgeBand, InterfaceDistance, LabelReport, MeshReport};
@@ -45,12 +47,22 @@ pub struct MeshOptions {
     pub growth: f64,
     /// Longest edge over the finest.
     pub coarsest: f64,
+    /// Refuse a mesh in which a label's surface is not two-manifold; otherwise the report says so.
+    pub strict: bool,
 }
 
 impl MeshOptions {
     /// The usual grading for these labels and this count.
     pub fn new(keep: &[u16], fine: &[u16], elements: usize) -> Self {
-        Self { keep: keep.to_vec(), fine: fine.to_vec(), path: None, elements, growth: 0.5, coarsest: 5.0 }
+        Self {
+            keep: keep.to_vec(),
+            fine: fine.to_vec(),
+            path: None,
+            elements,
+            growth: 0.5,
+            coarsest: 5.0,
+            strict: false,
+        }
     }
 }
 
@@ -77,6 +89,14 @@ pub enum MeshError {
         value: f64,
         /// What is allowed.
         rule: &'static str,
+    },
+    /// A label's surface is open or meets itself in a point or an edge.
+    #[error("the surface of label {label} is not two-manifold at ({:.1}, {:.1}, {:.1}) mm; ask for more elements or smooth the labels", place[0], place[1], place[2])]
+    Topology {
+        /// The label.
+        label: u16,
+        /// A point of that label, LPS mm.
+        place: [f64; 3],
     },
     /// The count cannot be met.
     #[error(
@@ -146,7 +166,24 @@ pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
     }
     let report = report::report(&mesh, &fields, &size);
     done(Stage::Report);
-    Ok((mesh, report))
+    match report.labels.iter().find(|l| options.strict && !(l.closed && l.manifold)) {
+        Some(bad) => Err(MeshError::Topology { label: bad.label, place: pinch(&mesh, bad.label) }),
+        None => Ok((mesh, report)),
+    }
+}
+
+/// Where a label's surface is not manifold: a point of an edge without two faces, else any of its points.
+fn pinch(mesh: &TetMesh, label: u16) -> [f64; 3] {
+    let faces = mesh.boundary(|l| l == label);
+    let mut edges: Vec<[u32; 2]> = faces
+        .iter()
+        .flat_map(|f| [[f[0], f[1]], [f[1], f[2]], [f[2], f[0]]])
+        .map(|[a, b]| [a.min(b), a.max(b)])
+        .collect();
+    edges.sort_unstable();
+    let bad = edges.chunk_by(|a, b| a == b).find(|c| c.len() != 2).map(|c| c[0][0]);
+    let any = bad.or_else(|| faces.first().map(|f| f[0])).unwrap_or(0);
+    mesh.vertices.get(any as usize).map_or([0.0; 3], |p| p.to_array())
 }
 
 fn check(options: &MeshOptions) -> Result<(), MeshError> {
@@ -163,7 +200,8 @@ fn check(options: &MeshOptions) -> Result<(), MeshError> {
 
 /// Coarsening takes back this part of the elements that the powers of two waste.
 const SURPLUS: f64 = 1.22;
-/// Elements a lattice should have at least so that it does not miss thin parts; below, surfaces are coarsened too.
+/// Elements a lattice should have at least so that it does not miss thin parts; below, surfaces are coarsened too
+/// (but not to less than a quarter).
 const LEAST_LATTICE: f64 = 20_000.0;
 
 /// A cut lattice and the finest edges wanted in it and in the mesh to be made of it.
@@ -175,7 +213,7 @@ struct Start {
 
 /// Finds the finest edge that gives the count with its surplus; a mesh that cannot have it is left as near as it comes.
 fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<Start, MeshError> {
-    let aim = (wanted as f64 * SURPLUS).max(LEAST_LATTICE);
+    let aim = (wanted as f64 * SURPLUS).max(LEAST_LATTICE.min(4.0 * wanted as f64));
     let mut ratio = 1.0;
     let mut best: Option<Start> = None;
     let miss = |n: usize| (n as f64 / aim).ln().abs();
@@ -204,7 +242,8 @@ fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<Sta
 
 /// Coarsens to the count and improves the shapes.
 fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize) -> RawMesh {
-    let Start { raw, lattice_edge, finest } = start;
+    let Start { mut raw, lattice_edge, finest } = start;
+    repair::repair(&mut raw, fields.labels.len() as u8, 0.5 * lattice_edge.powi(3));
     let mut work = Work::new(raw, fields);
     // Points almost in one place, where surfaces meet.
     let close = Coarse { finest: lattice_edge, target: wanted, limit: 0.3, sag: 0.08, floor: 0.3 };
@@ -222,6 +261,7 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize)
         work.coarsen(size, &Coarse { limit: 3.0, sag: 0.1, floor: 0.3, ..inside });
         work.improve();
     }
+    work.restore_volumes(&fields.volumes);
     work.into_raw()
 }
 
@@ -232,7 +272,7 @@ fn finest_for(size: &SizeField, count: f64) -> f64 {
         let middle = (low * high).sqrt();
         let cell = |edge: f64| {
             let finest = CELL_PER_EDGE * middle;
-            finest * (SPLIT * edge / finest).log2().floor().max(0.0).exp2()
+            finest * (SPLIT * edge / finest).log2().floor().max(-1.0).exp2()
         };
         if size.estimate(middle, cell) > count { low = middle } else { high = middle }
     }
@@ -245,7 +285,9 @@ fn build(fields: &LabelFields, size: &SizeField, finest: f64) -> RawMesh {
     let (low, high) = size.bounds();
     let extent = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max) + 2.0 * cell;
     let levels = (extent / cell).log2().ceil().clamp(1.0, f64::from(MOST_LEVELS)) as u32;
-    let unit = 0.5 * cell;
+    // One level below the finest cell, for thin places.
+    let levels = levels + 1;
+    let unit = 0.25 * cell;
     let span = f64::from(2u32 << levels) * unit;
     let origin: [f64; 3] = std::array::from_fn(|a| 0.5 * (low[a] + high[a] - span));
     let place = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| origin[a] + p[a] * unit) };

@@ -1,6 +1,7 @@
 //! How long edges should be where.
 
 use super::fields::LabelFields;
+use super::thickness::thickness_cap;
 use crate::surface::distance::squared_distance;
 use monro_geometry::{Grid, Patient, Point, Volume};
 
@@ -8,13 +9,17 @@ use monro_geometry::{Grid, Patient, Point, Volume};
 const STEP: f64 = 1.8;
 /// Full resolution reaches this far from the fine labels and the path, mm.
 const CORE: f64 = 1.0;
+/// Thin places may ask for edges down to this part of the finest elsewhere.
+const THINNEST: f64 = 0.5;
 
 /// Distances from which the wanted edge length follows, with a free scale.
 #[derive(Debug, Clone)]
 pub(super) struct SizeField {
     distance: super::fields::Field,
-    /// Cells of the lattice inside the meshed region: their distance, for estimates of the count.
-    inside: Vec<f32>,
+    /// Longest edge that thin places allow.
+    cap: super::fields::Field,
+    /// Cells of the lattice inside the meshed region: their distance and cap, for estimates of the count.
+    inside: Vec<(f32, f32)>,
     growth: f64,
     coarsest: f64,
     low: [f64; 3],
@@ -50,9 +55,12 @@ impl SizeField {
             let [i, j, k] = grid.voxel(at);
             grid.centre(i, j, k).to_array()
         };
-        let inside = (0..grid.len()).filter(|&at| fields.side(0, centre(at)) >= 0.0).map(|at| distance[at]).collect();
+        let cap = thickness_cap(fields, fine, 2.0 * growth, &grid);
+        let inside = (0..grid.len()).filter(|&at| fields.side(0, centre(at)) >= 0.0);
+        let inside = inside.map(|at| (distance[at], cap[at])).collect();
         let distance = super::fields::Field::new(Volume::new(grid, distance).ok()?);
-        Some(Self { distance, inside, growth, coarsest, low, high })
+        let cap = super::fields::Field::new(Volume::new(grid, cap).ok()?);
+        Some(Self { distance, cap, inside, growth, coarsest, low, high })
     }
 
     /// Box of the region, mm.
@@ -62,22 +70,28 @@ impl SizeField {
 
     /// Distance to what is to be fine, mm (to half a lattice cell).
     pub(super) fn distance(&self, p: [f64; 3]) -> f64 {
-        // Beyond the box the distance at its rim serves: the lattice's cube is larger than the region.
-        self.distance.at(std::array::from_fn(|a| p[a].clamp(self.low[a], self.high[a])))
+        self.distance.at(self.clamped(p))
     }
 
-    /// Wanted edge length at `p` when the finest is `finest`.
+    /// Beyond the box the values at its rim serve: the lattice's cube is larger than the region.
+    fn clamped(&self, p: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|a| p[a].clamp(self.low[a], self.high[a]))
+    }
+
+    /// Wanted edge length at `p` when the finest is `finest`; down to half of that in thin places.
     pub(super) fn edge(&self, p: [f64; 3], finest: f64) -> f64 {
-        self.edge_at(self.distance(p), finest)
+        let p = self.clamped(p);
+        self.edge_at(self.distance.at(p), self.cap.at(p), finest)
     }
 
-    fn edge_at(&self, distance: f64, finest: f64) -> f64 {
-        (finest + self.growth * (distance - CORE).max(0.0)).min(finest * self.coarsest)
+    fn edge_at(&self, distance: f64, cap: f64, finest: f64) -> f64 {
+        let free = (finest + self.growth * (distance - CORE).max(0.0)).min(finest * self.coarsest);
+        free.min(cap.max(THINNEST * finest))
     }
 
     /// Elements that a lattice with this finest edge would have, before cutting: 12 to each cell.
     pub(super) fn estimate(&self, finest: f64, cell: impl Fn(f64) -> f64) -> f64 {
-        let per = |&d: &f32| 12.0 / cell(self.edge_at(f64::from(d), finest)).powi(3);
+        let per = |&(d, cap): &(f32, f32)| 12.0 / cell(self.edge_at(f64::from(d), f64::from(cap), finest)).powi(3);
         self.inside.iter().map(per).sum::<f64>() * STEP.powi(3)
     }
 }

@@ -1,5 +1,7 @@
 use super::test_head::head;
 use super::*;
+use monro_geometry::Grid;
+use proptest::prelude::*;
 
 fn check(mesh: &TetMesh, report: &MeshReport, elements: usize) {
     mesh.validate().expect("valid");
@@ -22,4 +24,59 @@ fn a_head_with_horns_is_meshed_to_count() {
         eprintln!("{report:#?}");
     }
     check(&mesh, &report, options.elements);
+}
+
+/// Labels 1 to 3 as overlapping boxes in a small volume: thin sheets, touching labels, single voxels, the border.
+fn boxes(parts: &[([usize; 3], [usize; 3], u8)], thick: f64) -> Volume<u8> {
+    let grid = Grid::axis_aligned([16, 16, 12], [1.0, 1.0, thick], [0.0; 3]).expect("grid");
+    let mut volume = Volume::filled(grid, 0);
+    for &(from, size, label) in parts {
+        for at in 0..grid.len() {
+            let v = grid.voxel(at);
+            if (0..3).all(|a| v[a] >= from[a] && v[a] < from[a] + size[a]) {
+                volume.data_mut()[at] = label;
+            }
+        }
+    }
+    volume
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4))]
+    #[test]
+    fn random_blobs_give_manifolds_or_a_named_error(
+        parts in proptest::collection::vec(
+            (proptest::array::uniform3(0..12usize), proptest::array::uniform3(1..9usize), 1..4u8), 1..7),
+        thick in 0.8..2.5f64,
+    ) {
+        let mut options = MeshOptions::new(&[1, 2, 3], &[2, 3], 1_000);
+        options.strict = true;
+        match mesh(&boxes(&parts, thick), &options) {
+            Ok((mesh, report)) => check(&mesh, &report, options.elements),
+            Err(e) => prop_assert!(matches!(e, MeshError::Count{..} | MeshError::Topology{..} | MeshError::Empty{..}), "{e}"),
+        }
+    }
+}
+
+#[test]
+fn the_same_input_gives_the_same_bits_on_any_number_of_threads() {
+    let labels = head([1.8; 3]);
+    let options = MeshOptions::new(&[4, 5, 6, 7], &[5, 6, 7], 8_000);
+    let run = |n| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("pool");
+        pool.install(|| mesh(&labels, &options)).expect("mesh").0
+    };
+    assert_eq!(run(1), run(3));
+}
+
+#[test]
+fn nothing_to_keep_and_odd_options_are_named() {
+    let labels = head([4.0; 3]);
+    let none = mesh(&labels, &MeshOptions::new(&[9], &[], 1_000));
+    assert!(matches!(none, Err(MeshError::Empty { .. })));
+    let mut options = MeshOptions::new(&[4], &[], 5);
+    assert!(matches!(mesh(&labels, &options), Err(MeshError::Option { name: "elements", .. })));
+    options = MeshOptions::new(&[4], &[], 1_000);
+    options.growth = f64::NAN;
+    assert!(matches!(mesh(&labels, &options), Err(MeshError::Option { name: "growth", .. })));
 }

@@ -5,6 +5,7 @@
 mod collapse;
 mod relax;
 mod ring;
+mod volume;
 mod work;
 
 use super::size::SizeField;

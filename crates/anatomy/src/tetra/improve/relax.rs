@@ -4,7 +4,7 @@ use super::super::vec3::{V3, add, cross, distance, dot, scale, sub};
 use super::work::{OUTSIDE_BIT, Work};
 
 /// What a point may do.
-enum Freedom {
+pub(super) enum Freedom {
     Free,
     /// On the surface between a label and another or the outside.
     Surface(Pair),
@@ -17,7 +17,7 @@ enum Freedom {
 pub(super) type Pair = (u8, Option<u8>);
 
 impl Work<'_> {
-    fn freedom(&self, v: u32) -> Freedom {
+    pub(super) fn freedom(&self, v: u32) -> Freedom {
         let mask = self.masks[v as usize];
         let outside = mask & OUTSIDE_BIT != 0;
         let labels = mask & !OUTSIDE_BIT;

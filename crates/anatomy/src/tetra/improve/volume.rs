@@ -1,0 +1,125 @@
+//! Giving each label the volume of its voxels.
+//!
+//! Points on a curved surface with straight edges between them enclose too little of a convex body. Moving each point
+//! along its normal by a part of its height over its neighbours makes that good where it arises: by h^2 H / 8 for edges h
+//! and mean curvature H, about a quarter of that height. The part is solved for, so the volume is met and not just
+//! approached.
+
+use super::super::vec3::{V3, add, cross, dot, scale, sub};
+use super::relax::{Freedom, Pair};
+use super::work::{DEAD, Work};
+
+/// Largest part of the height over its neighbours that a point is moved by in one pass.
+const MOST: f64 = 0.5;
+const PASSES: usize = 4;
+/// Elements may get as bad as this on the way (the sine of 23.6 degrees), not worse.
+const FLOOR: f64 = 0.40;
+
+/// A surface point: its area normal, and how far it stands out over its neighbours.
+#[derive(Debug, Clone, Copy)]
+struct Stand {
+    point: u32,
+    pair: Pair,
+    normal: V3,
+    area: f64,
+    height: f64,
+}
+
+impl Work<'_> {
+    /// Moves the points of each surface so that labels have the volumes `wanted` (mm3, in the order of the labels).
+    pub(in super::super) fn restore_volumes(&mut self, wanted: &[f64]) {
+        let faces = self.surface_faces();
+        for _ in 0..PASSES {
+            let stands = self.stands(&faces);
+            let now = self.volumes(wanted.len());
+            let missing = wanted.iter().sum::<f64>() - now.iter().sum::<f64>();
+            self.inflate(&stands, missing, |pair| pair.1.is_none());
+            for l in 0..wanted.len() - 1 {
+                let missing = wanted[l] - now[l];
+                self.inflate(&stands, missing, |pair| usize::from(pair.0) == l && pair.1.is_some());
+            }
+        }
+    }
+
+    fn volumes(&self, labels: usize) -> Vec<f64> {
+        let mut v = vec![0.0; labels];
+        for (&t, &l) in self.tets.iter().zip(&self.labels).filter(|(_, l)| **l != DEAD) {
+            v[usize::from(l)] += super::super::vec3::volume6(self.corners(t)) / 6.0;
+        }
+        v
+    }
+
+    /// Faces between labels, or to the outside, seen from outside of the lower label.
+    fn surface_faces(&self) -> Vec<[u32; 3]> {
+        const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+        let mut faces: Vec<([u32; 3], u8, [u32; 3])> = Vec::new();
+        for (t, &label) in self.tets.iter().zip(&self.labels).filter(|(_, l)| **l != DEAD) {
+            for f in FACES.map(|f| f.map(|i| t[i])) {
+                // A face on a surface has no point inside a label.
+                if f.iter().all(|&v| self.masks[v as usize].count_ones() > 1) {
+                    let mut key = f;
+                    key.sort_unstable();
+                    faces.push((key, label, f));
+                }
+            }
+        }
+        faces.sort_unstable();
+        let sides = faces.chunk_by(|a, b| a.0 == b.0);
+        sides.filter(|c| c.len() == 1 || c[0].1 != c[1].1).map(|c| c[0].2).collect()
+    }
+
+    fn stands(&self, faces: &[[u32; 3]]) -> Vec<Stand> {
+        let mut sums = vec![([0.0; 3], [0.0; 3], 0.0); self.points.len()];
+        for f in faces {
+            let p = f.map(|v| self.points[v as usize]);
+            let area = scale(cross(sub(p[1], p[0]), sub(p[2], p[0])), 0.5);
+            let sum = add(add(p[0], p[1]), p[2]);
+            for (i, &v) in f.iter().enumerate() {
+                let s = &mut sums[v as usize];
+                *s = (add(s.0, area), add(s.1, sub(sum, p[i])), s.2 + 2.0);
+            }
+        }
+        let mut out = Vec::new();
+        for (v, (area, ring, count)) in sums.into_iter().enumerate() {
+            let Freedom::Surface(pair) = self.freedom(v as u32) else { continue };
+            let length = dot(area, area).sqrt();
+            if count > 0.0 && length > 0.0 {
+                let normal = scale(area, 1.0 / length);
+                let height = dot(sub(self.points[v], scale(ring, 1.0 / count)), normal);
+                out.push(Stand { point: v as u32, pair, normal, area: length / 3.0, height });
+            }
+        }
+        out
+    }
+
+    /// Moves the points of some surfaces by one part of their heights, for a gain of `missing` mm3.
+    fn inflate(&mut self, stands: &[Stand], missing: f64, of: impl Fn(Pair) -> bool) {
+        let chosen = || stands.iter().filter(|s| of(s.pair));
+        let gain: f64 = chosen().map(|s| s.area * s.height).sum();
+        let area: f64 = chosen().map(|s| s.area).sum();
+        // On a surface with as much hollow as bulge the heights say nothing.
+        let heights: f64 = chosen().map(|s| s.area * s.height.abs()).sum();
+        if area <= 0.0 || gain.abs() < 0.1 * heights {
+            return;
+        }
+        let part = (missing / gain).clamp(-MOST, MOST);
+        for s in chosen() {
+            let step = scale(s.normal, part * s.height);
+            if !self.try_shift(s.point, step) {
+                self.try_shift(s.point, scale(step, 0.5));
+            }
+        }
+    }
+
+    fn try_shift(&mut self, v: u32, step: V3) -> bool {
+        let floor = self.worst_around(v).min(FLOOR);
+        let from = self.points[v as usize];
+        self.points[v as usize] = add(from, step);
+        if self.stars[v as usize].iter().any(|&t| self.worth(self.tets[t as usize]) < floor) {
+            self.points[v as usize] = from;
+            return false;
+        }
+        self.rate_around(v);
+        true
+    }
+}
