@@ -15,6 +15,10 @@ cargo fmt --all --check
 stage "Crate law, licences"
 "$target/oracles/bin/python" scripts/check_crates.py
 
+stage "Web app: packages, types, build (first, so that cargo builds once, with the app inside)"
+scripts/web.sh setup
+scripts/web.sh build
+
 stage "Clippy, warnings are errors"
 cargo clippy --workspace --all-targets --locked -- -D warnings
 
@@ -30,5 +34,8 @@ fi
 
 stage "Foreign oracles"
 scripts/oracles.sh run "$target/oracles"
+
+stage "Web app in the browser"
+scripts/web.sh test
 
 stage "Done"
