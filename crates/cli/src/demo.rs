@@ -23,6 +23,7 @@ pub(crate) fn run(args: &DemoArgs, console: &Console) -> Result<()> {
     let request = Request { elements: DEFAULT_ELEMENTS, side: None, labels: None, path: None };
     let prepared = prepare::build(scan, &request, console)?;
     let case_dir = sub_folder(&staging, "case", |s| prepare::write(&prepared, s, console))?;
+    let preparing = console.stages();
     let case = console.stage("open case", || Case::open(&case_dir))?;
     let done = simulate::insert(&case, &simulate::settings(ModeArg::Physical, SPEED_MM_S), console)?;
     sub_folder(&staging, "insertion", |s| simulate::write(&case_dir, &case, &done, s, console))?;
@@ -31,7 +32,7 @@ pub(crate) fn run(args: &DemoArgs, console: &Console) -> Result<()> {
     staging.write("demo.json", format!("{times:#}\n").as_bytes())?;
     let out = staging.finish()?;
     drop(guard);
-    report(&prepared, &done, &out, console);
+    report(&prepared, &preparing, &done, &out, console);
     Ok(())
 }
 
@@ -50,16 +51,21 @@ pub(crate) fn phantom_as_scan(dir: &Path, seed: u64, console: &Console) -> Resul
     Ok(console.stage("read", || monro_scan::read(&dir.join("dicom"), &ReadOptions::default()))?)
 }
 
-fn report(prepared: &prepare::Prepared, done: &simulate::Run, out: &Path, console: &Console) {
+fn report(
+    prepared: &prepare::Prepared,
+    preparing: &[(String, f64)],
+    done: &simulate::Run,
+    out: &Path,
+    console: &Console,
+) {
     let (case, insertion) = (out.join("case"), out.join("insertion"));
-    let stages = console.stages();
     let json = json!({
-        "prepare": prepare::summary_json(prepared, &case, &stages),
+        "prepare": prepare::summary_json(prepared, &case, preparing),
         "simulate": simulate::summary_json(done, &insertion),
     });
     let text = format!(
         "{}\n{}\n\nOpen {} in a browser, {} in ParaView, and {} in 3D Slicer.\n{NOTICE}",
-        prepare::summary_text(prepared, &case, &stages),
+        prepare::summary_text(prepared, &case, preparing),
         simulate::summary_text(done, &insertion),
         insertion.join("report.html").display(),
         insertion.join("insertion.pvd").display(),

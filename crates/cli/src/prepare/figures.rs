@@ -11,7 +11,7 @@ use monro_cli::report::{Finding, KeyNumber, LinePlot, ReportInput, Section, Seri
 use monro_geometry::{Patient, Point, Structure};
 
 /// Field of view and size of a slice picture.
-const FIELD_MM: f64 = 200.0;
+const FIELD_MM: f64 = 230.0;
 const PIXELS: usize = 420;
 
 /// The page.
