@@ -62,7 +62,7 @@ def opencv(points, pixels):
 
 
 subprocess.run(
-    ["cargo", "build", "-q", "--locked", "-p", "monro-guidance", "--example", "calibrate_camera"], cwd=ROOT, check=True
+    ["cargo", "build", "-q", "--locked", "--workspace", "--example", "calibrate_camera"], cwd=ROOT, check=True
 )
 BINARY = str(ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "debug" / "examples" / "calibrate_camera")
 for seed, noise in [(1, 0.0), (2, 0.3), (3, 0.3), (4, 1.0)]:

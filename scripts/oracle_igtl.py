@@ -33,7 +33,7 @@ def check(name, ok, detail=""):
 
 
 def filter_binary():
-    subprocess.run(["cargo", "build", "-q", "--locked", "-p", "monro-wire", "--example", "igtl_filter"], cwd=ROOT, check=True)
+    subprocess.run(["cargo", "build", "-q", "--locked", "--workspace", "--example", "igtl_filter"], cwd=ROOT, check=True)
     return str(ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "debug" / "examples" / "igtl_filter")
 
 

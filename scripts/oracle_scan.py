@@ -43,7 +43,7 @@ def dump_binary():
     given = parser.parse_args().dump
     if given:
         return given
-    subprocess.run(["cargo", "build", "-q", "--locked", "-p", "monro-scan", "--example", "dump_scan"], cwd=ROOT, check=True)
+    subprocess.run(["cargo", "build", "-q", "--locked", "--workspace", "--example", "dump_scan"], cwd=ROOT, check=True)
     return str(ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "debug" / "examples" / "dump_scan")
 
 

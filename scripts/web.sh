@@ -43,7 +43,8 @@ build() {
 test() {
   build
   browser
-  cargo build --locked -p monro-server --example serve_ellipsoid
+  # The whole workspace, so that features and hence dependencies are those of the tests, built already.
+  cargo build --locked --workspace --example serve_ellipsoid
   node web/tests/run.mjs "$target/debug/examples/serve_ellipsoid"
 }
 

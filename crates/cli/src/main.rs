@@ -6,6 +6,7 @@ mod console;
 mod demo;
 mod inspect;
 mod interrupt;
+mod landmarks;
 mod mesh;
 mod phantom;
 

@@ -57,16 +57,8 @@ pub(crate) fn write(made: &Phantom, dir: &Path, seed: u64) -> Result<()> {
 }
 
 fn landmarks(made: &Phantom) -> Vec<NamedPoint> {
-    let l = &made.landmarks;
-    let all = [
-        ("nasion", l.nasion),
-        ("midline 110 mm from nasion", l.midline_110mm),
-        ("Kocher left", l.kocher_left),
-        ("Kocher right", l.kocher_right),
-        ("Monro left", l.monro_left),
-        ("Monro right", l.monro_right),
-    ];
-    all.map(|(label, position)| NamedPoint { label: label.into(), position }).to_vec()
+    let m = &made.landmarks;
+    crate::landmarks::named([m.nasion, m.midline_110mm, m.kocher_left, m.kocher_right, m.monro_left, m.monro_right])
 }
 
 fn describe(made: &Phantom, seed: u64, out: &Path) -> Value {

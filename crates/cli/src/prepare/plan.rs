@@ -74,16 +74,8 @@ fn given([entry, target]: [Point<Patient>; 2], segmentation: &Segmentation, requ
     Ok(plan)
 }
 
-fn named(marks: &Landmarks) -> Vec<NamedPoint> {
-    let all = [
-        ("nasion", marks.nasion),
-        ("midline 110 mm from nasion", marks.midline_110mm),
-        ("Kocher left", marks.kocher_left),
-        ("Kocher right", marks.kocher_right),
-        ("Monro left", marks.monro_left),
-        ("Monro right", marks.monro_right),
-    ];
-    all.map(|(label, position)| NamedPoint { label: label.into(), position }).to_vec()
+fn named(m: &Landmarks) -> Vec<NamedPoint> {
+    crate::landmarks::named([m.nasion, m.midline_110mm, m.kocher_left, m.kocher_right, m.monro_left, m.monro_right])
 }
 
 /// A remark when the target is not inside the skull.

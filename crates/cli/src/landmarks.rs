@@ -1,0 +1,14 @@
+//! The names under which landmarks are written and printed.
+
+use monro_case::markups::NamedPoint;
+use monro_geometry::{Patient, Point};
+
+/// Names of the six landmarks, in the order of [`named`].
+const NAMES: [&str; 6] =
+    ["nasion", "midline 110 mm from nasion", "Kocher left", "Kocher right", "Monro left", "Monro right"];
+
+/// Landmarks with their names: nasion, the midline 110 mm behind it, Kocher's points and the foramina of Monro, left
+/// before right.
+pub(crate) fn named(points: [Point<Patient>; 6]) -> Vec<NamedPoint> {
+    NAMES.iter().zip(points).map(|(label, position)| NamedPoint { label: (*label).into(), position }).collect()
+}
