@@ -206,7 +206,7 @@ fn read_manifest(dir: &Path) -> Result<Manifest, CaseError> {
     toml::from_str(&text).map_err(fault)
 }
 
-/// All listed files that are there, checked; a missing optional one is no fault.
+/// All listed files that are there, checked; only a missing required one is a fault.
 fn read_files(dir: &Path, manifest: &Manifest) -> Result<BTreeMap<&'static str, Vec<u8>>, CaseError> {
     let mut files = BTreeMap::new();
     for entry in &manifest.files {
@@ -218,7 +218,8 @@ fn read_files(dir: &Path, manifest: &Manifest) -> Result<BTreeMap<&'static str, 
                 check(&path, &bytes, entry)?;
                 files.insert(name, bytes);
             }
-            Err(e) if e.kind() == io::ErrorKind::NotFound && OPTIONAL.contains(&name) => {}
+            // A required one is named below, an optional one may be left out.
+            Err(e) if e.kind() == io::ErrorKind::NotFound => {}
             Err(error) => return Err(CaseError::Io { path, error }),
         }
     }

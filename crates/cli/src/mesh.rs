@@ -25,6 +25,9 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
     if args.out.exists() && !args.force {
         bail!("{} exists already; give --force to overwrite it, or another --out", args.out.display());
     }
+    if args.out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("vtu")) {
+        bail!("{}: only .vtu is written", args.out.display());
+    }
     let input = console.stage("read", || input(args))?;
     let options = MeshOptions { path: input.path, ..MeshOptions::new(&input.keep, &input.fine, args.elements) };
     let (mesh, report) = console.stage("mesh", || tetra::mesh(&input.labels, &options))?;

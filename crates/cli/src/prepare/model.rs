@@ -41,7 +41,8 @@ pub(crate) fn build(scan: Scan, request: &Request, console: &Console) -> Result<
     announce(&scan, console);
     let segmentation = console.stage("segment", || labels(&scan, request.labels.as_deref()))?;
     let surfaces = console.stage("surfaces", || surfaces(&segmentation.labels))?;
-    let planned = console.stage("plan", || plan::plan(&scan.volume, &segmentation, &surfaces.skull, request))?;
+    let planned = console
+        .stage("plan", || plan::plan(&scan.volume, &segmentation, [&surfaces.skin.mesh, &surfaces.skull], request))?;
     let (tets, mesh) = console.stage("tetrahedra", || tetrahedra(&segmentation.labels, &planned, request))?;
     let volumes_ml = volumes_ml(&segmentation.labels);
     let findings = findings(&scan, &segmentation, &planned, &surfaces);

@@ -8,6 +8,11 @@ use monro_case::markups::NamedPoint;
 use monro_geometry::{Bvh, Patient, Point, Structure, TriangleMesh, Vector, Volume};
 use monro_guidance::{Plan, Side, skull_angle};
 
+/// A given entry may lie this far from the skin: markers and thick hair, but not another head.
+const ENTRY_OFF_SKIN_MM: f64 = 30.0;
+/// Beyond this an entry is remarked upon; other burr holes in use (Keen, Dandy, Frazier) are further away than that.
+const FAR_FROM_KOCHER_MM: f64 = 40.0;
+
 /// The path, its angle to the skull, and the landmarks it came from.
 #[derive(Debug)]
 pub(crate) struct Planned {
@@ -25,12 +30,12 @@ pub(crate) struct Planned {
 pub(crate) fn plan(
     ct: &Volume<i16>,
     segmentation: &Segmentation,
-    skull: &TriangleMesh,
+    [skin, skull]: [&TriangleMesh; 2],
     request: &Request,
 ) -> Result<Planned> {
     let found = landmarks::find(ct, segmentation);
     let plan = match (request.path, &found) {
-        (Some(path), _) => given(path, segmentation, request)?,
+        (Some(path), _) => given(path, segmentation, skin, request)?,
         (None, Ok(marks)) => automatic(marks, request.side.unwrap_or(Side::Right))?,
         (None, Err(_)) => bail!(
             "{}; give the path yourself with --plan FILE.mrk.json (a line from entry to target, drawn in 3D Slicer)",
@@ -40,11 +45,18 @@ pub(crate) fn plan(
     let skull_angle_deg = skull_normal(&plan, skull)
         .and_then(|normal| skull_angle(&plan, normal))
         .map(|from_normal| 90.0 - from_normal.to_degrees());
-    let (landmarks, mut findings) = match found {
-        Ok(marks) => (named(&marks), marks.findings),
-        Err(error) => (Vec::new(), vec![format!("landmarks not found: {error}")]),
+    let mut findings: Vec<String> = doubts(&plan, &segmentation.labels).into_iter().collect();
+    let landmarks = match &found {
+        Ok(marks) => {
+            findings.extend(far_from_kocher(&plan, marks));
+            findings.extend(marks.findings.iter().cloned());
+            named(marks)
+        }
+        Err(error) => {
+            findings.push(format!("landmarks not found: {error}"));
+            Vec::new()
+        }
     };
-    findings.extend(outside_head(&plan, &segmentation.labels));
     Ok(Planned { plan, skull_angle_deg, landmarks, findings })
 }
 
@@ -56,7 +68,12 @@ fn automatic(marks: &Landmarks, side: Side) -> Result<Plan> {
     Ok(Plan::new(side, entry, target)?)
 }
 
-fn given([entry, target]: [Point<Patient>; 2], segmentation: &Segmentation, request: &Request) -> Result<Plan> {
+fn given(
+    [entry, target]: [Point<Patient>; 2],
+    segmentation: &Segmentation,
+    skin: &TriangleMesh,
+    request: &Request,
+) -> Result<Plan> {
     let is_left = segmentation.midsagittal.signed_distance(entry) >= 0.0;
     let side = if is_left { Side::Left } else { Side::Right };
     if let Some(wanted) = request.side
@@ -65,23 +82,50 @@ fn given([entry, target]: [Point<Patient>; 2], segmentation: &Segmentation, requ
         bail!("--side {} contradicts --plan, whose entry lies on the patient's {}", wanted.name(), side.name());
     }
     let plan = Plan::new(side, entry, target).context("the plan is not usable")?;
-    if segmentation.labels.nearest(target).is_none() {
+    check_ends(&plan, &segmentation.labels, skin)?;
+    Ok(plan)
+}
+
+/// Refuses a path that cannot be one of this head: a target that is not inside the skull, an entry far from the skin.
+fn check_ends(plan: &Plan, labels: &Volume<u8>, skin: &TriangleMesh) -> Result<()> {
+    const HINT: &str = "does the file belong to this patient, is its coordinate system (RAS or LPS) right, are entry and target exchanged?";
+    let inside = |p| labels.nearest(p).and_then(Structure::from_label).is_some_and(Structure::is_intracranial);
+    if !inside(plan.target()) {
+        bail!("the target {:.1?} (LPS mm) of --plan is not inside the skull; {HINT}", plan.target().to_array());
+    }
+    let off = Bvh::new(skin).nearest(plan.entry()).map_or(f64::INFINITY, |n| n.distance);
+    if off > ENTRY_OFF_SKIN_MM {
         bail!(
-            "the target {:?} (LPS mm) of --plan lies outside the scan; does the file belong to this patient, and is its coordinate system right?",
-            target.to_array()
+            "the entry {:.1?} (LPS mm) of --plan is {off:.0} mm from the skin, at most {ENTRY_OFF_SKIN_MM:.0} mm are taken; {HINT}",
+            plan.entry().to_array()
         );
     }
-    Ok(plan)
+    Ok(())
 }
 
 fn named(m: &Landmarks) -> Vec<NamedPoint> {
     crate::landmarks::named([m.nasion, m.midline_110mm, m.kocher_left, m.kocher_right, m.monro_left, m.monro_right])
 }
 
-/// A remark when the target is not inside the skull.
-fn outside_head(plan: &Plan, labels: &Volume<u8>) -> Option<String> {
-    let at = labels.nearest(plan.target()).and_then(Structure::from_label)?;
-    (!at.is_intracranial()).then(|| format!("the target lies in {}, not inside the skull", at.name()))
+/// A remark when the path never comes through a ventricle, looked at every half millimetre.
+fn doubts(plan: &Plan, labels: &Volume<u8>) -> Option<String> {
+    let at = |depth: f64| labels.nearest(plan.at_depth(depth)).and_then(Structure::from_label);
+    let steps = (plan.length() / 0.5).ceil() as usize;
+    let meets = (0..=steps).any(|i| at((i as f64 * 0.5).min(plan.length())).is_some_and(Structure::is_ventricle));
+    let end = at(plan.length()).map_or("no part of the scan".into(), |s| s.name().replace('_', " "));
+    (!meets).then(|| format!("the path meets no ventricle; it ends in {end}: look at the pictures before using it"))
+}
+
+/// A remark when the entry is not where external ventricular drains go in.
+fn far_from_kocher(plan: &Plan, marks: &Landmarks) -> Option<String> {
+    let (kocher, side) = match plan.side() {
+        Side::Left => (marks.kocher_left, "left"),
+        Side::Right => (marks.kocher_right, "right"),
+    };
+    let off = plan.entry().distance(kocher);
+    (off > FAR_FROM_KOCHER_MM).then(|| {
+        format!("the entry is {off:.0} mm from the {side} Kocher's point: check its coordinate system (RAS or LPS)")
+    })
 }
 
 /// Mean outward normal of the skull's surface within 10 mm of where the path meets it: a single triangle would follow

@@ -30,6 +30,7 @@ fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
         assert!(distance(found, truth) <= limit, "{label}: {found:?}, truth {truth:?}");
     }
 
+    plans_of_another_head(&phantom, &case, dir.path());
     let done = json(&["simulate", text(&case), "--out", text(&out), "--speed", "40"]);
     assert_eq!(done["reached_ventricle"], true, "{done}");
     assert!(done["frames"].as_u64().expect("frames") > 60);
@@ -39,6 +40,27 @@ fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
     let html = fs::read_to_string(out.join("report.html")).expect("report");
     assert!(!html.contains("http://") && !html.contains("https://"), "the report must not need a network");
     damaged_case(&case, dir.path());
+}
+
+/// A plan read in the wrong direction, or far off the head, is refused with a hint; nothing is written.
+fn plans_of_another_head(phantom: &Path, case: &Path, dir: &Path) {
+    let ends = markups(&case.join("plan.mrk.json"));
+    let [entry, target] = [ends[0].1, ends[1].1];
+    let above = [entry[0], entry[1], entry[2] + 300.0];
+    for (name, entry, target, word) in [("reversed", target, entry, "skull"), ("above", above, target, "skin")] {
+        let point = |label: &str, p: [f64; 3]| serde_json::json!({ "label": label, "position": p });
+        let points = [point("entry", entry), point("target", target)];
+        let plan = serde_json::json!({ "markups": [{ "coordinateSystem": "LPS", "controlPoints": points }] });
+        let file = dir.join(format!("{name}.mrk.json"));
+        fs::write(&file, plan.to_string()).expect("write");
+        let out = dir.join(name);
+        let labels = case.join("labels.nii.gz");
+        let arguments =
+            ["prepare", text(phantom), "--labels", text(&labels), "--plan", text(&file), "--out", text(&out)];
+        let said = refusal(&arguments);
+        assert!(said.contains(word) && said.contains("LPS"), "{name}: {said}");
+        assert!(!out.exists());
+    }
 }
 
 /// A flipped byte in the mesh is found before anything is simulated.
