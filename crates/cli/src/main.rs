@@ -45,8 +45,33 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("monro: {error:#}");
+            eprintln!("monro: {}", one_line(&error));
             ExitCode::FAILURE
         }
+    }
+}
+
+/// An error with its causes; a cause that the message before it quotes already is not said again.
+fn one_line(error: &anyhow::Error) -> String {
+    let mut out = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !out.contains(&cause) {
+            out = format!("{out}: {cause}");
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::one_line;
+    use anyhow::Context;
+
+    #[test]
+    fn a_plan_that_is_not_json_was_told_twice() {
+        let broken = monro_case::markups::decode("{junk").map(|_| ()).context("plan.mrk.json").expect_err("no JSON");
+        let told = one_line(&broken);
+        assert_eq!(told.matches("line 1").count(), 1, "{told}");
+        assert!(told.starts_with("plan.mrk.json: the file is not JSON"), "{told}");
     }
 }

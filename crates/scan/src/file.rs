@@ -53,9 +53,10 @@ pub(crate) fn inspect(path: &Path) -> Result<Inspection, ScanError> {
         let foreseen = resample::foresee(&stack);
         let refusal = foreseen.as_ref().err().map(ToString::to_string);
         let step = source.native_spacing_mm[2] * source.tilt_deg.to_radians().cos();
-        let mut warnings = raster.warnings;
+        let mut warnings = raster.warnings.clone();
         warnings.extend(foreseen.ok().flatten().map(|s| format!("will be {s}")));
         warnings.extend(check::foresee(&source).map(|s| format!("will be refused: {s}")));
+        warnings.extend(raster.check().err().map(|e| format!("will be refused: {e}")));
         let images = source.native_dims[2];
         Ok(Inspection {
             chosen: refusal.is_none().then_some(0),

@@ -46,7 +46,8 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
     Ok(scan)
 }
 
-/// Says what a scan is, all series of a folder, and which one [`read`] would take and why; voxels are not decoded.
+/// Says what a scan is, all series of a folder, and which one [`read`] would take and why. Images that end early are
+/// told; the pixels of DICOM files are not decoded otherwise.
 ///
 /// # Errors
 /// When nothing can be listed: an unreadable path, an unknown format, a damaged header.

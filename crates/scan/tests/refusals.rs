@@ -9,7 +9,7 @@ use dicom_core::{DataElement, Tag, VR};
 use dicom_dictionary_std::tags;
 use monro_geometry::{Grid, Volume};
 use monro_scan::dicom::{SeriesMeta, write_series};
-use monro_scan::{ReadOptions, head_extent_check, inspect, nifti, read, read_labels};
+use monro_scan::{ReadOptions, head_extent_check, inspect, nifti, nrrd, read, read_labels};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -53,6 +53,41 @@ fn folders_without_a_series() {
     refused(&f.path().join("nothing"), &["nothing", "cannot be read"]);
 }
 
+/// Inspection tells beforehand what reading will refuse.
+fn foretold(path: &Path, fragment: &str) {
+    let listed = inspect(path).expect("still a listing");
+    let told = |w: &String| w.contains("will be refused") && w.contains(fragment);
+    assert!(listed.warnings.iter().any(told), "{fragment:?} not in {:?}", listed.warnings);
+}
+
+#[test]
+fn inspection_was_silent_about_a_compressed_file_that_ends_early() {
+    let f = folder();
+    let volume = cylinder(100.0, 60);
+    for (name, bytes) in [("a.nii.gz", nifti::encode_i16(&volume)), ("b.nrrd", nrrd::encode_i16(&volume))] {
+        let path = f.path().join(name);
+        fs::write(&path, &bytes[..bytes.len() * 3 / 4]).expect("written");
+        refused(&path, &[name, "truncated"]);
+        foretold(&path, "truncated");
+    }
+}
+
+#[test]
+fn a_missing_slice_in_the_finer_part_of_a_series_of_two_spacings_is_named() {
+    let f = folder();
+    let upright = Grid::axis_aligned([5, 4, 24], [1.0; 3], [0.0; 3]).expect("a grid");
+    let files = write_series(&sampled(upright), f.path(), &SeriesMeta::default()).expect("written");
+    for (n, file) in files.iter().enumerate() {
+        let z = if n < 10 { 4 * n } else { 36 + 7 * (n - 9) };
+        edit(file, tags::IMAGE_POSITION_PATIENT, VR::DS, &format!("0\\0\\{z}"));
+    }
+    fs::remove_file(&files[4]).expect("removed");
+    let listed = inspect(f.path()).expect("a listing");
+    let told = |fragment: &str| listed.warnings.iter().any(|w| w.contains(fragment));
+    assert!(told("slices 4 and 5 are 8.000 mm apart, expected 4.000"), "{:?}", listed.warnings);
+    assert!(!listed.warnings.iter().any(|w| w.contains("further apart")), "{:?}", listed.warnings);
+}
+
 #[test]
 fn truncated_slices() {
     let f = folder();
@@ -60,6 +95,7 @@ fn truncated_slices() {
     let whole = fs::read(&files[2]).expect("there");
     fs::write(&files[2], &whole[..whole.len() - 7]).expect("written");
     refused(f.path(), &["0003.dcm", "truncated", "40 bytes", "33 are there"]);
+    foretold(f.path(), "0003.dcm is cut short");
     fs::write(&files[2], &whole[..400]).expect("written");
     refused(f.path(), &["0003.dcm", "truncated"]);
     let listed = inspect(f.path()).expect("still a listing");
@@ -133,7 +169,7 @@ fn copies_and_foreign_files_are_left_out_with_a_warning() {
     fs::write(f.path().join("readme.txt"), "text").expect("written");
     let scan = read(f.path(), &any_size()).expect("read");
     assert_eq!(scan.volume, alone.volume);
-    assert!(scan.warnings.iter().any(|w| w.contains("1 copies")), "{:?}", scan.warnings);
+    assert!(scan.warnings.iter().any(|w| w.contains("1 copy of a slice was left out")), "{:?}", scan.warnings);
     assert!(scan.warnings.iter().any(|w| w.contains("1 of 8 files are not DICOM")), "{:?}", scan.warnings);
 }
 

@@ -34,6 +34,8 @@ pub(crate) struct Image {
     /// Columns and rows.
     pub(crate) size: [usize; 2],
     pub(crate) stored: Stored,
+    /// Whether the file ends before its pixel data do.
+    pub(crate) cut_short: bool,
     /// Where the slice lies; or what its header lacks.
     pub(crate) placement: Result<Placement, (&'static str, String)>,
 }
@@ -164,6 +166,7 @@ fn image(
     size: [usize; 2],
 ) -> Result<Image, Problem> {
     let text = |tag| a.text(tag).unwrap_or_default();
+    let stored = stored(outline, a)?;
     Ok(Image {
         file: path.to_path_buf(),
         frame,
@@ -178,8 +181,17 @@ fn image(
         kind: a.image_type().join(" "),
         about: about(a),
         size,
-        stored: stored(outline, a)?,
+        cut_short: cut_short(outline, &stored, size[0] * size[1] * frames),
+        stored,
         placement: placement(a),
+    })
+}
+
+/// Uncompressed pixels are counted; compressed ones must reach their end mark.
+fn cut_short(outline: &Outline<'_>, stored: &Stored, pixels: usize) -> bool {
+    outline.pixels.as_ref().is_some_and(|found| match found.promised {
+        Some(_) => found.range.len() < pixels * (stored.allocated as usize / 8),
+        None => !found.complete,
     })
 }
 

@@ -84,6 +84,7 @@ pub(crate) fn inspect(path: &Path) -> Result<Inspection, ScanError> {
         warnings
             .extend(foreseen.map(|s| s.map_or_else(|e| format!("will be refused: {e}"), |s| format!("will be {s}"))));
         warnings.extend(check::foresee(&series[n].source()).map(|s| format!("will be refused: {s}")));
+        warnings.extend(series[n].cut_short().map(|s| format!("will be refused: {s}")));
     }
     Ok(Inspection { series: series.iter().map(series::Series::summary).collect(), chosen, reason, warnings })
 }

@@ -164,7 +164,10 @@ impl Series {
         }
         self.images = kept;
         if dropped > 0 {
-            self.warnings.push(format!("{dropped} copies of slices that are there already were left out"));
+            self.warnings.push(match dropped {
+                1 => "1 copy of a slice was left out".into(),
+                n => format!("{n} copies of slices were left out"),
+            });
         }
         Ok(())
     }
@@ -201,31 +204,29 @@ impl Series {
     fn check_gaps(&mut self) -> Result<(), SeriesProblem> {
         let (steps, median) = self.steps();
         let limit_mm = (WIDEST_STEPS * median).max(WIDEST_MM);
-        let mut wide: Vec<String> = Vec::new();
-        for (after, &found_mm) in steps.iter().enumerate() {
-            if found_mm > limit_mm {
-                return Err(SeriesProblem::Gap { after, found_mm, expected_mm: median, limit_mm });
-            }
-            if found_mm > 1.5 * median {
-                let (a, b) = (after + 1, after + 2);
-                wide.push(format!("slices {a} and {b} are {found_mm:.3} mm apart, expected {median:.3}"));
-            }
+        if let Some(after) = steps.iter().position(|&s| s > limit_mm) {
+            return Err(SeriesProblem::Gap { after, found_mm: steps[after], expected_mm: median, limit_mm });
         }
-        self.warn_of_wide_steps(wide, &steps);
-        Ok(())
-    }
-
-    /// A few wide steps are missing slices; many are a series of two spacings.
-    fn warn_of_wide_steps(&mut self, mut wide: Vec<String>, steps: &[f64]) {
-        if wide.len() > 3 && wide.len() > steps.len() / 4 {
+        let wide = |&n: &usize| steps[n] > 1.5 * median;
+        let many = (0..steps.len()).filter(wide).count();
+        // A few wide steps are missing slices; many are a series of two spacings, whose gaps show beside their like.
+        let varies = many > 3 && many > steps.len() / 4;
+        if varies {
             let least = steps.iter().copied().fold(f64::MAX, f64::min);
             let most = steps.iter().copied().fold(f64::MIN, f64::max);
             self.warnings.push(format!("the slice spacing varies: steps of {least:.3} to {most:.3} mm"));
-            return;
         }
-        let more = wide.len().saturating_sub(3);
-        wide.truncate(3);
-        self.warnings.extend(wide);
+        let gap = |&n: &usize| steps[n] > 1.5 * beside(&steps, n) || !varies && wide(&n);
+        self.warn_of_gaps((0..steps.len()).filter(gap).map(|n| (n, steps[n], beside(&steps, n).min(median))).collect());
+        Ok(())
+    }
+
+    /// Names the first gaps: the slice before, the step and the one expected there, mm.
+    fn warn_of_gaps(&mut self, gaps: Vec<(usize, f64, f64)>) {
+        let more = gaps.len().saturating_sub(3);
+        self.warnings.extend(gaps.into_iter().take(3).map(|(n, found, expected)| {
+            format!("slices {} and {} are {found:.3} mm apart, expected {expected:.3}", n + 1, n + 2)
+        }));
         if more > 0 {
             self.warnings.push(format!("{more} more slices are further apart than expected"));
         }
@@ -248,6 +249,16 @@ impl Series {
                 low as f64 * s.slope + s.intercept
             ));
         }
+    }
+
+    /// Files that end before their pixel data do.
+    pub(crate) fn cut_short(&self) -> Option<String> {
+        let mut short = self.images.iter().filter(|i| i.cut_short);
+        let first = name(&short.next()?.file);
+        Some(match short.count() {
+            0 => format!("{first} is cut short: copy it again"),
+            more => format!("{} files are cut short (the first: {first}): copy them again", more + 1),
+        })
     }
 
     /// What may be told about this series.
@@ -289,6 +300,13 @@ impl Series {
             refusal: self.refusal.as_ref().map(ToString::to_string),
         }
     }
+}
+
+/// The wider of the steps before and after one, mm: where a series changes its spacing, the new one is no gap.
+fn beside(steps: &[f64], at: usize) -> f64 {
+    let before = at.checked_sub(1).map(|n| steps[n]);
+    let neighbours = before.into_iter().chain(steps.get(at + 1).copied());
+    neighbours.reduce(f64::max).unwrap_or(f64::MAX)
 }
 
 /// Whether a text contains a part of the patient's name or id.
