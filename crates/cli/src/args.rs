@@ -2,11 +2,9 @@
 
 use crate::trackers::{DoctorArgs, FakeTrackerCommand, TrackArgs};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use monro_prepare::DEFAULT_ELEMENTS;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-
-/// Elements of the simulation mesh when nothing else is asked: the paper's brain model.
-pub(crate) const DEFAULT_ELEMENTS: usize = 37_336;
 
 /// From a head CT to a simulated catheter in the ventricle. Research software, not for clinical use.
 #[derive(Debug, Parser)]

@@ -2,12 +2,12 @@
 
 use crate::args::{BenchCommand, ModeArg};
 use crate::console::{Console, seconds_json};
-use crate::prepare::{self, Request};
 use crate::{demo, simulate};
 use anyhow::Result;
 use monro_cli::tracking::latencies;
 use monro_guidance::Random;
 use monro_guidance::simulation::{Scene, Trial, TrialOptions, quantile, rms};
+use monro_prepare::Request;
 use monro_scan::{ReadOptions, Scan};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -27,8 +27,8 @@ fn prepare_and_insert(path: Option<&Path>, elements: usize, console: &Console) -
         Some(path) => console.stage("read", || monro_scan::read(path, &ReadOptions::default()))?,
         None => phantom(console)?,
     };
-    let request = Request { elements, side: None, labels: None, path: None };
-    let prepared = prepare::build(scan, &request, console)?;
+    let request = Request { elements, ..Request::default() };
+    let prepared = monro_prepare::build(scan, &request, console)?;
     let stages = console.stages();
     let peak_mib = peak_memory_mib();
     let mut modes = serde_json::Map::new();

@@ -1,8 +1,9 @@
 //! Progress on stderr, results on stdout.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use monro_prepare::{Observer, Stage};
 use serde_json::Value;
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::time::{Duration, Instant};
 
 /// Where the program talks.
@@ -11,6 +12,7 @@ pub(crate) struct Console {
     json: bool,
     bar: ProgressBar,
     stages: RefCell<Vec<(String, f64)>>,
+    begun: Cell<Option<Instant>>,
 }
 
 impl Console {
@@ -21,19 +23,27 @@ impl Console {
         if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} ({elapsed})") {
             bar.set_style(style);
         }
-        Self { json, bar, stages: RefCell::new(Vec::new()) }
+        Self { json, bar, stages: RefCell::new(Vec::new()), begun: Cell::new(None) }
     }
 
     /// Runs one stage of long work under a name and remembers its seconds.
     pub(crate) fn stage<T>(&self, name: &str, work: impl FnOnce() -> T) -> T {
+        self.begin_named(name);
+        let out = work();
+        self.end_named(name);
+        out
+    }
+
+    fn begin_named(&self, name: &str) {
         self.bar.set_message(name.to_owned());
         self.bar.enable_steady_tick(Duration::from_millis(120));
-        let start = Instant::now();
-        let out = work();
-        let seconds = start.elapsed().as_secs_f64();
+        self.begun.set(Some(Instant::now()));
+    }
+
+    fn end_named(&self, name: &str) {
+        let seconds = self.begun.take().map_or(0.0, |t| t.elapsed().as_secs_f64());
         self.stages.borrow_mut().push((name.to_owned(), seconds));
         self.note(&format!("{name}: {seconds:.2} s"));
-        out
     }
 
     /// Changes the text of the running stage, for progress inside it.
@@ -73,6 +83,20 @@ impl Console {
     /// Takes the progress line away.
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
+    }
+}
+
+impl Observer for Console {
+    fn begin(&self, stage: Stage) {
+        self.begin_named(stage.name());
+    }
+
+    fn end(&self, stage: Stage) {
+        self.end_named(stage.name());
+    }
+
+    fn remark(&self, text: &str) {
+        self.warn(text);
     }
 }
 

@@ -1,12 +1,13 @@
 //! `monro demo`: the whole chain on the built-in phantom.
 
-use crate::args::{DEFAULT_ELEMENTS, DemoArgs, ModeArg, PhantomKind};
+use crate::args::{DemoArgs, ModeArg, PhantomKind};
 use crate::console::{Console, seconds_json};
 use crate::interrupt::Guard;
-use crate::prepare::{self, Request};
+use crate::prepare;
 use crate::{NOTICE, phantom, simulate};
 use anyhow::Result;
 use monro_case::{Case, Staging};
+use monro_prepare::{Prepared, Request};
 use monro_scan::{ReadOptions, Scan};
 use serde_json::json;
 use std::fs;
@@ -20,8 +21,7 @@ pub(crate) fn run(args: &DemoArgs, console: &Console) -> Result<()> {
     let staging = Staging::begin(&args.out, args.force)?;
     let guard = Guard::new(&staging);
     let scan = phantom_as_scan(&staging.path().join("phantom"), 0, console)?;
-    let request = Request { elements: DEFAULT_ELEMENTS, side: None, labels: None, path: None };
-    let prepared = prepare::build(scan, &request, console)?;
+    let prepared = monro_prepare::build(scan, &Request::default(), console)?;
     let case_dir = sub_folder(&staging, "case", |s| prepare::write(&prepared, s, console))?;
     let preparing = console.stages();
     let case = console.stage("open case", || Case::open(&case_dir))?;
@@ -51,13 +51,7 @@ pub(crate) fn phantom_as_scan(dir: &Path, seed: u64, console: &Console) -> Resul
     Ok(console.stage("read", || monro_scan::read(&dir.join("dicom"), &ReadOptions::default()))?)
 }
 
-fn report(
-    prepared: &prepare::Prepared,
-    preparing: &[(String, f64)],
-    done: &simulate::Run,
-    out: &Path,
-    console: &Console,
-) {
+fn report(prepared: &Prepared, preparing: &[(String, f64)], done: &simulate::Run, out: &Path, console: &Console) {
     let (case, insertion) = (out.join("case"), out.join("insertion"));
     let json = json!({
         "prepare": prepare::summary_json(prepared, &case, preparing),

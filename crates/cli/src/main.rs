@@ -6,7 +6,6 @@ mod console;
 mod demo;
 mod inspect;
 mod interrupt;
-mod landmarks;
 mod mesh;
 mod phantom;
 
@@ -19,10 +18,8 @@ mod trackers;
 use args::{Cli, Command};
 use clap::Parser;
 use console::Console;
+use monro_prepare::NOTICE;
 use std::process::ExitCode;
-
-/// Said wherever a result leaves the program.
-const NOTICE: &str = "Research software. Not for clinical use.";
 
 fn main() -> ExitCode {
     let cli = Cli::parse();

@@ -2,12 +2,12 @@
 
 use crate::args::MeshArgs;
 use crate::console::{Console, seconds_json};
-use crate::prepare::simulated_labels;
 use anyhow::{Context, Result, bail};
 use monro_anatomy::tetra::{self, LabelReport, MeshOptions, MeshReport};
 use monro_case::Case;
 use monro_case::vtu::{self, UnstructuredGrid};
 use monro_geometry::{Patient, Point, Structure, Volume};
+use monro_prepare::simulated_labels;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;

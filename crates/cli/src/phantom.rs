@@ -58,7 +58,14 @@ pub(crate) fn write(made: &Phantom, dir: &Path, seed: u64) -> Result<()> {
 
 fn landmarks(made: &Phantom) -> Vec<NamedPoint> {
     let m = &made.landmarks;
-    crate::landmarks::named([m.nasion, m.midline_110mm, m.kocher_left, m.kocher_right, m.monro_left, m.monro_right])
+    monro_prepare::named_landmarks([
+        m.nasion,
+        m.midline_110mm,
+        m.kocher_left,
+        m.kocher_right,
+        m.monro_left,
+        m.monro_right,
+    ])
 }
 
 fn describe(made: &Phantom, seed: u64, out: &Path) -> Value {

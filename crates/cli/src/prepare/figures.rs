@@ -1,6 +1,5 @@
 //! The report of a prepared case: what a person looks at before trusting it.
 
-use super::Prepared;
 use crate::NOTICE;
 use anyhow::Result;
 use monro_cli::picture::{
@@ -9,6 +8,7 @@ use monro_cli::picture::{
 };
 use monro_cli::report::{Finding, KeyNumber, LinePlot, ReportInput, Section, Series, Severity, Table, report_html};
 use monro_geometry::{Patient, Point, Structure};
+use monro_prepare::Prepared;
 
 /// Field of view and size of a slice picture.
 const FIELD_MM: f64 = 230.0;

@@ -1,8 +1,8 @@
 //! What `prepare` prints.
 
-use super::Prepared;
 use crate::NOTICE;
 use crate::console::seconds_json;
+use monro_prepare::Prepared;
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
 use std::path::Path;

@@ -1,31 +1,28 @@
 //! The stages from a volume in HU to a case in memory.
 
-use super::plan::{self, Planned};
-use super::{Request, announce};
-use crate::NOTICE;
-use crate::console::Console;
-use anyhow::{Context, Result};
+use crate::plan::{self, Planned};
+use crate::{NOTICE, Observer, PrepareError, Request, Stage};
 use monro_anatomy::segment::{self, Segmentation};
 use monro_anatomy::surface::{self, Surface, SurfaceOptions};
 use monro_anatomy::tetra::{self, MeshOptions, MeshReport};
 use monro_case::{Case, Manifest, SCHEMA, Source};
 use monro_geometry::{Structure, TetMesh, TriangleMesh, Volume};
+use monro_guidance::Side;
 use monro_scan::Scan;
-use std::path::Path;
 
 /// Everything that preparing a scan gives.
 #[derive(Debug)]
-pub(crate) struct Prepared {
+pub struct Prepared {
     /// The scan as read.
-    pub(crate) scan: Scan,
+    pub scan: Scan,
     /// Its labels.
-    pub(crate) segmentation: Segmentation,
+    pub segmentation: Segmentation,
     /// The case.
-    pub(crate) case: Case,
+    pub case: Case,
     /// Quality of the tetrahedra.
-    pub(crate) mesh: MeshReport,
+    pub mesh: MeshReport,
     /// Volume of each structure in ml, by label.
-    pub(crate) volumes_ml: Vec<(Structure, f64)>,
+    pub volumes_ml: Vec<(Structure, f64)>,
 }
 
 /// Surfaces of a case.
@@ -37,17 +34,22 @@ struct Surfaces {
 }
 
 /// Builds a case in memory.
-pub(crate) fn build(scan: Scan, request: &Request, console: &Console) -> Result<Prepared> {
-    announce(&scan, console);
-    let segmentation = console.stage("segment", || labels(&scan, request.labels.as_deref()))?;
-    let surfaces = console.stage("surfaces", || surfaces(&segmentation.labels))?;
-    let planned = console
-        .stage("plan", || plan::plan(&scan.volume, &segmentation, [&surfaces.skin.mesh, &surfaces.skull], request))?;
-    let (tets, mesh) = console.stage("tetrahedra", || tetrahedra(&segmentation.labels, &planned, request))?;
+///
+/// # Errors
+/// [`PrepareError`] says which stage failed and why.
+pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<Prepared, PrepareError> {
+    scan.warnings.iter().chain(&scan.resampled).for_each(|text| observer.remark(text));
+    let segmentation = stage(observer, Stage::Segment, || labels(&scan, request.labels.as_ref()))?;
+    let surfaces = stage(observer, Stage::Surfaces, || surfaces(&segmentation.labels))?;
+    let planned = stage(observer, Stage::Plan, || {
+        plan::plan(&scan.volume, &segmentation, [&surfaces.skin.mesh, &surfaces.skull], request)
+    })?;
+    let (tets, mesh) =
+        stage(observer, Stage::Tetrahedra, || tetrahedra(&segmentation.labels, &planned, request.elements))?;
     let volumes_ml = volumes_ml(&segmentation.labels);
     let findings = findings(&scan, &segmentation, &planned, &surfaces);
     for finding in findings.iter().skip(scan.warnings.len() + usize::from(scan.resampled.is_some())) {
-        console.warn(finding);
+        observer.remark(finding);
     }
     let case = Case {
         manifest: manifest(&scan, &planned, findings),
@@ -61,24 +63,56 @@ pub(crate) fn build(scan: Scan, request: &Request, console: &Console) -> Result<
     Ok(Prepared { scan, segmentation, case, mesh, volumes_ml })
 }
 
-fn labels(scan: &Scan, file: Option<&Path>) -> Result<Segmentation> {
-    let Some(file) = file else {
-        return segment::segment(&scan.volume).context("the automatic segmentation failed");
-    };
-    let labels = monro_scan::read_labels(file)?;
-    let known = |l: u16| u8::try_from(l).ok().filter(|l| Structure::from_label(*l).is_some());
-    if let Some(bad) = labels.data().iter().find(|l| known(**l).is_none()) {
-        anyhow::bail!("{}: label {bad} is unknown; a case has 0 (outside) to 7 (third ventricle)", file.display());
-    }
-    let labels = labels.map(|l| known(l).unwrap_or(0));
-    segment::from_labels(&scan.volume, labels)
-        .with_context(|| format!("the labels of {} cannot be used", file.display()))
+/// Builds a case again from its own CT and from corrected labels. Identity, source and side are those of the case;
+/// landmarks, plan, surfaces and tetrahedra are made anew.
+///
+/// # Errors
+/// As [`build`].
+pub fn rebuild(
+    manifest: &Manifest,
+    scan: Scan,
+    labels: Volume<u16>,
+    observer: &dyn Observer,
+) -> Result<Prepared, PrepareError> {
+    let side = [Side::Left, Side::Right].into_iter().find(|s| s.name() == manifest.side);
+    let request = Request { side, labels: Some(labels), ..Request::default() };
+    let mut prepared = build(scan, &request, observer)?;
+    let made = &mut prepared.case.manifest;
+    made.pseudonym.clone_from(&manifest.pseudonym);
+    made.source = manifest.source.clone();
+    Ok(prepared)
 }
 
-fn surfaces(labels: &Volume<u8>) -> Result<Surfaces> {
+/// One stage, announced; not begun once the observer wants to stop.
+fn stage<T>(
+    observer: &dyn Observer,
+    stage: Stage,
+    work: impl FnOnce() -> Result<T, PrepareError>,
+) -> Result<T, PrepareError> {
+    if observer.cancelled() {
+        return Err(PrepareError::Cancelled);
+    }
+    observer.begin(stage);
+    let out = work();
+    observer.end(stage);
+    out
+}
+
+fn labels(scan: &Scan, given: Option<&Volume<u16>>) -> Result<Segmentation, PrepareError> {
+    let Some(labels) = given else {
+        return segment::segment(&scan.volume).map_err(PrepareError::Segment);
+    };
+    let known = |l: u16| u8::try_from(l).ok().filter(|l| Structure::from_label(*l).is_some());
+    if let Some(bad) = labels.data().iter().find(|l| known(**l).is_none()) {
+        return Err(PrepareError::UnknownLabel(*bad));
+    }
+    segment::from_labels(&scan.volume, labels.map(|l| known(l).unwrap_or(0))).map_err(PrepareError::Labels)
+}
+
+fn surfaces(labels: &Volume<u8>) -> Result<Surfaces, PrepareError> {
     let options = SurfaceOptions::default();
-    let of = |name: &str, keep: &(dyn Fn(u8) -> bool + Sync)| {
-        surface::label_surface(labels, keep, &options).with_context(|| format!("no surface of the {name}"))
+    let of = |name: &'static str, keep: &(dyn Fn(u8) -> bool + Sync)| {
+        surface::label_surface(labels, keep, &options).map_err(|error| PrepareError::Surface { name, error })
     };
     let is = |test: fn(Structure) -> bool| move |l: u8| Structure::from_label(l).is_some_and(test);
     let ((skin, skull), (brain, ventricles)) = rayon::join(
@@ -96,7 +130,7 @@ fn surfaces(labels: &Volume<u8>) -> Result<Surfaces> {
 /// The labels that are simulated, which of them to mesh, and which to be fine around: all that lies inside the skull.
 /// The thin CSF around the brain is counted to it: it has no room for elements of its own, and the outer boundary is then
 /// the smooth inside of the skull, where the mesh is held.
-pub(crate) fn simulated_labels(labels: &Volume<u8>) -> (Volume<u8>, Vec<u16>, Vec<u16>) {
+pub fn simulated_labels(labels: &Volume<u8>) -> (Volume<u8>, Vec<u16>, Vec<u16>) {
     let (csf, brain) = (Structure::Csf.label(), Structure::Brain.label());
     let merged = labels.map(|l| if l == csf { brain } else { l });
     let present = |s: &Structure| merged.data().contains(&s.label());
@@ -106,14 +140,15 @@ pub(crate) fn simulated_labels(labels: &Volume<u8>) -> (Volume<u8>, Vec<u16>, Ve
     (merged, keep, ventricles)
 }
 
-fn tetrahedra(labels: &Volume<u8>, planned: &Planned, request: &Request) -> Result<(TetMesh, MeshReport)> {
+fn tetrahedra(labels: &Volume<u8>, planned: &Planned, elements: usize) -> Result<(TetMesh, MeshReport), PrepareError> {
     let (merged, keep, fine) = simulated_labels(labels);
     let path = Some([planned.plan.entry(), planned.plan.target()]);
-    let options = MeshOptions { path, ..MeshOptions::new(&keep, &fine, request.elements) };
-    tetra::mesh(&merged, &options).context("the tetrahedra cannot be made")
+    let options = MeshOptions { path, ..MeshOptions::new(&keep, &fine, elements) };
+    Ok(tetra::mesh(&merged, &options)?)
 }
 
-fn volumes_ml(labels: &Volume<u8>) -> Vec<(Structure, f64)> {
+/// Volume of each structure but the outside, ml, by label.
+pub fn volumes_ml(labels: &Volume<u8>) -> Vec<(Structure, f64)> {
     let mut counts = [0usize; 256];
     for &l in labels.data() {
         counts[usize::from(l)] += 1;

@@ -9,6 +9,6 @@ const NAMES: [&str; 6] =
 
 /// Landmarks with their names: nasion, the midline 110 mm behind it, Kocher's points and the foramina of Monro, left
 /// before right.
-pub(crate) fn named(points: [Point<Patient>; 6]) -> Vec<NamedPoint> {
+pub fn named(points: [Point<Patient>; 6]) -> Vec<NamedPoint> {
     NAMES.iter().zip(points).map(|(label, position)| NamedPoint { label: (*label).into(), position }).collect()
 }

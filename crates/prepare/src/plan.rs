@@ -1,7 +1,6 @@
 //! From landmarks to a planned path.
 
-use super::Request;
-use anyhow::{Context, Result, bail};
+use crate::{PrepareError, Request};
 use monro_anatomy::landmarks::{self, Landmarks};
 use monro_anatomy::segment::Segmentation;
 use monro_case::markups::NamedPoint;
@@ -32,15 +31,12 @@ pub(crate) fn plan(
     segmentation: &Segmentation,
     [skin, skull]: [&TriangleMesh; 2],
     request: &Request,
-) -> Result<Planned> {
+) -> Result<Planned, PrepareError> {
     let found = landmarks::find(ct, segmentation);
     let plan = match (request.path, &found) {
         (Some(path), _) => given(path, segmentation, skin, request)?,
         (None, Ok(marks)) => automatic(marks, request.side.unwrap_or(Side::Right))?,
-        (None, Err(_)) => bail!(
-            "{}; give the path yourself with --plan FILE.mrk.json (a line from entry to target, drawn in 3D Slicer)",
-            found.err().map(|e| e.to_string()).unwrap_or_default()
-        ),
+        (None, Err(error)) => return Err(PrepareError::Landmarks(error.clone())),
     };
     let skull_angle_deg = skull_normal(&plan, skull)
         .and_then(|normal| skull_angle(&plan, normal))
@@ -60,7 +56,7 @@ pub(crate) fn plan(
     Ok(Planned { plan, skull_angle_deg, landmarks, findings })
 }
 
-fn automatic(marks: &Landmarks, side: Side) -> Result<Plan> {
+fn automatic(marks: &Landmarks, side: Side) -> Result<Plan, PrepareError> {
     let (entry, target) = match side {
         Side::Left => (marks.kocher_left, marks.monro_left),
         Side::Right => (marks.kocher_right, marks.monro_right),
@@ -73,32 +69,28 @@ fn given(
     segmentation: &Segmentation,
     skin: &TriangleMesh,
     request: &Request,
-) -> Result<Plan> {
+) -> Result<Plan, PrepareError> {
     let is_left = segmentation.midsagittal.signed_distance(entry) >= 0.0;
     let side = if is_left { Side::Left } else { Side::Right };
     if let Some(wanted) = request.side
         && wanted != side
     {
-        bail!("--side {} contradicts --plan, whose entry lies on the patient's {}", wanted.name(), side.name());
+        return Err(PrepareError::Side { wanted: wanted.name(), found: side.name() });
     }
-    let plan = Plan::new(side, entry, target).context("the plan is not usable")?;
+    let plan = Plan::new(side, entry, target)?;
     check_ends(&plan, &segmentation.labels, skin)?;
     Ok(plan)
 }
 
 /// Refuses a path that cannot be one of this head: a target that is not inside the skull, an entry far from the skin.
-fn check_ends(plan: &Plan, labels: &Volume<u8>, skin: &TriangleMesh) -> Result<()> {
-    const HINT: &str = "does the file belong to this patient, is its coordinate system (RAS or LPS) right, are entry and target exchanged?";
+fn check_ends(plan: &Plan, labels: &Volume<u8>, skin: &TriangleMesh) -> Result<(), PrepareError> {
     let inside = |p| labels.nearest(p).and_then(Structure::from_label).is_some_and(Structure::is_intracranial);
     if !inside(plan.target()) {
-        bail!("the target {:.1?} (LPS mm) of --plan is not inside the skull; {HINT}", plan.target().to_array());
+        return Err(PrepareError::Target(plan.target().to_array()));
     }
     let off = Bvh::new(skin).nearest(plan.entry()).map_or(f64::INFINITY, |n| n.distance);
     if off > ENTRY_OFF_SKIN_MM {
-        bail!(
-            "the entry {:.1?} (LPS mm) of --plan is {off:.0} mm from the skin, at most {ENTRY_OFF_SKIN_MM:.0} mm are taken; {HINT}",
-            plan.entry().to_array()
-        );
+        return Err(PrepareError::Entry { entry: plan.entry().to_array(), off, most: ENTRY_OFF_SKIN_MM });
     }
     Ok(())
 }
