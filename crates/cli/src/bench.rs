@@ -1,5 +1,9 @@
 //! `monro bench`: speed and memory on this machine. Nothing here is asserted by a test.
 
+mod ball;
+mod frame;
+mod samples;
+
 use crate::args::{BenchCommand, ModeArg};
 use crate::console::{Console, seconds_json};
 use crate::{demo, simulate};
@@ -18,6 +22,7 @@ pub(crate) fn run(command: &BenchCommand, console: &Console) -> Result<()> {
         BenchCommand::Prepare { scan, elements } => prepare_and_insert(scan.as_deref(), *elements, console),
         BenchCommand::Registration { trials } => registration(*trials, console),
         BenchCommand::Latency { frames, rate } => latency(*frames, *rate, console),
+        BenchCommand::Frame(args) => frame::run(args, console),
     }
 }
 
@@ -94,7 +99,16 @@ fn text(result: &Value) -> String {
 
 /// Highest resident memory of this process so far, MiB; `None` where the system does not tell.
 fn peak_memory_mib() -> Option<f64> {
+    status_mib("VmHWM:")
+}
+
+/// Resident memory of this process now, MiB; `None` where the system does not tell.
+fn resident_mib() -> Option<f64> {
+    status_mib("VmRSS:")
+}
+
+fn status_mib(name: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    let line = status.lines().find(|l| l.starts_with(name))?;
     line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| kib / 1024.0)
 }

@@ -46,5 +46,5 @@ pub use options::{
 pub use report::{Event, StepReport, ToolReport};
 pub use state::State;
 pub use statics::{Pressure, StaticError, StaticOptions, StaticProblem, StaticSolution, Support};
-pub use step::Stepper;
+pub use step::{Stage, Stepper};
 pub use tool::{TipShape, Tool, ToolMotion, ToolPose};

@@ -140,6 +140,14 @@ impl Model {
         self.tets.len()
     }
 
+    /// What the solver goes through in an iteration: kind and count.
+    pub fn constraint_counts(&self) -> Vec<(&'static str, usize)> {
+        match &self.solver {
+            Solver::Paper(p) => p.counts(),
+            Solver::Physical(p) => p.descent.counts(),
+        }
+    }
+
     /// Whole mass, kg.
     pub fn mass_kg(&self) -> f64 {
         self.mass.iter().map(|&m| f64::from(m)).sum()

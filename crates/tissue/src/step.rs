@@ -25,6 +25,17 @@ const MOST_SUBSTEPS: u32 = 64;
 /// worth one more try: the solver turns them back by itself.
 const RETRIES: u32 = 4;
 
+/// A part of a step that has just ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Finding what touches.
+    Collision,
+    /// The solver.
+    Deformation,
+    /// Checks of the result and the report.
+    Check,
+}
+
 /// Scratch memory of a running simulation: made once, so that a step does not allocate.
 #[derive(Debug, Clone)]
 pub struct Stepper {
@@ -57,6 +68,11 @@ impl Stepper {
         }
     }
 
+    /// Threads that a step works on.
+    pub const fn threads(&self) -> usize {
+        1
+    }
+
     /// Advances `state` by one frame during which the tools move as told. Never fails: what goes wrong is taken back,
     /// tried with smaller steps, and reported. The same input gives the same bits, on any number of threads.
     pub fn step(
@@ -65,6 +81,18 @@ impl Stepper {
         state: &mut State,
         tools: &[ToolMotion],
         settings: &FrameSettings,
+    ) -> StepReport {
+        self.step_observed(model, state, tools, settings, &mut |_| {})
+    }
+
+    /// As [`Stepper::step`], telling `done` at the end of each stage of each substep (for timing; this crate has no clock).
+    pub fn step_observed(
+        &mut self,
+        model: &Model,
+        state: &mut State,
+        tools: &[ToolMotion],
+        settings: &FrameSettings,
+        done: &mut dyn FnMut(Stage),
     ) -> StepReport {
         let settings = settings.sane();
         state.tools.resize_with(tools.len(), ToolState::default);
@@ -76,7 +104,7 @@ impl Stepper {
         let mut substeps = substeps_for(&settings, tools);
         for attempt in 0..=RETRIES {
             self.events.clear();
-            self.attempt(model, state, tools, &settings, substeps);
+            self.attempt(model, state, tools, &settings, substeps, done);
             report.substeps = substeps;
             survey = Survey::of(model, &state.positions);
             let verdict = judge(model, &self.backup, state, survey.inverted);
@@ -107,6 +135,7 @@ impl Stepper {
         report.inverted = survey.inverted;
         report.volume_change = survey.six_volumes / 6.0 / model.rest_volume - 1.0;
         self.fill(model, state, tools, &mut report);
+        done(Stage::Check);
         report
     }
 
@@ -133,11 +162,12 @@ impl Stepper {
         tools: &[ToolMotion],
         settings: &FrameSettings,
         substeps: u32,
+        done: &mut dyn FnMut(Stage),
     ) {
         let dt = settings.dt_s / f64::from(substeps);
         for i in 0..substeps {
             let share = f64::from(i + 1) / f64::from(substeps);
-            self.substep(model, state, tools, settings, (dt, share));
+            self.substep(model, state, tools, settings, (dt, share), done);
         }
     }
 
@@ -148,11 +178,13 @@ impl Stepper {
         tools: &[ToolMotion],
         settings: &FrameSettings,
         (dt, share): (f64, f64),
+        done: &mut dyn FnMut(Stage),
     ) {
         if !tools.is_empty() {
             model.tree.refit(&mut self.spheres, &state.positions, &model.tets);
         }
         self.touch(model, state, tools, share);
+        done(Stage::Collision);
         self.previous.clone_from(&state.positions);
         match &model.solver {
             Solver::Paper(solver) => {
@@ -172,6 +204,7 @@ impl Stepper {
             contact::settle(model, &state.positions, (tool, &rod), memory, &self.couplings, &mut self.events);
         }
         state.time_s += dt;
+        done(Stage::Deformation);
     }
 
     /// Lists what touches or is held.

@@ -1,5 +1,6 @@
 //! The command as a user meets it: refusals, the whole chain on the phantom, the real scans.
 
+mod bench_frame;
 mod common;
 mod real_scans;
 mod refusals;

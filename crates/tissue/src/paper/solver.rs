@@ -61,10 +61,11 @@ impl PaperModel {
         // By the same arithmetic as in the iteration: at rest the constraints are then exactly zero.
         let volumes: Vec<f32> = tets.iter().map(|t| volume(corners(t), 0.0).0).collect();
         let springs: Vec<[f32; 4]> = tets.iter().map(|t| centroid_distances(corners(t))).collect();
-        let strips = surface::strips(membranes, rest).into_iter().filter_map(|(nodes, r)| {
-            let (rest, _) = triangle(nodes.map(|v| xyz(rest[v as usize])), 0.0)?;
-            Some(Constraint { nodes, rest, coefficient: of(r).triangle as f32 })
-        });
+        let strips =
+            surface::strips(membranes, rest).into_iter().filter(|s| of(s.1).triangle > 0.0).filter_map(|(nodes, r)| {
+                let (rest, _) = triangle(nodes.map(|v| xyz(rest[v as usize])), 0.0)?;
+                Some(Constraint { nodes, rest, coefficient: of(r).triangle as f32 })
+            });
         let outer = membranes.faces.iter().filter(|m| m.outer == OUTSIDE).map(|m| m.nodes).collect();
         let edges = edges(rest, tets, region, regions);
         let ends: Vec<[u32; 2]> = edges.iter().map(|e| e.nodes).collect();
@@ -81,6 +82,19 @@ impl PaperModel {
             global_coefficient: options.global_volume,
             damping: options.damping,
         }
+    }
+
+    /// Constraints of each kind.
+    pub(crate) fn counts(&self) -> Vec<(&'static str, usize)> {
+        let acting = |k: &[f32]| k.iter().filter(|k| **k > 0.0).count();
+        vec![
+            ("edges", acting(&self.edge_coefficients)),
+            ("volumes", acting(&self.volume_coefficients)),
+            ("springs", acting(&self.spring_coefficients)),
+            ("dihedral_angles", self.hinges.len()),
+            ("triangles", self.strips.len()),
+            ("global_volume", usize::from(self.global_coefficient > 0.0)),
+        ]
     }
 
     /// Prepares the coefficients for `iterations` per substep, equation (4).
@@ -164,9 +178,10 @@ fn hinges(
     if scope == DihedralScope::Elements {
         all.extend(tets.iter().zip(region).flat_map(|(t, &r)| EDGES.map(|e| (e.map(|i| t[i]), r))));
     }
+    let acts = |r: u8| regions[r as usize].material.paper.dihedral > 0.0;
     let make = |(nodes, r): ([u32; 4], u8)| {
         let (rest, _) = angle_with_gradients(nodes.map(|v| xyz(rest[v as usize])))?;
         Some(Constraint { nodes, rest, coefficient: regions[r as usize].material.paper.dihedral as f32 })
     };
-    all.into_iter().filter_map(make).collect()
+    all.into_iter().filter(|h| acts(h.1)).filter_map(make).collect()
 }

@@ -147,6 +147,15 @@ impl Descent {
         }
     }
 
+    /// Unknowns and elements of a sweep.
+    pub(crate) fn counts(&self) -> Vec<(&'static str, usize)> {
+        vec![
+            ("elements", self.tets.len()),
+            ("free_vertices", self.batches.batches.iter().map(|b| b.count as usize).sum()),
+            ("pressures", self.patches()),
+        ]
+    }
+
     /// Number of nodal pressures.
     pub(crate) fn patches(&self) -> usize {
         self.patch_volume.len()

@@ -1,0 +1,202 @@
+//! `monro bench frame`: time of the soft body's whole frame (collision, deformation, surface update).
+
+use super::ball::{self, Probe};
+use super::samples::Samples;
+use super::{peak_memory_mib, resident_mib, text};
+use crate::args::{ConstraintsArg, FrameArgs};
+use crate::console::Console;
+use anyhow::{Context, Result};
+use monro_geometry::{Embedding, Patient, Point, TetMesh, Vector};
+use monro_tissue::{
+    Attachment, AttachmentKind, CollisionResponse, FrameSettings, Material, Mode, Model, ModelOptions,
+    PaperCoefficients, PaperOptions, PhysicalOptions, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose,
+};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+
+/// Frames of the probe: at rest, going down, holding.
+const REST: usize = 30;
+const PUSH: usize = 120;
+const HOLD: usize = 30;
+/// How deep the probe goes, mm.
+const DEPTH_MM: f64 = 60.0;
+/// Deformations of a repeat, and repeats (the paper's protocol).
+const DEFORMATIONS: usize = 10;
+const REPEATS: usize = 5;
+/// Frames of one deformation, and how deep the rod goes meanwhile, mm.
+const DEFORMATION_FRAMES: usize = 20;
+const ROD_DEPTH_MM: f64 = 12.0;
+/// Poisson's ratio of the tissue, as in the peers' scene.
+const POISSON: f64 = 0.45;
+
+/// Runs the bench.
+pub(super) fn run(args: &FrameArgs, console: &Console) -> Result<()> {
+    let result = match &args.mesh {
+        Some(file) => probed(&ball::read(file, args.scale)?, args, console)?,
+        None => {
+            let sizes: Result<Vec<Value>> = args.elements.iter().map(|&n| rodded(n, args, console)).collect();
+            json!({ "sizes": sizes? })
+        }
+    };
+    console.result(&result, &text(&result));
+    Ok(())
+}
+
+/// A running soft body with a surface bound to it.
+struct Bench {
+    model: Model,
+    state: State,
+    stepper: Stepper,
+    settings: FrameSettings,
+    surface: Embedding,
+    nodes: Vec<[f32; 4]>,
+    moved: Vec<[f32; 4]>,
+    samples: Samples,
+    /// Memory that model, state and scratch take, MiB.
+    memory_mib: Option<f64>,
+}
+
+impl Bench {
+    fn new(mesh: &TetMesh, fixed: &[u32], args: &FrameArgs) -> Result<Self> {
+        let points = surface_points(mesh);
+        let surface = Embedding::new(mesh, &points)?;
+        let before = resident_mib();
+        let model = Model::new(mesh, &options(args, fixed)).context("the mesh cannot be simulated")?;
+        let settings = FrameSettings {
+            iterations: args.iterations,
+            substeps: args.substeps,
+            predicted_space: args.predicted,
+            ..FrameSettings::default()
+        };
+        let (state, stepper) = (model.rest_state(), Stepper::new(&model));
+        let memory_mib = resident_mib().zip(before).map(|(now, then)| now - then);
+        let (nodes, moved) = (Vec::with_capacity(model.node_count()), vec![[0.0; 4]; points.len()]);
+        Ok(Self { model, state, stepper, settings, surface, nodes, moved, samples: Samples::default(), memory_mib })
+    }
+
+    fn frame(&mut self, tools: &[ToolMotion], counts: bool) -> StepReport {
+        let Self { model, state, stepper, settings, surface, nodes, moved, samples, .. } = self;
+        let state = core::cell::RefCell::new(state);
+        samples.frame(
+            |done| stepper.step_observed(model, &mut state.borrow_mut(), tools, settings, done),
+            || {
+                model.nodes_into(&state.borrow(), nodes);
+                surface.apply(nodes, moved);
+            },
+            counts,
+        )
+    }
+
+    fn json(&self, mesh: &TetMesh, last: &StepReport) -> Value {
+        let tets = mesh.tets.len();
+        let counts: serde_json::Map<String, Value> =
+            self.model.constraint_counts().into_iter().map(|(n, c)| (n.to_owned(), json!(c))).collect();
+        let mut out = json!({
+            "elements": tets, "vertices": mesh.vertices.len(), "surface_points": self.moved.len(),
+            "constraints": counts, "iterations": self.settings.iterations, "substeps": self.settings.substeps,
+            "predicted_space": self.settings.predicted_space, "threads": self.stepper.threads(),
+            "inverted": last.inverted, "inverted_share": last.inverted as f64 / tets as f64,
+            "volume_change": last.volume_change, "residual_mm": last.residual_mm,
+            "max_displacement_mm": last.max_displacement_mm, "active_nodes": last.active_nodes,
+            "peak_memory_mib": peak_memory_mib(),
+            "bytes_per_element": self.memory_mib.map(|m| (m * 1024.0 * 1024.0 / tets as f64).round()),
+        });
+        if let (Some(all), Value::Object(times)) = (out.as_object_mut(), self.samples.json()) {
+            all.extend(times);
+        }
+        out
+    }
+}
+
+/// Constraint weights for the work that all engines do: a half of each edge's error in an iteration, all of a volume's.
+fn equal_work(iterations: u32) -> PaperCoefficients {
+    let stretch = 1.0 - 0.5f64.powi(i32::try_from(iterations).unwrap_or(i32::MAX));
+    PaperCoefficients { stretch, dihedral: 0.0, triangle: 0.0, volume: 1.0, hetero: 0.0 }
+}
+
+fn options(args: &FrameArgs, fixed: &[u32]) -> ModelOptions {
+    let mode = match args.constraints {
+        ConstraintsArg::EdgesVolumes => Mode::Paper(PaperOptions { global_volume: 0.0, ..PaperOptions::default() }),
+        ConstraintsArg::Paper => Mode::Paper(PaperOptions::default()),
+        ConstraintsArg::Physical => Mode::Physical(PhysicalOptions::default()),
+    };
+    let [tissue, fluid] = ball::labels();
+    let mut materials =
+        BTreeMap::from([(tissue, Material { poisson: POISSON, ..Material::BRAIN }), (fluid, Material::VENTRICLE)]);
+    if args.constraints == ConstraintsArg::EdgesVolumes {
+        materials.values_mut().for_each(|m| m.paper = equal_work(args.iterations));
+    }
+    let attachments = fixed.iter().map(|&node| Attachment { node, kind: AttachmentKind::Fixed }).collect();
+    ModelOptions { mode, materials, attachments, collision: CollisionResponse::Insertion }
+}
+
+/// Points of the surfaces of a finer model: corners and edge middles of all boundary triangles.
+fn surface_points(mesh: &TetMesh) -> Vec<Point<Patient>> {
+    let [_, fluid] = ball::labels();
+    let mut points = Vec::new();
+    for t in mesh.boundary(|_| true).into_iter().chain(mesh.boundary(|l| l == fluid)) {
+        let p = t.map(|v| mesh.vertices[v as usize]);
+        for i in 0..3 {
+            points.extend([p[i], p[i].lerp(p[(i + 1) % 3], 0.5)]);
+        }
+    }
+    points
+}
+
+/// The peers' scene on a mesh from a file.
+fn probed(mesh: &TetMesh, args: &FrameArgs, console: &Console) -> Result<Value> {
+    let probe = Probe::new(mesh)?;
+    let fixed = [probe.held.clone(), probe.driven.clone()].concat();
+    let mut bench = Bench::new(mesh, &fixed, args)?;
+    let frames = args.frames.unwrap_or(REST + PUSH + HOLD);
+    let skip = if frames > REST + 5 { REST } else { 1 };
+    let mut last = StepReport::default();
+    console.stage("frames", || {
+        for frame in 0..frames {
+            let depth = DEPTH_MM * ((frame as f64 + 1.0 - REST as f64) / PUSH as f64).clamp(0.0, 1.0);
+            for &v in &probe.driven {
+                let to = mesh.vertices[v as usize] - Vector::new(0.0, 0.0, depth);
+                bench.model.place_fixed(&mut bench.state, v as usize, to);
+            }
+            last = bench.frame(&[], frame >= skip);
+        }
+    });
+    Ok(bench.json(mesh, &last))
+}
+
+/// A rod pushed into a ball of so many elements from ten sides, five times over.
+fn rodded(elements: usize, args: &FrameArgs, console: &Console) -> Result<Value> {
+    let mesh = console.stage(&format!("ball of {elements}"), || ball::made(elements))?;
+    let probe = Probe::new(&mesh)?;
+    let mut bench = Bench::new(&mesh, &probe.held, args)?;
+    let mut last = StepReport::default();
+    console.stage(&format!("frames at {elements}"), || {
+        for _ in 0..REPEATS {
+            for deformation in 0..DEFORMATIONS {
+                bench.state = bench.model.rest_state();
+                for frame in 0..args.frames.unwrap_or(DEFORMATION_FRAMES) {
+                    let report = bench.frame(&[rod(&probe, deformation, frame)], frame > 0);
+                    last = report;
+                }
+            }
+        }
+    });
+    Ok(bench.json(&mesh, &last))
+}
+
+/// A 3 mm rod on its way to the centre from a side of its own.
+fn rod(probe: &Probe, deformation: usize, frame: usize) -> ToolMotion {
+    let turn = core::f64::consts::TAU * deformation as f64 / DEFORMATIONS as f64;
+    let out = Vector::new(0.5 * turn.cos(), 0.5 * turn.sin(), 1.0);
+    let out = out * (1.0 / out.norm());
+    let semi = ball::OUTER;
+    let to_surface = 1.0 / ((out.x / semi[0]).powi(2) + (out.y / semi[1]).powi(2) + (out.z / semi[2]).powi(2)).sqrt();
+    let centre = Point::new(0.0, 0.0, probe.top.z - semi[2]);
+    let pose = |f: usize| {
+        let depth = ROD_DEPTH_MM * f as f64 / DEFORMATION_FRAMES as f64 - 1.0;
+        let tip = centre + out * (to_surface - depth);
+        ToolPose { tip, tail: tip + out * 150.0 }
+    };
+    let tool = Tool { tip: TipShape::Round, radius_mm: 1.5 };
+    ToolMotion { tool, from: pose(frame), to: pose(frame + 1) }
+}
