@@ -153,7 +153,7 @@ pub(crate) struct SimulateArgs {
 pub(crate) struct ServeArgs {
     /// A case made by "monro prepare".
     pub(crate) case: PathBuf,
-    /// Where poses come from: "sim:" plays an insertion, `igtl://HOST[:PORT]` is an OpenIGTLink server such as PLUS.
+    /// Where poses come from: "sim:" plays an insertion along the plan; else as for "monro track".
     #[arg(long, value_name = "URL", default_value = "sim:")]
     pub(crate) tracker: String,
     /// Loopback address to listen on; port 0 takes any free port.

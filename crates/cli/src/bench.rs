@@ -8,11 +8,11 @@ use crate::args::{BenchCommand, ModeArg};
 use crate::console::{Console, seconds_json};
 use crate::{demo, simulate};
 use anyhow::Result;
-use monro_cli::tracking::latencies;
 use monro_guidance::Random;
 use monro_guidance::simulation::{Scene, Trial, TrialOptions, quantile, rms};
 use monro_prepare::Request;
 use monro_scan::{ReadOptions, Scan};
+use monro_tracking::latencies;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -79,9 +79,10 @@ fn registration(trials: usize, console: &Console) -> Result<()> {
 
 /// Prints how long poses take from datagram to our hands.
 fn latency(frames: u32, rate: f64, console: &Console) -> Result<()> {
-    let ms: Vec<f64> = latencies(frames, rate)?.iter().map(|s| 1e3 * s).collect();
+    let all = latencies(frames, rate)?;
+    let ms: Vec<f64> = all.seconds.iter().map(|s| 1e3 * s).collect();
     let result = json!({
-        "frames": ms.len(), "lost": (frames as usize).saturating_sub(ms.len()), "rate_hz": rate,
+        "frames": ms.len(), "before_names": all.before_names, "lost": all.lost, "rate_hz": rate,
         "ms_p50": quantile(&ms, 0.5), "ms_p99": quantile(&ms, 0.99),
     });
     console.result(&result, &text(&result));

@@ -1,6 +1,6 @@
-//! What the `monro` command shows: pictures and reports, drawn without a network, a window or a graphics card; and the
-//! trackers that it listens to, or plays.
+//! What the `monro` command shows: pictures and reports, drawn without a network, a window or a graphics card, and poses
+//! line by line.
 
 pub mod picture;
 pub mod report;
-pub mod tracking;
+pub mod track;

@@ -3,11 +3,12 @@
 use crate::console::Console;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
-use monro_cli::tracking::{
-    self, Clock, IgtlFake, Motion, NatNetFake, Recorder, Scene, SceneOptions, TrackOptions, TrackerUrl, open,
-    run_fake_igtl, run_fake_natnet,
-};
+use monro_cli::track::{TrackOptions, track as print_poses};
 use monro_guidance::clock::Expiry;
+use monro_tracking::{
+    Clock, IgtlFake, Motion, NatNetFake, Recorder, Scene, SceneOptions, TrackerUrl, open, run_fake_igtl,
+    run_fake_natnet,
+};
 use monro_wire::natnet::{DATA_PORT, UpAxis, Version};
 use monro_wire::openigtlink::HeaderVersion;
 use serde_json::json;
@@ -100,7 +101,7 @@ pub(crate) enum FakeTrackerCommand {
         /// Send to each client by itself, not to a multicast group.
         #[arg(long)]
         unicast: bool,
-        /// Bitstream version, 2.0 to 4.3.
+        /// Bitstream version, 2.0 to 4.3; above that it is announced as such, in the layout of 4.3.
         #[arg(long, value_name = "VERSION", default_value = "4.1")]
         protocol: String,
         /// Stream with z up instead of y.
@@ -155,7 +156,7 @@ pub(crate) fn track(args: &TrackArgs, json: bool) -> Result<()> {
     let mut source = open(&url, clock, recorder)?;
     let expiry = Expiry { stale: args.stale / 1e3, lost: args.lost / 1e3 };
     let options = TrackOptions { frames: args.frames, json, expiry, ..TrackOptions::default() };
-    let printed = tracking::track(source.as_mut(), &options, &NEVER, &mut std::io::stdout().lock());
+    let printed = print_poses(source.as_mut(), &options, &NEVER, &mut std::io::stdout().lock());
     match printed {
         // Whoever reads our output has seen enough.
         Err(e) if is_broken_pipe(&e) => Ok(()),
@@ -172,8 +173,8 @@ pub(crate) fn fake(command: &FakeTrackerCommand) -> Result<()> {
     let ready = |what: &'static str| move |at| eprintln!("{what} on {at}; Ctrl-C ends it");
     match command {
         FakeTrackerCommand::Natnet { listen, data_port, unicast, protocol, z_up, scene } => {
-            let version = Version::parse(protocol).filter(|v| (Version::OLDEST..=Version::NEWEST).contains(v));
-            let version = version.with_context(|| format!("--protocol {protocol} is not between 2.0 and 4.3"))?;
+            let version = Version::parse(protocol).filter(|v| (Version::OLDEST..Version::new(5, 0)).contains(v));
+            let version = version.with_context(|| format!("--protocol {protocol} is not between 2.0 and 4.9"))?;
             let fake = NatNetFake {
                 listen: *listen,
                 data_port: *data_port,
@@ -183,14 +184,15 @@ pub(crate) fn fake(command: &FakeTrackerCommand) -> Result<()> {
                 jitter: scene.jitter / 1e3,
                 up: if *z_up { UpAxis::Z } else { UpAxis::Y },
             };
-            run_fake_natnet(&fake, &mut scene.scene()?, &NEVER, ready("fake Motive takes commands"))
+            run_fake_natnet(&fake, &mut scene.scene()?, &NEVER, ready("fake Motive takes commands"))?;
         }
         FakeTrackerCommand::Openigtlink { listen, header, scene } => {
             let version = if *header == 1 { HeaderVersion::V1 } else { HeaderVersion::V2 };
             let fake = IgtlFake { listen: *listen, version, rate: scene.rate, jitter: scene.jitter / 1e3 };
-            run_fake_igtl(&fake, &mut scene.scene()?, &NEVER, ready("fake PLUS listens"))
+            run_fake_igtl(&fake, &mut scene.scene()?, &NEVER, ready("fake PLUS listens"))?;
         }
     }
+    Ok(())
 }
 
 /// Says what a tracker sends, or why it does not.
@@ -200,7 +202,7 @@ pub(crate) fn doctor(args: &DoctorArgs, console: &Console) -> Result<()> {
     }
     let mut source = open(&args.url.parse()?, Clock::new(), None)?;
     let wanted: Vec<&str> = args.tool.iter().map(String::as_str).collect();
-    let lines = tracking::doctor(source.as_mut(), &wanted, Duration::from_secs_f64(args.listen))?;
+    let lines = monro_tracking::doctor(source.as_mut(), &wanted, Duration::from_secs_f64(args.listen))?;
     let (diagnosis, facts) = lines.split_last().context("the source told nothing")?;
     console.result(&json!({ "facts": facts, "diagnosis": diagnosis }), &lines.join("\n"));
     Ok(())

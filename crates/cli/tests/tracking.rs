@@ -1,337 +1,89 @@
-//! Fake trackers and clients over loopback sockets, recordings, and the whole way to the needle tip in the image.
+//! What `monro track` prints.
 
-use monro_cli::tracking::{
-    Batch, CATHETER_TIP, Clock, IgtlFake, Motion, NatNetFake, Recorder, STYLUS_TIP, Scene, SceneOptions, Source, TOOLS,
-    TrackOptions, TrackerUrl, doctor, open, run_fake_igtl, run_fake_natnet, track,
-};
-use monro_geometry::{Patient, Point, Rigid, Tool, Tracker, Vector};
-use monro_guidance::calibration::{PivotOptions, calibrate_pivot};
-use monro_guidance::reference::relative_to;
-use monro_guidance::registration::{
-    Landmark, RefineOptions, Surface, SurfaceSample, refine_on_surface, register_landmarks,
-};
-use monro_guidance::simulation::{FORAMEN, LANDMARKS, head, head_point};
-use monro_guidance::{Covariance, NeedlePose};
-use monro_wire::TimedPose;
-use monro_wire::natnet::{UpAxis, Version};
-use monro_wire::openigtlink::HeaderVersion;
-use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::channel;
-use std::thread::JoinHandle;
+use monro_cli::track::{TrackOptions, track};
+use monro_geometry::{Rigid, Vector};
+use monro_tracking::{Batch, Source, TOOLS, TrackingError};
+use monro_wire::{Missing, TimedPose};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-const ANY: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 0);
+/// All tools in every frame, every fifth of them missed.
+struct Every(u64);
 
-/// A fake tracker in a thread of its own; it ends with this value.
-struct Fake {
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
-    address: SocketAddr,
-}
-
-impl Fake {
-    fn start(run: impl FnOnce(&AtomicBool, &dyn Fn(SocketAddr)) + Send + 'static) -> Self {
-        let stop = Arc::new(AtomicBool::new(false));
-        let (sender, receiver) = channel();
-        let inside = Arc::clone(&stop);
-        let thread = std::thread::spawn(move || run(&inside, &move |a| sender.send(a).expect("the test waits")));
-        let address = receiver.recv().expect("the fake tracker starts");
-        Self { stop, thread: Some(thread), address }
+impl Source for Every {
+    fn next(&mut self, _: Duration) -> Result<Option<Batch>, TrackingError> {
+        self.0 += 1;
+        let pose = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(1.0, 2.0, 3.0)).expect("pose");
+        let one = |(i, name): (u64, &str)| {
+            let seen = if (self.0 + i).is_multiple_of(5) { Err(Missing::NotTracked) } else { Ok((pose, Some(0.3))) };
+            TimedPose::new(name, None, self.now() - 0.004, seen)
+        };
+        Ok(Some(Batch { poses: (0..).zip(TOOLS).map(one).collect(), clock: None }))
     }
 
-    fn natnet(version: Version, rate: f64, options: SceneOptions) -> Self {
-        let up = UpAxis::Y;
-        let fake = NatNetFake { listen: ANY, data_port: 0, unicast: true, version, rate, jitter: 0.0, up };
-        Self::start(move |stop, ready| {
-            run_fake_natnet(&fake, &mut Scene::new(options), stop, ready).expect("fake Motive");
-        })
+    fn now(&self) -> f64 {
+        1.7e9 + self.0 as f64 / 100.0
     }
 
-    fn igtl(version: HeaderVersion, options: SceneOptions) -> Self {
-        let fake = IgtlFake { listen: ANY, version, rate: 200.0, jitter: 0.001 };
-        Self::start(move |stop, ready| {
-            run_fake_igtl(&fake, &mut Scene::new(options), stop, ready).expect("fake PLUS");
-        })
+    fn diagnosis(&self, _: &[&str]) -> String {
+        "well".to_owned()
     }
 
-    fn url(&self, scheme: &str, query: &str) -> TrackerUrl {
-        format!("{scheme}://{}{query}", self.address).parse().expect("address")
+    fn facts(&self) -> Vec<String> {
+        Vec::new()
     }
 }
 
-impl Drop for Fake {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
+/// Nothing at all.
+struct Silent;
+
+impl Source for Silent {
+    fn next(&mut self, wait: Duration) -> Result<Option<Batch>, TrackingError> {
+        std::thread::sleep(wait);
+        Ok(Some(Batch::default()))
     }
-}
 
-fn connect(url: &TrackerUrl) -> Box<dyn Source> {
-    open(url, Clock::new(), None).expect("source")
-}
-
-/// The next `n` frames that hold poses; a source that is silent for 20 s fails with its diagnosis.
-fn frames(source: &mut dyn Source, n: usize) -> Vec<Batch> {
-    let mut all = Vec::new();
-    while all.len() < n {
-        let batch = source.next(Duration::from_secs(20)).expect("source").expect("live");
-        assert!(!batch.poses.is_empty(), "{} of {n} frames; {}", all.len(), source.diagnosis(&[]));
-        all.push(batch);
+    fn now(&self) -> f64 {
+        0.0
     }
-    all
-}
 
-/// The reference does not move: what is seen of it must be where it is.
-fn check_reference(pose: &TimedPose) {
-    let truth = Scene::new(SceneOptions::default()).truth(0.0)[3];
-    let found = pose.tracker_from_tool.expect("tracked");
-    // The mean of five markers, each off by 0.76 mm: five of its standard deviations, and the same for the turn about the
-    // origin, which is not quite their centre.
-    assert!((found.translation() - truth.translation()).norm() < 10.0 * 0.76 / 5f64.sqrt(), "{found:?} {truth:?}");
-}
-
-#[test]
-fn a_client_follows_the_fake_motive_in_old_and_new_versions() {
-    for version in [Version::new(2, 9), Version::new(3, 0), Version::new(4, 1), Version::new(4, 3)] {
-        let fake = Fake::natnet(version, 240.0, SceneOptions::default());
-        let mut source = connect(&fake.url("natnet", "?unicast=1"));
-        let all = frames(source.as_mut(), 100);
-        let last = &all[99].poses;
-        let names: Vec<_> = last.iter().map(|p| p.name.as_str()).collect();
-        assert_eq!(names, TOOLS, "{version}");
-        check_reference(&last[3]);
-        assert_eq!(last[0].source_time.is_some(), version.since(3, 0));
-        assert_eq!(all[99].clock.is_some(), version.since(3, 0), "{version}");
-        assert!(source.diagnosis(&["Stylus"]).contains("streaming"), "{}", source.diagnosis(&["Stylus"]));
+    fn diagnosis(&self, _: &[&str]) -> String {
+        "the cable is out".to_owned()
     }
-}
 
-#[test]
-fn the_fake_motive_can_be_asked_for_an_older_bitstream() {
-    let fake = Fake::natnet(Version::new(4, 3), 240.0, SceneOptions::default());
-    let mut source = connect(&fake.url("natnet", "?unicast=1&bitstream=4.1"));
-    check_reference(&frames(source.as_mut(), 30)[29].poses[3]);
-    assert!(source.facts().iter().any(|f| f.contains("NatNet 4.1")), "{:?}", source.facts());
-}
-
-#[test]
-fn multicast_reaches_a_client_on_the_same_interface() {
-    let fake = NatNetFake {
-        listen: ANY,
-        data_port: 17_511,
-        unicast: false,
-        version: Version::new(3, 0),
-        rate: 120.0,
-        jitter: 0.0,
-        up: UpAxis::Z,
-    };
-    let running = Fake::start(move |stop, ready| {
-        let mut scene = Scene::new(SceneOptions::default());
-        run_fake_natnet(&fake, &mut scene, stop, ready).expect("fake Motive");
-    });
-    let mut source = connect(&running.url("natnet", "?interface=127.0.0.1&up=z"));
-    let batch = source.next(Duration::from_secs(5)).expect("joined").expect("live");
-    if batch.poses.is_empty() {
-        println!("skipped: this machine does not carry multicast on its loopback interface");
-        return;
-    }
-    check_reference(&frames(source.as_mut(), 20)[19].poses[3]);
-}
-
-#[test]
-fn a_client_follows_the_fake_plus_in_both_header_versions_and_sees_lost_tools() {
-    for version in [HeaderVersion::V1, HeaderVersion::V2] {
-        let fake = Fake::igtl(version, SceneOptions { dropout: 0.3, ..SceneOptions::default() });
-        let mut source = connect(&fake.url("igtl", ""));
-        let all = frames(source.as_mut(), 200);
-        let poses = all.iter().flat_map(|b| &b.poses);
-        let (lost, seen): (Vec<_>, Vec<_>) = poses.partition(|p| p.tracker_from_tool.is_none());
-        assert_eq!(lost.is_empty(), version == HeaderVersion::V1);
-        let reference = seen.iter().find(|p| p.name == "ReferenceToTracker").expect("streamed");
-        check_reference(reference);
-        assert!(reference.source_time.is_some());
-    }
-}
-
-#[test]
-fn what_is_recorded_is_replayed_to_the_same_poses() {
-    let folder = tempfile::tempdir().expect("folder");
-    let fakes = [
-        ("natnet", "?unicast=1", Fake::natnet(Version::new(4, 1), 240.0, SceneOptions::default())),
-        ("igtl", "", Fake::igtl(HeaderVersion::V2, SceneOptions::default())),
-    ];
-    for (scheme, query, fake) in &fakes {
-        let path = folder.path().join(format!("{scheme}.mnr"));
-        let clock = Clock::new();
-        let recorder = Recorder::create(&path, clock).expect("file");
-        assert!(Recorder::create(&path, clock).is_err(), "an existing recording is not overwritten");
-        let mut live = open(&fake.url(scheme, query), clock, Some(recorder)).expect("source");
-        let lived = frames(live.as_mut(), 40);
-        drop(live);
-        let url: TrackerUrl = format!("replay:{}?fast=1", path.display()).parse().expect("address");
-        let mut replay = connect(&url);
-        // The first frames were held back for their names when live; those of the replay are skipped.
-        let first = lived[0].poses[0].source_time;
-        let named = |p: &&TimedPose| p.source_time >= first;
-        let mut replayed = Vec::new();
-        while let Some(batch) = replay.next(Duration::from_millis(1)).expect("replay") {
-            replayed.extend(batch.poses);
-        }
-        let replayed: Vec<_> = replayed.iter().filter(named).collect();
-        assert!(replayed.len() >= 40, "{}", replayed.len());
-        for (a, b) in lived.iter().flat_map(|b| &b.poses).zip(replayed) {
-            assert_eq!((&a.name, a.tracker_from_tool, a.source_time), (&b.name, b.tracker_from_tool, b.source_time));
-            // Seconds since 1970 in double precision are good to a quarter of a microsecond.
-            assert!((a.arrival_time - b.arrival_time).abs() < 2e-6);
-        }
+    fn facts(&self) -> Vec<String> {
+        Vec::new()
     }
 }
 
 #[test]
 fn track_prints_one_json_object_a_pose() {
-    let fake = Fake::natnet(Version::new(3, 0), 240.0, SceneOptions { dropout: 0.2, ..SceneOptions::default() });
-    let mut source = connect(&fake.url("natnet", "?unicast=1"));
-    frames(source.as_mut(), 40);
     let (mut out, never) = (Vec::new(), AtomicBool::new(false));
     let options = TrackOptions { frames: Some(30), json: true, ..TrackOptions::default() };
-    assert_eq!(track(source.as_mut(), &options, &never, &mut out).expect("track"), 30);
+    assert_eq!(track(&mut Every(0), &options, &never, &mut out).expect("track"), 30);
     let text = String::from_utf8(out).expect("text");
     let lines: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).expect("JSON")).collect();
     assert_eq!(lines.len(), 30 * TOOLS.len());
     for line in &lines {
         assert!(TOOLS.contains(&line["name"].as_str().expect("name")) && line["time_s"].as_f64().expect("time") > 1e9);
-        let state = line["state"].as_str().expect("state");
-        assert!(["live", "stale", "lost"].contains(&state), "{state}");
+        assert_eq!(line["state"], "live");
         let lost = line["position_mm"].is_null();
         assert_eq!(lost, line["quaternion_wxyz"].is_null());
+        let age = line["age_ms"].as_f64().expect("age");
+        // A missed tool is as old as the frame that last showed it.
+        assert!((age - if lost { 14.0 } else { 4.0 }).abs() < 0.01, "{line}");
         if !lost {
-            assert_eq!(line["quaternion_wxyz"].as_array().expect("four").len(), 4);
-            assert!(line["age_ms"].is_f64());
+            assert_eq!(line["position_mm"], serde_json::json!([1.0, 2.0, 3.0]));
+            assert_eq!(line["quaternion_wxyz"], serde_json::json!([1.0, 0.0, 0.0, 0.0]));
         }
     }
-    assert!(lines.iter().any(|l| l["position_mm"].is_null()) && lines.iter().any(|l| !l["position_mm"].is_null()));
+    assert_eq!(lines.iter().filter(|l| l["position_mm"].is_null()).count(), 24);
 }
 
 #[test]
-fn silence_is_explained() {
-    let nobody = "natnet://127.0.0.1:9?unicast=1".parse().expect("address");
-    let mut source = connect(&nobody);
-    let never = AtomicBool::new(false);
-    let options = TrackOptions { patience: Duration::from_millis(300), ..TrackOptions::default() };
-    let e = track(source.as_mut(), &options, &never, &mut Vec::new()).expect_err("nobody there");
-    assert!(e.to_string().contains("no answer from the server"), "{e}");
-
-    let nobody = "igtl://127.0.0.1:9".parse().expect("address");
-    let mut source = connect(&nobody);
-    let lines = doctor(source.as_mut(), &[], Duration::from_millis(300)).expect("doctor");
-    assert!(lines.last().expect("diagnosis").contains("no connection to 127.0.0.1:9"), "{lines:?}");
-
-    let fake = Fake::natnet(Version::new(4, 1), 240.0, SceneOptions::default());
-    let mut source = connect(&fake.url("natnet", "?unicast=1"));
-    frames(source.as_mut(), 20);
-    let lines = doctor(source.as_mut(), &["Drill"], Duration::from_millis(300)).expect("doctor");
-    let last = lines.last().expect("diagnosis");
-    assert!(last.contains("'Drill' is not streamed") && last.contains("Stylus"), "{last}");
-    assert!(lines.iter().any(|l| l.contains("Motive 3.1, NatNet 4.1")), "{lines:?}");
-}
-
-/// Mean and scatter (root mean square along one axis) of some points.
-fn mean(points: &[Point<Tool>]) -> (Point<Tool>, f64) {
-    let n = points.len() as f64;
-    let sum = points.iter().fold(Vector::ZERO, |s, p| s + (*p - Point::ORIGIN));
-    let centre = Point::ORIGIN + sum / n;
-    let squares: f64 = points.iter().map(|p| (*p - centre).norm_squared()).sum();
-    (centre, (squares / (3.0 * (n - 1.0).max(1.0))).sqrt())
-}
-
-const SPEED: f64 = 20.0;
-const RATE: f64 = 480.0;
-
-/// Frames of one motion: scene time, and the poses of stylus, catheter and reference.
-fn play(motion: Motion, n: usize) -> Vec<(f64, [Rigid<Tracker, Tool>; 3])> {
-    let fake = Fake::natnet(Version::new(4, 1), RATE, SceneOptions { motion, speed: SPEED, ..SceneOptions::default() });
-    let mut source = connect(&fake.url("natnet", "?unicast=1"));
-    let frame = |b: &Batch| {
-        let pose = |i: usize| b.poses[i].tracker_from_tool.expect("no dropouts");
-        (b.poses[0].source_time.expect("exposure") * SPEED, [pose(0), pose(1), pose(3)])
-    };
-    frames(source.as_mut(), n).iter().map(frame).collect()
-}
-
-/// A stroke of the stylus over landmarks and skin, in the reference's frame, as a user would collect it.
-struct Trace {
-    points: Vec<(f64, Point<Tool>)>,
-    scatter: f64,
-}
-
-impl Trace {
-    fn of(tip: Point<Tool>) -> Self {
-        let at = |(t, [stylus, _, reference]): (f64, [Rigid<Tracker, Tool>; 3])| {
-            (t, relative_to(&reference, &stylus).point(tip))
-        };
-        let mut trace = Self { points: play(Motion::Trace, 1200).into_iter().map(at).collect(), scatter: 0.0 };
-        trace.scatter = mean(&trace.touches(3)).1;
-        trace
-    }
-
-    /// The points while landmark `i` was touched.
-    fn touches(&self, i: usize) -> Vec<Point<Tool>> {
-        let inside = |t: f64| t > i as f64 + 0.02 && t < i as f64 + 0.98;
-        self.points.iter().filter(|(t, _)| inside(*t)).map(|(_, p)| *p).collect()
-    }
-
-    /// The landmarks; the first may have passed before the client was connected.
-    fn landmarks(&self) -> Vec<Landmark<Patient, Tool>> {
-        let one = |(i, (name, d)): (usize, &(&str, [f64; 3]))| {
-            let points = self.touches(i);
-            let noise = Covariance::isotropic(self.scatter / (points.len() as f64).sqrt() + 0.05);
-            let marked = head_point(Vector::from_array(*d));
-            let landmark = Landmark { name: (*name).to_owned(), touched: mean(&points).0, marked, noise };
-            (points.len() >= 8).then_some(landmark)
-        };
-        LANDMARKS.iter().enumerate().filter_map(one).collect()
-    }
-
-    fn samples(&self) -> Vec<SurfaceSample<Tool>> {
-        let noise = Covariance::isotropic(self.scatter);
-        let skin = self.points.iter().filter(|(t, _)| *t > LANDMARKS.len() as f64);
-        skin.step_by(4).map(|(_, point)| SurfaceSample { point: *point, noise }).collect()
-    }
-}
-
-/// Fake Motive over UDP, client, pivot, landmarks, surface, needle tip in the image: within the predicted error.
-#[test]
-fn the_whole_way_from_cameras_to_the_needle_tip() {
-    let swing: Vec<_> = play(Motion::Pivot, 700).into_iter().map(|(_, [stylus, ..])| stylus).collect();
-    let pivot = calibrate_pivot(&swing, &PivotOptions::default()).expect("pivot");
-    let tip_error = pivot.tip.distance(STYLUS_TIP);
-    assert!(tip_error < 0.5, "tip {tip_error} mm");
-
-    let trace = Trace::of(pivot.tip);
-    let landmarks = trace.landmarks();
-    let rough = register_landmarks(&landmarks).expect("landmarks");
-    let surface = Surface::new(&head()).expect("head");
-    let refine = RefineOptions { surface_sigma: 0.05, ..RefineOptions::default() };
-    let fine = refine_on_surface(&rough.to_from, &trace.samples(), &landmarks, &surface, &refine).expect("surface");
-
-    let scene = Scene::new(SceneOptions::default());
-    let resting = |t: f64| (scene.depth(t) - scene.depth(14.0)).abs() < 1e-6;
-    let rest: Vec<Point<Tool>> = play(Motion::Insertion, 500)
-        .into_iter()
-        .filter(|(t, _)| resting(*t))
-        .map(|(_, [_, catheter, reference])| relative_to(&reference, &catheter).point(CATHETER_TIP))
-        .collect();
-    assert!(rest.len() > 20, "{} frames at the target", rest.len());
-    let (tip, scatter) = mean(&rest);
-    let needle = NeedlePose::new(fine.patient_from.point(tip), Vector::new(0.0, 0.0, -1.0)).expect("needle");
-    let error = needle.tip().distance(FORAMEN);
-    let catheter = Covariance::isotropic(scatter / (rest.len() as f64).sqrt());
-    let stylus = Covariance::isotropic(pivot.covariance.rms() / 3f64.sqrt());
-    let limit = fine.tre(FORAMEN).plus(&catheter).plus(&stylus).percentile_95();
-    println!("tip {tip_error:.3} mm, needle {error:.3} mm, predicted 95 % {limit:.3} mm");
-    assert!(error < limit && error < 2.0, "needle {error} mm, predicted 95 % {limit} mm");
+fn silence_ends_with_the_reason() {
+    let (mut out, never) = (Vec::new(), AtomicBool::new(false));
+    let options = TrackOptions { patience: Duration::from_millis(150), ..TrackOptions::default() };
+    let error = track(&mut Silent, &options, &never, &mut out).expect_err("silent");
+    assert!(error.to_string().contains("the cable is out") && out.is_empty());
 }

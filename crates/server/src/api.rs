@@ -62,6 +62,7 @@ async fn status(State(shared): State<Arc<Shared>>) -> Json<Value> {
     let (rates, now) = (live.rates(), live.clock.now());
     Json(json!({
         "tracker": shared.tracker,
+        "tracker_diagnosis": live.tracker_diagnosis(),
         "simulated": shared.simulated,
         "paused": live.paused.load(Ordering::Relaxed),
         "tools": live.tools(),

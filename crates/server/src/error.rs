@@ -1,5 +1,6 @@
 //! Why a case cannot be served.
 
+use crate::tracker::StartError;
 use monro_case::CaseError;
 use monro_geometry::EmbeddingError;
 use monro_scan::ScanError;
@@ -34,10 +35,19 @@ pub enum ServeError {
         /// The reason.
         error: io::Error,
     },
+    /// The tracker cannot be started.
+    #[error("the tracker cannot be started: {0}")]
+    Tracker(String),
     /// No randomness for the token.
     #[error("the system gives no random numbers for the access token: {0}")]
     Random(getrandom::Error),
     /// Threads or sockets failed.
     #[error("the server stopped: {0}")]
     Io(#[from] io::Error),
+}
+
+impl From<StartError> for ServeError {
+    fn from(error: StartError) -> Self {
+        Self::Tracker(error.to_string())
+    }
 }

@@ -34,4 +34,4 @@ mod web;
 pub use error::ServeError;
 pub use options::ServeOptions;
 pub use server::{Ready, Running, serve, start};
-pub use tracker::{Feed, Tracker, TrackerUrlError};
+pub use tracker::Tracker;

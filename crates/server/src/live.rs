@@ -32,6 +32,8 @@ pub(crate) struct Live {
     /// Whether the scripted hand rests and its tracker is dark.
     pub(crate) paused: AtomicBool,
     stopping: AtomicBool,
+    /// How the tracker is, for people.
+    tracker: Mutex<String>,
 }
 
 /// A panic in another thread does not take the session away from this one: values are replaced whole.
@@ -52,6 +54,7 @@ impl Live {
             displays: AtomicU32::new(0),
             paused: AtomicBool::new(false),
             stopping: AtomicBool::new(false),
+            tracker: Mutex::default(),
         }
     }
 
@@ -104,6 +107,22 @@ impl Live {
         let snapshot = lock(&self.session).snapshot(self.clock.now(), &deformed);
         let guidance = Guidance::new(&snapshot, self.planned_target);
         (snapshot, guidance, sequence)
+    }
+
+    /// Notes how the tracker is.
+    pub(crate) fn note_tracker(&self, diagnosis: String) {
+        *lock(&self.tracker) = diagnosis;
+    }
+
+    /// How the tracker is, for people.
+    pub(crate) fn tracker_diagnosis(&self) -> String {
+        lock(&self.tracker).clone()
+    }
+
+    /// Names of the tools that guidance needs.
+    pub(crate) fn wanted_tools(&self) -> [String; 2] {
+        let tools = lock(&self.session).tools().clone();
+        [tools.catheter, tools.reference]
     }
 
     /// Names of the tools that the tracker has shown.

@@ -163,7 +163,7 @@ fn prepare(options: ServeOptions) -> Result<(Shared, Deformation, Plan, Tracker)
         case: describe(&case, ct.is_some()),
         scene: scene.into(),
         ct: ct.map(Bytes::from),
-        tracker: options.tracker.name().into_owned(),
+        tracker: options.tracker.name().to_owned(),
         simulated: matches!(options.tracker, Tracker::Sim),
     };
     Ok((shared, deformation, case.plan, options.tracker))

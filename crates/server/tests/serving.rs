@@ -5,6 +5,7 @@ mod common;
 use common::{options, request, write_case};
 use monro_geometry::{Rigid, Vector};
 use monro_server::{Running, ServeError, Tracker, start};
+use monro_tracking::{Batch, Source, TrackingError};
 use monro_wire::TimedPose;
 use monro_wire::openigtlink::{Message, ToolStatus};
 use serde_json::Value;
@@ -193,6 +194,28 @@ async fn an_address_that_others_can_reach_and_a_folder_that_is_no_case_are_refus
     assert!(matches!(start(o).await, Err(ServeError::NotLoopback(_))));
 }
 
+/// The same poses again and again, each 2 ms old.
+struct Still([TimedPose; 2]);
+
+impl Source for Still {
+    fn next(&mut self, _: Duration) -> Result<Option<Batch>, TrackingError> {
+        std::thread::sleep(Duration::from_millis(5));
+        Ok(Some(Batch { poses: self.0.to_vec(), clock: None }))
+    }
+
+    fn now(&self) -> f64 {
+        1e9 + 0.002
+    }
+
+    fn diagnosis(&self, wanted: &[&str]) -> String {
+        format!("still, asked for {}", wanted.join(" and "))
+    }
+
+    fn facts(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_foreign_tracker_is_calibrated_and_registered_over_the_api() {
     let dir = tempfile::tempdir().expect("temp");
@@ -203,13 +226,7 @@ async fn a_foreign_tracker_is_calibrated_and_registered_over_the_api() {
         TimedPose::new(name, None, 1e9, Ok((rigid, None)))
     };
     let poses = [pose("Catheter", 110.0), pose("Reference", 100.0)];
-    let run = Box::new(move |feed: monro_server::Feed| {
-        while !feed.is_stopping() {
-            feed.take(&poses, 1e9 + 0.002);
-            std::thread::sleep(Duration::from_millis(5));
-        }
-    });
-    o.tracker = Tracker::Other { name: "test:".into(), run };
+    o.tracker = Tracker::Source { name: "test:".into(), source: Box::new(Still(poses)) };
     let served = Served { running: start(o).await.expect("start"), _dir: dir };
     let g = served.until(|g| g["state"] == "live").await;
     assert_eq!((&g["phase"], &g["tip_lps_mm"], &g["depth_mm"]), (&"case".into(), &Value::Null, &Value::Null));
@@ -225,7 +242,9 @@ async fn a_foreign_tracker_is_calibrated_and_registered_over_the_api() {
     let g = served.until(|g| g["depth_mm"].is_number()).await;
     assert_eq!(numbers(&g["tip_lps_mm"]), [11.0, 2.0, 70.0]);
     assert_eq!(g["predicted_tre_mm"], 1.2);
-    assert_eq!(served.get("/api/status").await["tracker"], "test:");
+    let status = served.get("/api/status").await;
+    assert_eq!(status["tracker"], "test:");
+    assert_eq!(status["tracker_diagnosis"], "still, asked for Catheter and Reference");
     assert_eq!(served.post("/api/tracker", r#"{"paused":true}"#).await.0, 409);
 }
 
@@ -241,7 +260,7 @@ async fn an_openigtlink_server_feeds_the_session_and_is_found_again_when_it_come
         let (mut second, _) = plus.accept().await.expect("accept");
         let pose = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::ZERO).expect("pose");
         for id in 0.. {
-            for name in ["Catheter", "Reference"] {
+            for name in ["CatheterToTracker", "Reference"] {
                 let message = Message::transform(name, None, id, Some(&pose), ToolStatus::Ok);
                 if second.write_all(&message.encode().expect("message")).await.is_err() {
                     return;

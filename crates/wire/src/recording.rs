@@ -1,7 +1,8 @@
 //! Recordings: raw datagrams (or pieces of a TCP stream) with their arrival times, as they came.
 //!
 //! Layout, little-endian: 8 bytes `MNRREC1\n`, one byte for the protocol, `u64` start in nanoseconds since 1970; then
-//! for each datagram `u64` nanoseconds since the start, `u32` length, bytes. A file cut off by a crash keeps all its
+//! for each datagram `u64` nanoseconds since the start, `u32` length, bytes; in a stream, an empty record is the beginning
+//! of a new connection. A file cut off by a crash keeps all its
 //! whole records.
 
 use crate::bytes::{Reader, Writer};

@@ -1,63 +1,139 @@
-//! Where poses come from. Each source runs by itself and only ever hands observations to the session.
+//! Where poses come from. Each source runs on a thread of its own and only ever hands observations to the session.
 
-mod feed;
-mod igtl;
 mod sim;
-
-pub use feed::Feed;
 
 use crate::live::Live;
 use core::fmt;
 use core::str::FromStr;
 use monro_guidance::Plan;
-use monro_wire::openigtlink::DEFAULT_PORT;
-use std::borrow::Cow;
+use monro_guidance::clock::age;
+use monro_session::live::{Observation, Refusal};
+use monro_tracking::{Batch, Clock, Source, TrackerUrl, TrackerUrlError, TrackingError, open, tool_name};
+use sim::ScriptSource;
 use std::io;
 use std::sync::Arc;
 use std::thread;
-use thiserror::Error;
+use std::time::Duration;
 
-/// Where poses come from.
+/// How long the thread waits for a frame before it looks whether the session stops.
+const WAIT: Duration = Duration::from_millis(50);
+/// Pause before a source that failed is opened again.
+const RETRY: Duration = Duration::from_secs(1);
+/// How often the source is asked how it is, s.
+const DIAGNOSE_S: f64 = 1.0;
+
+/// Where poses come from. All but the script are calibrated and registered over the API.
 pub enum Tracker {
-    /// A scripted insertion along the plan, calibrated and registered exactly.
+    /// `sim:`: a scripted insertion along the plan, calibrated and registered exactly.
     Sim,
-    /// An OpenIGTLink server such as PLUS, as `host:port`. Calibration and registration come over the API, as for all
-    /// that follow.
-    OpenIgtLink(String),
-    /// Anything else.
-    Other {
+    /// A tracker or a recording.
+    Url {
+        /// As it was given, for people.
+        text: String,
+        /// As it was read.
+        url: TrackerUrl,
+    },
+    /// A source that somebody else has opened.
+    Source {
         /// Its name, for people.
         name: String,
-        /// Runs on a thread of its own, until the source ends or [`Feed::is_stopping`].
-        run: Box<dyn FnOnce(Feed) + Send>,
+        /// The source.
+        source: Box<dyn Source>,
     },
 }
 
 impl Tracker {
     /// Its name, for people.
-    pub(crate) fn name(&self) -> Cow<'_, str> {
+    pub(crate) fn name(&self) -> &str {
         match self {
-            Self::Sim => "sim:".into(),
-            Self::OpenIgtLink(host) => format!("igtl://{host}").into(),
-            Self::Other { name, .. } => name.into(),
+            Self::Sim => "sim:",
+            Self::Url { text, .. } => text,
+            Self::Source { name, .. } => name,
         }
     }
 
     /// Starts it.
-    pub(crate) fn start(self, live: &Arc<Live>, plan: Plan) -> io::Result<()> {
+    ///
+    /// # Errors
+    /// When the source cannot be opened or the thread not be started.
+    pub(crate) fn start(self, live: &Arc<Live>, plan: Plan) -> Result<(), StartError> {
+        let (source, url) = match self {
+            Self::Sim => (ScriptSource::begin(Arc::clone(live), plan)?, None),
+            Self::Url { url, .. } => (open(&url, Clock::new(), None)?, Some(url)),
+            Self::Source { source, .. } => (source, None),
+        };
         let live = Arc::clone(live);
-        match self {
-            Self::Sim => sim::spawn(live, plan),
-            Self::OpenIgtLink(host) => {
-                tokio::spawn(igtl::run(live, host));
-                Ok(())
+        let run = move || {
+            let mut source = Some(source);
+            while let Some(open) = source.take() {
+                pump(open, &live);
+                source = url.as_ref().and_then(|u| reopen(u, &live));
             }
-            Self::Other { run, .. } => {
-                thread::Builder::new().name("tracker".into()).spawn(move || run(Feed::new(live)))?;
-                Ok(())
+        };
+        thread::Builder::new().name("tracker".into()).spawn(run)?;
+        Ok(())
+    }
+}
+
+/// Why a tracker cannot be started.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum StartError {
+    #[error(transparent)]
+    Tracking(#[from] TrackingError),
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    #[error(transparent)]
+    Refusal(#[from] Refusal),
+}
+
+/// Hands on what a source gives until it ends or fails, or the session stops. While nothing comes, poses grow old by
+/// themselves.
+fn pump(mut source: Box<dyn Source>, live: &Live) {
+    let mut asked = f64::NEG_INFINITY;
+    while !live.is_stopping() {
+        match source.next(WAIT) {
+            Ok(Some(batch)) => live.observe(&observations(&batch, source.now(), live.clock.now())),
+            Ok(None) => {
+                live.note_tracker("the recording has ended".to_owned());
+                return;
+            }
+            Err(error) => {
+                live.note_tracker(error.to_string());
+                return;
             }
         }
+        if live.clock.now() - asked > DIAGNOSE_S {
+            asked = live.clock.now();
+            let wanted = live.wanted_tools();
+            live.note_tracker(source.diagnosis(&wanted.each_ref().map(String::as_str)));
+        }
     }
+}
+
+/// A source that failed is opened again, until it succeeds or the session stops; a recording that has ended is not.
+fn reopen(url: &TrackerUrl, live: &Live) -> Option<Box<dyn Source>> {
+    if matches!(url, TrackerUrl::Replay(_)) {
+        return None;
+    }
+    while !live.is_stopping() {
+        thread::sleep(RETRY);
+        match open(url, Clock::new(), None) {
+            Ok(source) => return Some(source),
+            Err(error) => live.note_tracker(error.to_string()),
+        }
+    }
+    None
+}
+
+/// The poses of a frame on the session's clock: `now` is the present on the source's, `here` on ours. A pose is as old as
+/// the camera's exposure where the source tells it and the clocks are known, else as old as its arrival.
+fn observations(batch: &Batch, now: f64, here: f64) -> Vec<Observation> {
+    let one = |p: &monro_wire::TimedPose| Observation {
+        name: tool_name(&p.name).to_owned(),
+        time_s: here - age(now, p.arrival_time, p.source_time, batch.clock.as_ref()),
+        tracker_from_tool: p.tracker_from_tool,
+    };
+    batch.poses.iter().map(one).collect()
 }
 
 impl fmt::Debug for Tracker {
@@ -66,42 +142,38 @@ impl fmt::Debug for Tracker {
     }
 }
 
-/// Why a tracker's URL was refused.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("\"{0}\" is no tracker that can be served; use \"sim:\" or \"igtl://HOST[:PORT]\"")]
-pub struct TrackerUrlError(String);
-
 impl FromStr for Tracker {
     type Err = TrackerUrlError;
 
-    /// `sim:` or `igtl://HOST[:PORT]`.
-    fn from_str(url: &str) -> Result<Self, TrackerUrlError> {
-        if url == "sim:" {
-            return Ok(Self::Sim);
-        }
-        let host = url.strip_prefix("igtl://").filter(|h| !h.is_empty() && !h.contains(['/', '?', '#', '@']));
-        let host = host.ok_or_else(|| TrackerUrlError(url.to_owned()))?;
-        let has_port = host.rsplit_once(':').is_some_and(|(h, p)| p.parse::<u16>().is_ok() && !h.is_empty());
-        Ok(Self::OpenIgtLink(if has_port { host.to_owned() } else { format!("{host}:{DEFAULT_PORT}") }))
+    /// Any [`TrackerUrl`]; `sim:` follows the plan of the case.
+    fn from_str(text: &str) -> Result<Self, TrackerUrlError> {
+        Ok(match text.parse()? {
+            TrackerUrl::Sim => Self::Sim,
+            url => Self::Url { text: text.to_owned(), url },
+        })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use monro_wire::TimedPose;
 
     #[test]
-    fn urls_are_read_and_others_refused() {
-        let name = |url: &str| url.parse::<Tracker>().map(|t| t.name().into_owned());
-        for (url, read) in [
-            ("sim:", "sim:"),
-            ("igtl://localhost:1234", "igtl://localhost:1234"),
-            ("igtl://10.0.0.7", "igtl://10.0.0.7:18944"),
-        ] {
-            assert_eq!(name(url).as_deref(), Ok(read));
+    fn every_kind_of_tracker_is_read_and_others_are_refused() {
+        for url in ["sim:", "igtl://10.0.0.7", "natnet://host?unicast=1", "replay:a.mnr?fast=1"] {
+            assert_eq!(url.parse::<Tracker>().expect(url).name(), url);
         }
-        for bad in ["", "sim", "igtl://", "http://x", "igtl://a/b", "igtl://user@host"] {
-            assert_eq!(name(bad), Err(TrackerUrlError(bad.to_owned())));
+        for bad in ["", "sim", "igtl://", "http://x"] {
+            assert!(bad.parse::<Tracker>().is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn a_pose_is_as_old_on_our_clock_as_on_the_sources_and_loses_the_name_of_its_frame() {
+        let pose = TimedPose::new("CatheterToTracker", None, 1e9, Err(monro_wire::Missing::NotTracked));
+        let seen = observations(&Batch { poses: vec![pose], clock: None }, 1e9 + 0.25, 10.0);
+        assert_eq!(seen[0].name, "Catheter");
+        assert!((seen[0].time_s - 9.75).abs() < 1e-6);
     }
 }

@@ -3,7 +3,8 @@
 use crate::live::Live;
 use monro_guidance::Plan;
 use monro_session::live::{PlainEvent, Refusal, Script, ScriptTruth, SessionEvent};
-use std::io;
+use monro_tracking::{Batch, Source, TrackingError};
+use monro_wire::{Missing, TimedPose};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::thread;
@@ -12,35 +13,58 @@ use std::time::Duration;
 /// Frames a second, as optical trackers give.
 const RATE_HZ: f64 = 120.0;
 
-/// Starts the thread; it ends when the session stops.
-pub(crate) fn spawn(live: Arc<Live>, plan: Plan) -> io::Result<()> {
-    let script = Script::new(plan);
-    prepare(&live, &script).map_err(io::Error::other)?;
-    thread::Builder::new().name("tracker".into()).spawn(move || run(&live, &script))?;
-    Ok(())
+/// The scripted hand as a source; on the session's own clock.
+pub(crate) struct ScriptSource {
+    live: Arc<Live>,
+    script: Script,
+    /// Seconds of the script played so far, and the present when the last frame was taken.
+    played: f64,
+    last: f64,
 }
 
-fn prepare(live: &Live, script: &Script) -> Result<(), Refusal> {
-    let ScriptTruth { calibration, registration } = script.truth();
-    live.apply(SessionEvent::Calibrated(calibration))?;
-    live.apply(SessionEvent::Registered(registration))?;
-    live.apply(SessionEvent::Plain(PlainEvent::CheckPassed))?;
-    live.apply(SessionEvent::Plain(PlainEvent::Started))?;
-    Ok(())
-}
-
-fn run(live: &Live, script: &Script) {
-    let mut played = 0.0;
-    let mut last = live.clock.now();
-    while !live.is_stopping() {
-        let now = live.clock.now();
-        if !live.paused.load(Ordering::Relaxed) {
-            played += now - last;
-            let mut seen = script.observations(played);
-            seen.iter_mut().for_each(|o| o.time_s = now);
-            live.observe(&seen);
+impl ScriptSource {
+    /// Brings the session to navigation and lays the catheter ready.
+    pub(crate) fn begin(live: Arc<Live>, plan: Plan) -> Result<Box<dyn Source>, Refusal> {
+        let script = Script::new(plan);
+        let ScriptTruth { calibration, registration } = script.truth();
+        for event in [
+            SessionEvent::Calibrated(calibration),
+            SessionEvent::Registered(registration),
+            SessionEvent::Plain(PlainEvent::CheckPassed),
+            SessionEvent::Plain(PlainEvent::Started),
+        ] {
+            live.apply(event)?;
         }
-        last = now;
-        thread::sleep(Duration::from_secs_f64(1.0 / RATE_HZ));
+        let last = live.clock.now();
+        Ok(Box::new(Self { live, script, played: 0.0, last }))
+    }
+}
+
+impl Source for ScriptSource {
+    fn next(&mut self, wait: Duration) -> Result<Option<Batch>, TrackingError> {
+        thread::sleep(Duration::from_secs_f64(1.0 / RATE_HZ).min(wait));
+        let now = self.live.clock.now();
+        let since = now - core::mem::replace(&mut self.last, now);
+        if self.live.paused.load(Ordering::Relaxed) {
+            return Ok(Some(Batch::default()));
+        }
+        self.played += since;
+        let pose = |o: monro_session::live::Observation| {
+            TimedPose::new(o.name, None, now, o.tracker_from_tool.map(|p| (p, None)).ok_or(Missing::NotTracked))
+        };
+        let poses = self.script.observations(self.played).into_iter().map(pose).collect();
+        Ok(Some(Batch { poses, clock: None }))
+    }
+
+    fn now(&self) -> f64 {
+        self.live.clock.now()
+    }
+
+    fn diagnosis(&self, _: &[&str]) -> String {
+        if self.live.paused.load(Ordering::Relaxed) { "simulated, paused" } else { "simulated" }.to_owned()
+    }
+
+    fn facts(&self) -> Vec<String> {
+        vec!["a scripted hand that follows the plan".to_owned()]
     }
 }

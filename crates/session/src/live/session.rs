@@ -138,6 +138,11 @@ impl Session {
         self.registration.as_ref()
     }
 
+    /// Names of the tools that guidance needs.
+    pub const fn tools(&self) -> &ToolNames {
+        &self.tools
+    }
+
     /// When poses expire.
     pub const fn expiry(&self) -> &Expiry {
         &self.expiry

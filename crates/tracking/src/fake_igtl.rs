@@ -1,7 +1,6 @@
 //! A fake PLUS server: streams a scene as TRANSFORM messages to everyone who connects.
 
-use super::{Clock, Scene, TOOLS};
-use anyhow::{Context, Result};
+use crate::{Clock, Scene, TOOLS, TrackingError};
 use monro_guidance::Random;
 use monro_wire::openigtlink::{Content, HeaderVersion, Message, Parser, Timestamp, ToolStatus, Verb};
 use std::io::{ErrorKind, Read, Write};
@@ -98,8 +97,9 @@ pub fn run_fake_igtl(
     scene: &mut Scene,
     stop: &AtomicBool,
     ready: impl FnOnce(SocketAddr),
-) -> Result<()> {
-    let listener = TcpListener::bind(fake.listen).with_context(|| format!("cannot listen on {}", fake.listen))?;
+) -> Result<(), TrackingError> {
+    let listener = TcpListener::bind(fake.listen)
+        .map_err(|error| TrackingError::Listen { address: fake.listen.to_string(), error })?;
     listener.set_nonblocking(true)?;
     ready(listener.local_addr()?);
     let (clock, mut random) = (Clock::new(), Random::new(98));
@@ -128,7 +128,7 @@ pub fn run_fake_igtl(
 }
 
 /// One frame: a TRANSFORM `ToolToTracker` for each tool.
-fn encode(fake: &IgtlFake, scene: &mut Scene, exposed: f64, start: f64, frame: u32) -> Result<Vec<u8>> {
+fn encode(fake: &IgtlFake, scene: &mut Scene, exposed: f64, start: f64, frame: u32) -> Result<Vec<u8>, TrackingError> {
     let time = Timestamp::from_seconds(start + exposed);
     let mut out = Vec::new();
     for (i, (tool, pose)) in (0u32..).zip(TOOLS.into_iter().zip(scene.seen(exposed))) {

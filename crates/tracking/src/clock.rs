@@ -15,6 +15,12 @@ impl Default for Clock {
     }
 }
 
+/// The time `since` nanoseconds after `start` nanoseconds since 1970, in seconds: arrival times are made here only, live and
+/// in a replay, so that both are the same bits.
+pub(crate) fn seconds(start: u64, since: u64) -> f64 {
+    start as f64 / 1e9 + since as f64 / 1e9
+}
+
 impl Clock {
     /// Starts the clock.
     pub fn new() -> Self {
@@ -23,7 +29,17 @@ impl Clock {
 
     /// Now, s.
     pub fn now(&self) -> f64 {
-        (self.unix + self.start.elapsed()).as_secs_f64()
+        self.at(self.nanos())
+    }
+
+    /// Nanoseconds since the start.
+    pub(crate) fn nanos(&self) -> u64 {
+        self.start.elapsed().as_nanos().try_into().unwrap_or(u64::MAX)
+    }
+
+    /// The time `since` nanoseconds after the start, s.
+    pub(crate) fn at(&self, since: u64) -> f64 {
+        seconds(self.start_nanos(), since)
     }
 
     /// The start, nanoseconds since 1970.

@@ -1,14 +1,13 @@
 //! `sim:`: the fake tracker's scene without a network between.
 
-use super::{Batch, Clock, Scene, SceneOptions, Source, TOOLS};
-use anyhow::Result;
+use crate::{Batch, Clock, Scene, SceneOptions, Source, TOOLS, TrackingError};
 use monro_wire::{Missing, TimedPose};
 use std::time::Duration;
 
 const RATE: f64 = 120.0;
 
 /// The scene, as a source.
-pub(super) struct SimSource {
+pub(crate) struct SimSource {
     clock: Clock,
     scene: Scene,
     start: f64,
@@ -16,13 +15,13 @@ pub(super) struct SimSource {
 }
 
 impl SimSource {
-    pub(super) fn new(clock: Clock) -> Self {
+    pub(crate) fn new(clock: Clock) -> Self {
         Self { clock, scene: Scene::new(SceneOptions::default()), start: clock.now(), frame: 0 }
     }
 }
 
 impl Source for SimSource {
-    fn next(&mut self, wait: Duration) -> Result<Option<Batch>> {
+    fn next(&mut self, wait: Duration) -> Result<Option<Batch>, TrackingError> {
         let t = self.frame as f64 / RATE;
         let left = (self.start + t - self.clock.now()).max(0.0);
         std::thread::sleep(Duration::from_secs_f64(left).min(wait));

@@ -1,7 +1,6 @@
 //! A fake Motive: answers clients and streams a scene.
 
-use super::{Scene, TOOLS};
-use anyhow::{Context, Result};
+use crate::{Scene, TOOLS, TrackingError};
 use monro_guidance::Random;
 use monro_wire::natnet::{MULTICAST_GROUP, Server, ServerOptions, UpAxis, Version};
 use socket2::SockRef;
@@ -43,11 +42,12 @@ pub fn run_fake_natnet(
     scene: &mut Scene,
     stop: &AtomicBool,
     ready: impl FnOnce(SocketAddr),
-) -> Result<()> {
-    let socket = UdpSocket::bind(fake.listen).with_context(|| format!("cannot listen on {}", fake.listen))?;
+) -> Result<(), TrackingError> {
+    let refused = |address: String| move |error| TrackingError::Listen { address, error };
+    let socket = UdpSocket::bind(fake.listen).map_err(refused(fake.listen.to_string()))?;
     let ip = *fake.listen.ip();
     if !fake.unicast && !ip.is_unspecified() {
-        SockRef::from(&socket).set_multicast_if_v4(&ip).with_context(|| format!("cannot send to a group from {ip}"))?;
+        SockRef::from(&socket).set_multicast_if_v4(&ip).map_err(refused(format!("{ip} for a multicast group")))?;
     }
     ready(socket.local_addr()?);
     let mut motive = Motive::new(fake, socket);

@@ -1,9 +1,8 @@
 //! A NatNet client on UDP sockets.
 
-use super::{Batch, Clock, NatNetAddress, Recorder, Source};
-use anyhow::{Context, Result, bail};
-use monro_guidance::clock::{ClockEstimate, Exchange};
-use monro_wire::natnet::{Client, ClientOptions, DATA_PORT, Event, MULTICAST_GROUP, ServerInfo};
+use crate::decode::{NatNetDecoder, Taken};
+use crate::{Batch, Clock, NatNetAddress, Recorder, Source, TrackingError};
+use monro_wire::natnet::{ClientOptions, DATA_PORT, Diagnosis, MULTICAST_GROUP, ServerInfo};
 use monro_wire::recording::Protocol;
 use socket2::{Domain, Socket, Type};
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs, UdpSocket};
@@ -15,17 +14,14 @@ use std::time::{Duration, Instant};
 /// How often the client is asked whether it has something to say.
 const TICK: Duration = Duration::from_millis(20);
 
-/// Frames are held back until their tools have names, but no longer than this, s.
-const PATIENCE_FOR_NAMES: f64 = 1.0;
-
-type Arrived = (f64, Vec<u8>);
+/// Nanoseconds since the start of the clock, and what arrived then.
+type Arrived = (u64, Vec<u8>);
 
 /// A NatNet client with its sockets; each of them is read by a thread of its own, so that arrival times are right.
 #[derive(Debug)]
-pub(super) struct NatNetSource {
-    client: Client,
+pub(crate) struct NatNetSource {
+    decoder: NatNetDecoder,
     clock: Clock,
-    estimate: ClockEstimate,
     command: UdpSocket,
     server: SocketAddr,
     address: NatNetAddress,
@@ -36,26 +32,29 @@ pub(super) struct NatNetSource {
     stop: Arc<AtomicBool>,
     recorder: Option<Recorder>,
     notes: Vec<String>,
-    first_frame: Option<f64>,
 }
 
 impl NatNetSource {
-    pub(super) fn open(address: &NatNetAddress, clock: Clock, recorder: Option<Recorder>) -> Result<Self> {
+    pub(crate) fn open(
+        address: &NatNetAddress,
+        clock: Clock,
+        recorder: Option<Recorder>,
+    ) -> Result<Self, TrackingError> {
         let server = resolve(&address.host, address.port)?;
         let interface = match address.interface {
             Some(i) => i,
             None => facing(server)?,
         };
         let bind = address.interface.unwrap_or(Ipv4Addr::UNSPECIFIED);
-        let command = UdpSocket::bind((bind, 0)).with_context(|| format!("cannot open a UDP socket on {bind}"))?;
+        let refused = |error| TrackingError::Listen { address: bind.to_string(), error };
+        let command = UdpSocket::bind((bind, 0)).map_err(refused)?;
         let (sender, arrivals) = channel();
         let stop = Arc::new(AtomicBool::new(false));
         listen(command.try_clone()?, clock, sender.clone(), Arc::clone(&stop))?;
         let options = ClientOptions { force_version: address.version, up: address.up, bitstream: address.bitstream };
         let mut source = Self {
-            client: Client::new(options),
+            decoder: NatNetDecoder::new(options),
             clock,
-            estimate: ClockEstimate::new(60.0),
             command,
             server,
             address: address.clone(),
@@ -66,7 +65,6 @@ impl NatNetSource {
             stop,
             recorder,
             notes: Vec::new(),
-            first_frame: None,
         };
         // With a forced version frames may be read before, or without, any word of the server.
         if address.multicast.is_some() || address.version.is_some() {
@@ -76,7 +74,7 @@ impl NatNetSource {
     }
 
     /// Opens the data socket that the server's announcement, or the address, asks for, unless it is open already.
-    fn open_data(&mut self, info: Option<&ServerInfo>) -> Result<()> {
+    fn open_data(&mut self, info: Option<&ServerInfo>) -> Result<(), TrackingError> {
         let clock = info.and_then(|i| i.clock);
         let group = self.address.multicast.unwrap_or_else(|| clock.map_or(MULTICAST_GROUP, |c| c.group).into());
         let port = self.address.data_port.unwrap_or_else(|| clock.map_or(DATA_PORT, |c| c.data_port));
@@ -91,36 +89,21 @@ impl NatNetSource {
             Err(e) if !multicast => {
                 self.notes.push(format!("data port {port} is not free ({e}); using the command port"));
             }
-            Err(e) => {
-                let i = self.interface;
-                return Err(e).with_context(|| {
-                    format!("cannot join {group}:{port} on interface {i}; name another with ?interface=")
-                });
-            }
+            Err(error) => return Err(TrackingError::Join { group, port, interface: self.interface, error }),
         }
         self.data = Some((group, port));
         Ok(())
     }
 
-    fn take(&mut self, (arrival, bytes): Arrived) -> Result<Option<Batch>> {
+    fn take(&mut self, (since, bytes): Arrived) -> Result<Option<Batch>, TrackingError> {
         if let Some(r) = &mut self.recorder {
-            r.write(Protocol::NatNet, arrival, &bytes)?;
+            r.write(Protocol::NatNet, since, &bytes)?;
         }
-        // What cannot be read is counted by the client and shows in the diagnosis.
-        match self.client.receive(&bytes, arrival) {
-            Ok(Some(Event::Server(info))) => self.open_data(Some(&info))?,
-            Ok(Some(Event::Echo(e))) => {
-                self.estimate.push(Exchange { sent: e.sent, other: e.server, received: e.received });
-            }
-            Ok(Some(Event::Frame(_, poses))) => {
-                let first = *self.first_frame.get_or_insert(arrival);
-                // Names come a moment after the first frames; a server that never tells them is listened to all the same.
-                let named = !self.client.names().is_empty() || arrival - first > PATIENCE_FOR_NAMES;
-                return Ok(named.then(|| Batch { poses, clock: self.estimate.offset() }));
-            }
-            _ => {}
+        match self.decoder.take(self.clock.at(since), &bytes) {
+            Taken::Server(info) => self.open_data(Some(&info)).map(|()| None),
+            Taken::Frame(batch) => Ok(Some(batch)),
+            Taken::Nothing => Ok(None),
         }
-        Ok(None)
     }
 }
 
@@ -128,15 +111,15 @@ impl Drop for NatNetSource {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         // A server that hears no good-bye finds out by itself.
-        let _ = self.command.send_to(&self.client.disconnect(), self.server);
+        let _ = self.command.send_to(&self.decoder.client.disconnect(), self.server);
     }
 }
 
 impl Source for NatNetSource {
-    fn next(&mut self, wait: Duration) -> Result<Option<Batch>> {
+    fn next(&mut self, wait: Duration) -> Result<Option<Batch>, TrackingError> {
         let end = Instant::now() + wait;
         loop {
-            for datagram in self.client.poll(self.clock.now()) {
+            for datagram in self.decoder.client.poll(self.clock.now()) {
                 // A refused datagram (port closed) is the same as no answer.
                 let _ = self.command.send_to(&datagram, self.server);
             }
@@ -157,13 +140,23 @@ impl Source for NatNetSource {
     }
 
     fn diagnosis(&self, wanted: &[&str]) -> String {
-        self.client.diagnosis(self.clock.now(), wanted).to_string()
+        let found = self.decoder.client.diagnosis(self.clock.now(), wanted);
+        match found {
+            Diagnosis::NoServer { .. } => format!("{}: {found}", self.server),
+            Diagnosis::NoData { multicast: true, .. } if self.address.unicast => {
+                format!("{found}; this client was told to use unicast (?unicast=1)")
+            }
+            Diagnosis::NoData { multicast: true, .. } => {
+                format!("{found}; this client listens on interface {} (?interface=)", self.interface)
+            }
+            found => found.to_string(),
+        }
     }
 
     fn facts(&self) -> Vec<String> {
         let mut facts = vec![format!("server {} from interface {}", self.server, self.interface)];
         facts.extend(self.notes.iter().cloned());
-        if let Some(info) = self.client.server() {
+        if let Some(info) = self.decoder.client.server() {
             let [a, b, ..] = info.sender.application;
             let v = info.sender.version();
             facts.push(format!("{} {a}.{b}, NatNet {v}", info.sender.name));
@@ -173,33 +166,31 @@ impl Source for NatNetSource {
                 format!("data by {way}, port {}", c.data_port)
             }));
         }
-        let names: Vec<_> = self.client.names().values().cloned().collect();
+        let names: Vec<_> = self.decoder.client.names().values().cloned().collect();
         facts.push(format!("rigid bodies: {}", if names.is_empty() { "none".to_owned() } else { names.join(", ") }));
-        let c = self.client.counters();
+        let c = self.decoder.client.counters();
         facts.push(format!("{} frames, {} missed, {} malformed", c.frames, c.missed, c.malformed));
         facts.extend(c.last_error.as_ref().map(|e| format!("last fault: {e}")));
-        if let Some(o) = self.estimate.offset() {
+        if let Some(o) = self.decoder.estimate.offset() {
             facts.push(format!("clock offset {:.6} s, known to {:.3} ms", o.offset, 1e3 * o.bound));
         }
         facts
     }
 }
 
-fn resolve(host: &str, port: u16) -> Result<SocketAddr> {
-    let mut found = (host, port).to_socket_addrs().with_context(|| format!("cannot find the host '{host}'"))?;
-    match found.find(SocketAddr::is_ipv4) {
-        Some(address) => Ok(address),
-        None => bail!("'{host}' has no IPv4 address, which NatNet needs"),
-    }
+fn resolve(host: &str, port: u16) -> Result<SocketAddr, TrackingError> {
+    let unknown = |error| TrackingError::Host { host: host.to_owned(), error };
+    let mut found = (host, port).to_socket_addrs().map_err(unknown)?;
+    found.find(SocketAddr::is_ipv4).ok_or_else(|| TrackingError::NoIpv4(host.to_owned()))
 }
 
 /// Our address on the interface that faces the server. Nothing is sent.
-fn facing(server: SocketAddr) -> Result<Ipv4Addr> {
+fn facing(server: SocketAddr) -> Result<Ipv4Addr, TrackingError> {
     let probe = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
-    probe.connect(server).with_context(|| format!("no network interface leads to {server}"))?;
+    probe.connect(server).map_err(|error| TrackingError::NoWay { server, error })?;
     match probe.local_addr()? {
         SocketAddr::V4(a) => Ok(*a.ip()),
-        SocketAddr::V6(a) => bail!("the interface {a} has no IPv4 address"),
+        SocketAddr::V6(a) => Err(TrackingError::NoIpv4(a.to_string())),
     }
 }
 
@@ -215,13 +206,18 @@ fn shared_socket(port: u16, group: Option<(Ipv4Addr, Ipv4Addr)>) -> std::io::Res
     Ok(socket)
 }
 
-fn listen(socket: UdpSocket, clock: Clock, sender: Sender<Arrived>, stop: Arc<AtomicBool>) -> Result<()> {
+fn listen(
+    socket: UdpSocket,
+    clock: Clock,
+    sender: Sender<Arrived>,
+    stop: Arc<AtomicBool>,
+) -> Result<(), TrackingError> {
     socket.set_read_timeout(Some(Duration::from_millis(100)))?;
     let read = move || {
         let mut buffer = vec![0u8; 65_536];
         while !stop.load(Ordering::Relaxed) {
             if let Ok((n, _)) = socket.recv_from(&mut buffer)
-                && sender.send((clock.now(), buffer[..n].to_vec())).is_err()
+                && sender.send((clock.nanos(), buffer[..n].to_vec())).is_err()
             {
                 return;
             }

@@ -1,8 +1,8 @@
 //! `monro track URL`: live poses with age and quality.
 
-use super::{Batch, Source};
 use anyhow::{Result, bail};
 use monro_guidance::clock::{Expiry, age};
+use monro_tracking::{Batch, Source};
 use monro_wire::{Quality, TimedPose};
 use serde_json::json;
 use std::collections::BTreeMap;

@@ -1,7 +1,6 @@
-//! `monro doctor`: why there is no data.
+//! Why there is no data.
 
-use super::Source;
-use anyhow::Result;
+use crate::{Source, TrackingError};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
@@ -9,7 +8,7 @@ use std::time::{Duration, Instant};
 ///
 /// # Errors
 /// When the source cannot go on.
-pub fn doctor(source: &mut dyn Source, wanted: &[&str], listen: Duration) -> Result<Vec<String>> {
+pub fn doctor(source: &mut dyn Source, wanted: &[&str], listen: Duration) -> Result<Vec<String>, TrackingError> {
     let begun = Instant::now();
     let (mut frames, mut tracked) = (0u64, BTreeMap::<String, (u64, u64)>::new());
     while begun.elapsed() < listen {

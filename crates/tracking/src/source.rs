@@ -1,7 +1,6 @@
 //! What all sources of poses have in common.
 
-use super::{Clock, Recorder, TrackerUrl, igtl, natnet, replay, sim};
-use anyhow::Result;
+use crate::{Clock, Recorder, TrackerUrl, TrackingError, igtl, natnet, replay, sim};
 use monro_guidance::clock::Offset;
 use monro_wire::TimedPose;
 use std::time::Duration;
@@ -21,7 +20,7 @@ pub trait Source: Send {
     ///
     /// # Errors
     /// When the source cannot go on.
-    fn next(&mut self, wait: Duration) -> Result<Option<Batch>>;
+    fn next(&mut self, wait: Duration) -> Result<Option<Batch>, TrackingError>;
 
     /// The time, s, on the clock of the poses' arrival.
     fn now(&self) -> f64;
@@ -37,13 +36,11 @@ pub trait Source: Send {
 ///
 /// # Errors
 /// When sockets or files cannot be opened.
-pub fn open(url: &TrackerUrl, clock: Clock, recorder: Option<Recorder>) -> Result<Box<dyn Source>> {
+pub fn open(url: &TrackerUrl, clock: Clock, recorder: Option<Recorder>) -> Result<Box<dyn Source>, TrackingError> {
     Ok(match url {
         TrackerUrl::NatNet(address) => Box::new(natnet::NatNetSource::open(address, clock, recorder)?),
-        TrackerUrl::OpenIgtLink { host, port } => {
-            Box::new(igtl::IgtlSource::open(host.clone(), *port, clock, recorder)?)
-        }
-        TrackerUrl::Replay { path, fast } => Box::new(replay::Replay::open(path, *fast)?),
+        TrackerUrl::OpenIgtLink(address) => Box::new(igtl::IgtlSource::open(address, clock, recorder)?),
+        TrackerUrl::Replay(address) => Box::new(replay::Replay::open(address)?),
         TrackerUrl::Sim => Box::new(sim::SimSource::new(clock)),
     })
 }

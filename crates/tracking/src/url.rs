@@ -1,6 +1,6 @@
 //! Where poses come from, as one word on the command line.
 
-use anyhow::{Context, Result, bail};
+use crate::TrackerUrlError;
 use monro_wire::natnet::{COMMAND_PORT, UpAxis, Version};
 use monro_wire::openigtlink::DEFAULT_PORT;
 use std::net::Ipv4Addr;
@@ -30,33 +30,47 @@ pub struct NatNetAddress {
     pub bitstream: Option<Version>,
 }
 
+/// An OpenIGTLink server.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct IgtlAddress {
+    /// Name or address.
+    pub host: String,
+    /// TCP port.
+    pub port: u16,
+    /// What to ask for by `STT_`, of a server that waits to be asked: `TDATA` or `QTDATA`.
+    pub start: Option<String>,
+}
+
+/// A recording.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReplayAddress {
+    /// The file.
+    pub path: PathBuf,
+    /// As fast as possible instead of as it was.
+    pub fast: bool,
+    /// Motive's up-axis setting of then.
+    pub up: UpAxis,
+    /// Version to read with, whatever the server said.
+    pub version: Option<Version>,
+}
+
 /// A source of poses.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum TrackerUrl {
     /// `natnet://host[:port]?interface=&multicast=&unicast=1&data_port=&up=z&version=&bitstream=`.
     NatNet(NatNetAddress),
-    /// `igtl://host[:port]`.
-    OpenIgtLink {
-        /// Name or address.
-        host: String,
-        /// TCP port.
-        port: u16,
-    },
-    /// `replay:FILE[?fast=1]`.
-    Replay {
-        /// The recording.
-        path: PathBuf,
-        /// As fast as possible instead of as it was.
-        fast: bool,
-    },
+    /// `igtl://host[:port]?start=TDATA`.
+    OpenIgtLink(IgtlAddress),
+    /// `replay:FILE?fast=1&up=z&version=`.
+    Replay(ReplayAddress),
     /// `sim:`, the built-in scene without a network.
     Sim,
 }
 
 impl FromStr for TrackerUrl {
-    type Err = anyhow::Error;
+    type Err = TrackerUrlError;
 
-    fn from_str(text: &str) -> Result<Self> {
+    fn from_str(text: &str) -> Result<Self, TrackerUrlError> {
         let (place, query) = text.split_once('?').unwrap_or((text, ""));
         let query = pairs(query)?;
         if let Some(rest) = place.strip_prefix("natnet://") {
@@ -64,30 +78,37 @@ impl FromStr for TrackerUrl {
         }
         if let Some(rest) = place.strip_prefix("igtl://") {
             let (host, port) = host_port(rest, DEFAULT_PORT)?;
-            known(&query, &[])?;
-            return Ok(Self::OpenIgtLink { host, port });
+            known(&query, &["start"])?;
+            let kind = |v: &str| matches!(v, "TDATA" | "QTDATA").then(|| v.to_owned());
+            let start = setting(&query, "start", "it is TDATA or QTDATA", kind)?;
+            return Ok(Self::OpenIgtLink(IgtlAddress { host, port, start }));
         }
         if let Some(path) = place.strip_prefix("replay:") {
-            known(&query, &["fast"])?;
-            return Ok(Self::Replay { path: path.into(), fast: flag(&query, "fast") });
+            known(&query, &["fast", "up", "version"])?;
+            return Ok(Self::Replay(ReplayAddress {
+                path: path.into(),
+                fast: flag(&query, "fast"),
+                up: up_axis(&query)?,
+                version: version(&query, "version")?,
+            }));
         }
         if place == "sim:" {
             return Ok(Self::Sim);
         }
-        bail!("'{text}' is no tracker; use natnet://HOST, igtl://HOST, replay:FILE or sim:")
+        Err(TrackerUrlError::Scheme(text.to_owned()))
     }
 }
 
 type Query<'a> = Vec<(&'a str, &'a str)>;
 
-fn pairs(query: &str) -> Result<Query<'_>> {
-    let split = |p| str::split_once(p, '=').with_context(|| format!("'{p}' in the tracker's address has no '='"));
+fn pairs(query: &str) -> Result<Query<'_>, TrackerUrlError> {
+    let split = |p| str::split_once(p, '=').ok_or_else(|| TrackerUrlError::NoValue(p.to_owned()));
     query.split('&').filter(|p| !p.is_empty()).map(split).collect()
 }
 
-fn known(query: &Query<'_>, names: &[&str]) -> Result<()> {
+fn known(query: &Query<'_>, names: &[&str]) -> Result<(), TrackerUrlError> {
     match query.iter().find(|(k, _)| !names.contains(k)) {
-        Some((k, _)) => bail!("'{k}' is no setting of this tracker; known are: {}", names.join(", ")),
+        Some((k, _)) => Err(TrackerUrlError::Setting { name: (*k).to_owned(), known: names.join(", ") }),
         None => Ok(()),
     }
 }
@@ -100,40 +121,49 @@ fn value<'a>(query: &Query<'a>, name: &str) -> Option<&'a str> {
     query.iter().find(|(k, v)| *k == name && !v.is_empty()).map(|(_, v)| *v)
 }
 
-fn parsed<T: FromStr>(query: &Query<'_>, name: &str) -> Result<Option<T>> {
-    let read = |v: &str| v.parse().ok().with_context(|| format!("{name}={v} cannot be read"));
-    value(query, name).map(read).transpose()
+/// A setting as `read` understands it; `wanted` says what that would be.
+fn setting<T>(
+    query: &Query<'_>,
+    name: &str,
+    wanted: &'static str,
+    read: impl Fn(&str) -> Option<T>,
+) -> Result<Option<T>, TrackerUrlError> {
+    let refused = |v: &str| TrackerUrlError::Value { name: name.to_owned(), value: v.to_owned(), wanted };
+    value(query, name).map(|v| read(v).ok_or_else(|| refused(v))).transpose()
 }
 
-fn version(query: &Query<'_>, name: &str) -> Result<Option<Version>> {
-    let read = |v: &str| Version::parse(v).with_context(|| format!("{name}={v} is no version such as 4.1"));
-    value(query, name).map(read).transpose()
+fn version(query: &Query<'_>, name: &str) -> Result<Option<Version>, TrackerUrlError> {
+    setting(query, name, "give a version such as 4.1", Version::parse)
 }
 
-fn host_port(text: &str, default: u16) -> Result<(String, u16)> {
+fn up_axis(query: &Query<'_>) -> Result<UpAxis, TrackerUrlError> {
+    Ok(setting(query, "up", "it is y or z", UpAxis::parse)?.unwrap_or_default())
+}
+
+fn host_port(text: &str, default: u16) -> Result<(String, u16), TrackerUrlError> {
     let text = text.trim_end_matches('/');
     let (host, port) = match text.rsplit_once(':') {
-        Some((h, p)) => (h, p.parse().with_context(|| format!("'{p}' is no port"))?),
+        Some((h, p)) => (h, p.parse().map_err(|_| TrackerUrlError::Port(p.to_owned()))?),
         None => (text, default),
     };
     if host.is_empty() {
-        bail!("the tracker's address names no host");
+        return Err(TrackerUrlError::NoHost);
     }
     Ok((host.to_owned(), port))
 }
 
-fn natnet(rest: &str, query: &Query<'_>) -> Result<NatNetAddress> {
+fn natnet(rest: &str, query: &Query<'_>) -> Result<NatNetAddress, TrackerUrlError> {
     known(query, &["interface", "multicast", "unicast", "data_port", "up", "version", "bitstream"])?;
     let (host, port) = host_port(rest, COMMAND_PORT)?;
-    let up = value(query, "up").map(|v| UpAxis::parse(v).with_context(|| format!("up={v} is neither y nor z")));
+    let ipv4 = |name| setting(query, name, "give an IPv4 address such as 192.168.1.5", |v| v.parse().ok());
     Ok(NatNetAddress {
         host,
         port,
-        data_port: parsed(query, "data_port")?,
-        interface: parsed(query, "interface")?,
-        multicast: parsed(query, "multicast")?,
+        data_port: setting(query, "data_port", "give a port from 0 to 65535", |v| v.parse().ok())?,
+        interface: ipv4("interface")?,
+        multicast: ipv4("multicast")?,
         unicast: flag(query, "unicast"),
-        up: up.transpose()?.unwrap_or_default(),
+        up: up_axis(query)?,
         version: version(query, "version")?,
         bitstream: version(query, "bitstream")?,
     })
@@ -158,8 +188,11 @@ mod tests {
         };
         assert_eq!((n.port, n.interface, n.unicast), (1600, Some(Ipv4Addr::new(10, 0, 0, 1)), true));
         assert_eq!((n.up, n.version, n.data_port), (UpAxis::Z, Some(Version::new(3, 0)), Some(9)));
-        assert_eq!(read("igtl://plus"), TrackerUrl::OpenIgtLink { host: "plus".to_owned(), port: 18944 });
-        assert_eq!(read("replay:a b.mnr?fast=1"), TrackerUrl::Replay { path: "a b.mnr".into(), fast: true });
+        let plus = |start| TrackerUrl::OpenIgtLink(IgtlAddress { host: "plus".to_owned(), port: 18944, start });
+        assert_eq!(read("igtl://plus"), plus(None));
+        assert_eq!(read("igtl://plus?start=TDATA"), plus(Some("TDATA".to_owned())));
+        let TrackerUrl::Replay(r) = read("replay:a b.mnr?fast=1&up=z") else { panic!("replay") };
+        assert_eq!((r.path, r.fast, r.up, r.version), ("a b.mnr".into(), true, UpAxis::Z, None));
         assert_eq!(read("sim:"), TrackerUrl::Sim);
     }
 

@@ -1,0 +1,114 @@
+//! From the bytes of a tracker to frames of poses. A live source and its recording go through the same decoder with the same
+//! arrival times, so both give the same poses bit for bit.
+
+use crate::Batch;
+use monro_guidance::clock::{ClockEstimate, Exchange};
+use monro_wire::TimedPose;
+use monro_wire::natnet::{Client, ClientOptions, Event, ServerInfo};
+use monro_wire::openigtlink::{IgtlError, Parser, poses};
+use std::collections::{BTreeMap, VecDeque};
+
+/// Frames are held back until their tools have names, but no longer than this, s.
+const PATIENCE_FOR_NAMES: f64 = 1.0;
+/// Exchanges with the server's clock that are looked back on, s.
+const CLOCK_WINDOW: f64 = 60.0;
+
+/// What a datagram of NatNet brought.
+#[derive(Debug)]
+pub(crate) enum Taken {
+    /// The server introduced itself.
+    Server(ServerInfo),
+    /// Poses.
+    Frame(Batch),
+    /// Nothing to hand on.
+    Nothing,
+}
+
+/// Reads datagrams of NatNet.
+#[derive(Debug)]
+pub(crate) struct NatNetDecoder {
+    pub(crate) client: Client,
+    pub(crate) estimate: ClockEstimate,
+    first_frame: Option<f64>,
+}
+
+impl NatNetDecoder {
+    pub(crate) fn new(options: ClientOptions) -> Self {
+        Self { client: Client::new(options), estimate: ClockEstimate::new(CLOCK_WINDOW), first_frame: None }
+    }
+
+    /// Takes a datagram that arrived at `arrival`, s. One that cannot be read is counted by the client.
+    pub(crate) fn take(&mut self, arrival: f64, bytes: &[u8]) -> Taken {
+        match self.client.receive(bytes, arrival) {
+            Ok(Some(Event::Server(info))) => return Taken::Server(info),
+            Ok(Some(Event::Echo(e))) => {
+                self.estimate.push(Exchange { sent: e.sent, other: e.server, received: e.received });
+            }
+            Ok(Some(Event::Frame(_, poses))) => {
+                let first = *self.first_frame.get_or_insert(arrival);
+                // Names come a moment after the first frames; a server that never tells them is listened to all the same.
+                if !self.client.names().is_empty() || arrival - first > PATIENCE_FOR_NAMES {
+                    return Taken::Frame(Batch { poses, clock: self.estimate.offset() });
+                }
+            }
+            _ => {}
+        }
+        Taken::Nothing
+    }
+}
+
+/// Reads a stream of OpenIGTLink.
+#[derive(Debug, Default)]
+pub(crate) struct IgtlDecoder {
+    parser: Parser,
+    ready: VecDeque<Batch>,
+    /// Messages of each type and device.
+    pub(crate) devices: BTreeMap<String, u64>,
+    /// Messages that could not be read, and why the last could not.
+    pub(crate) dropped: u64,
+    pub(crate) fault: Option<String>,
+}
+
+impl IgtlDecoder {
+    /// A new connection begins: what is unfinished of the last one is forgotten.
+    pub(crate) fn begin(&mut self) {
+        self.parser = Parser::default();
+    }
+
+    /// Takes a piece of the stream that arrived at `arrival`, s.
+    pub(crate) fn take(&mut self, arrival: f64, bytes: &[u8]) -> Result<(), IgtlError> {
+        self.parser.push(bytes);
+        while let Some(message) = self.parser.next_message() {
+            match message {
+                Ok(m) => {
+                    *self.devices.entry(format!("{} {}", m.content.type_name(), m.device)).or_default() += 1;
+                    self.add(poses(&m, arrival));
+                }
+                Err(error) if self.parser.is_broken() => return Err(error),
+                Err(error) => {
+                    self.dropped += 1;
+                    self.fault = Some(error.to_string());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Messages of one moment about different tools are one frame.
+    fn add(&mut self, poses: Vec<TimedPose>) {
+        let Some(first) = poses.first() else { return };
+        let same = |b: &&mut Batch| {
+            let time = b.poses.first().and_then(|p| p.source_time);
+            time.is_some() && time == first.source_time && !b.poses.iter().any(|p| p.name == first.name)
+        };
+        match self.ready.back_mut().filter(same) {
+            Some(batch) => batch.poses.extend(poses),
+            None => self.ready.push_back(Batch { poses, clock: None }),
+        }
+    }
+
+    /// The next frame.
+    pub(crate) fn next(&mut self) -> Option<Batch> {
+        self.ready.pop_front()
+    }
+}

@@ -1,0 +1,32 @@
+//! Where poses come from: NatNet and OpenIGTLink over sockets, recordings, a built-in scene; and fake trackers to play with.
+//!
+//! [`open`] turns a [`TrackerUrl`] into a [`Source`], which gives poses with the time of their arrival. What the bytes mean
+//! is `monro_wire`'s business; sockets, threads and the clock are here, and nobody else opens a tracker's socket.
+
+mod clock;
+mod decode;
+mod doctor;
+mod error;
+mod fake_igtl;
+mod fake_natnet;
+mod igtl;
+mod latency;
+mod natnet;
+mod record;
+mod replay;
+mod scene;
+mod sim;
+mod source;
+mod url;
+
+pub use clock::Clock;
+pub use doctor::doctor;
+pub use error::{TrackerUrlError, TrackingError};
+pub use fake_igtl::{IgtlFake, run_fake_igtl};
+pub use fake_natnet::{NatNetFake, run_fake_natnet};
+pub use igtl::tool_name;
+pub use latency::{Latencies, latencies};
+pub use record::Recorder;
+pub use scene::{CATHETER_TIP, Motion, STYLUS_TIP, Scene, SceneOptions, TOOLS};
+pub use source::{Batch, Source, open};
+pub use url::{IgtlAddress, NatNetAddress, ReplayAddress, TrackerUrl};
