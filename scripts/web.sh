@@ -44,7 +44,7 @@ test() {
   build
   browser
   # The whole workspace, so that features and hence dependencies are those of the tests, built already.
-  cargo build --locked --workspace --example serve_ellipsoid
+  cargo build --locked --workspace --example serve_ellipsoid --example deformed_slice
   node web/tests/run.mjs "$target/debug/examples/serve_ellipsoid"
 }
 

@@ -2,6 +2,11 @@
 
 export type Point = [number, number, number];
 
+export interface Rigid {
+  quaternion_wxyz: [number, number, number, number];
+  translation_mm: Point;
+}
+
 export interface Case {
   pseudonym: string;
   side: "left" | "right";
@@ -29,11 +34,26 @@ export interface Guidance {
   predicted_tre_mm: number | null;
   tip_lps_mm: Point | null;
   axis_lps: Point | null;
+  eye_right_lps: Point | null;
+  eye_up_lps: Point | null;
+  target_lps_mm: Point | null;
+  target_in_eye_mm: [number, number] | null;
+  display_from_patient: Rigid | null;
   target_shift_mm: number;
   largest_displacement_mm: number;
   solver_fault: boolean;
   time_s: number;
 }
+
+/** What can be drawn of the guidance. */
+export type Seen = Pick<Guidance,
+  "tip_lps_mm" | "axis_lps" | "eye_up_lps" | "target_lps_mm" | "target_in_eye_mm" | "predicted_tre_mm" | "display_from_patient">;
+
+/** Nothing is seen. */
+export const NOTHING: Seen = {
+  tip_lps_mm: null, axis_lps: null, eye_up_lps: null, target_lps_mm: null, target_in_eye_mm: null, predicted_tre_mm: null,
+  display_from_patient: null,
+};
 
 export interface Status {
   tracker: string;

@@ -1,7 +1,9 @@
 // Opens the session and keeps panel and stage up to date.
 
 import { Api, Unauthorized, type Case, type Status } from "./api";
+import { Budget, Counter, type Stages } from "./budget";
 import { controls } from "./controls";
+import { element } from "./dom";
 import { Panel } from "./panel";
 import type { Snapshot } from "./snapshot";
 import { Stream } from "./stream";
@@ -24,32 +26,11 @@ async function open(): Promise<{ api: Api; opened: Case }> {
   }
 }
 
-function write(id: string, text: string): void {
-  const element = document.getElementById(id);
-  if (element) element.textContent = text;
-}
-
 function describe(opened: Case, status: Status): void {
-  write("patient", opened.pseudonym);
-  write("side", `${opened.side.toUpperCase()} SIDE`);
-  write("tracker", status.simulated ? "Simulated tracker, exact registration" : status.tracker);
+  element("#patient").textContent = opened.pseudonym;
+  element("#side").textContent = `${opened.side.toUpperCase()} SIDE`;
+  element("#tracker").textContent = status.simulated ? "Simulated tracker, exact registration" : status.tracker;
   document.title = `${opened.pseudonym} · Monro`;
-}
-
-/** Counts events a second. */
-class Counter {
-  #count = 0;
-  #sum = 0;
-  tick(ms = 0): void {
-    this.#count++;
-    this.#sum += ms;
-  }
-  /** Mean, and count since the last call. */
-  take(): [count: number, mean: number] {
-    const out: [number, number] = [this.#count, this.#count ? this.#sum / this.#count : 0];
-    this.#count = this.#sum = 0;
-    return out;
-  }
 }
 
 async function main(): Promise<void> {
@@ -59,10 +40,12 @@ async function main(): Promise<void> {
   const images = opened.has_ct ? await api.container("/api/ct") : null;
   const stage = new Stage(await api.container("/api/scene"), images);
   controls(stage);
-  const [frames, snapshots] = [new Counter(), new Counter()];
+  const stages: Stages = { take: new Counter(), draw: new Counter() };
+  const budget = new Budget();
   let waiting: Snapshot | undefined;
   const stream = new Stream(api, (s) => (waiting = s), (error) => {
     panel.gone();
+    stage.see();
     if (error instanceof Unauthorized) location.reload();
   });
   const frame = (): void => {
@@ -71,17 +54,18 @@ async function main(): Promise<void> {
       stage.take(waiting);
       panel.show(waiting.guidance);
       waiting = undefined;
-      snapshots.tick();
+      stages.take.tick(performance.now() - start);
       stream.next();
     }
-    if (stage.draw()) frames.tick(performance.now() - start);
+    const drawing = performance.now();
+    if (stage.draw()) stages.draw.tick(performance.now() - drawing);
     requestAnimationFrame(frame);
   };
   requestAnimationFrame(frame);
-  setInterval(() => {
-    const [[drawn, ms], [taken]] = [frames.take(), snapshots.take()];
-    api.status().then((s) => panel.budget(s, drawn, taken, ms), () => undefined);
-  }, BUDGET_MS);
+  // A question that fails is asked again; that the server is gone is said by the stream.
+  setInterval(() => api.status().then((s) => budget.show(s, stages), () => undefined), BUDGET_MS);
+  // For the console, and for tests that compare what is drawn with the API.
+  Object.assign(window, { monro: { stage } });
 }
 
 void main();

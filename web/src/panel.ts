@@ -1,6 +1,7 @@
 // The guidance panel. Live, stale and lost differ in colour, shape and text; numbers vanish when lost.
 
-import type { Guidance, Status } from "./api";
+import type { Guidance } from "./api";
+import { element, make, write } from "./dom";
 
 const SHAPES = {
   live: "M12 2a10 10 0 1 0 0 20 10 10 0 0 0 0-20z",
@@ -28,30 +29,21 @@ const ROWS: Row[] = [
   ["depth", "Depth", (g) => mm(g.depth_mm)],
   ["miss", "Line misses target by", (g) => mm(g.miss_mm)],
   ["ventricle", "In ventricle", (g) => (g.in_ventricle === null ? null : g.in_ventricle ? "yes" : "no")],
-  ["tip", "Tip in", (g) => (g.in_ventricle === null ? null : (g.tip_in ?? "outside the brain").replaceAll("_", " "))],
+  ["tip", "Tip in", (g) => (g.in_ventricle === null ? null : (g.tip_in ?? "no brain").replaceAll("_", " "))],
   ["grade", "Predicted Kakarla grade", (g) => g.kakarla_grade?.toString() ?? null],
   ["tre", "Predicted TRE", (g) => (g.state === "lost" ? null : mm(g.predicted_tre_mm))],
 ];
 
-function element<T extends HTMLElement>(selector: string): T {
-  const found = document.querySelector<T>(selector);
-  if (!found) throw new Error(`The page has no ${selector}.`);
-  return found;
-}
-
 export class Panel {
   readonly #signal = element("#signal");
-  readonly #budget = element("#budget");
+  readonly #atTip = element("#tip-distance");
   readonly #cells: HTMLElement[];
 
   constructor() {
     const list = element("#numbers");
     this.#cells = ROWS.map(([id, label], i) => {
-      const [term, value] = [document.createElement("dt"), document.createElement("dd")];
-      term.textContent = label;
-      value.id = `n-${id}`;
-      for (const e of [term, value]) e.classList.toggle("first", i === 0);
-      list.append(term, value);
+      const [term, value] = [make("dt", { textContent: label }), make("dd", { id: `n-${id}` })];
+      list.append(make("div", { className: i === 0 ? "first" : "" }, term, value));
       return value;
     });
   }
@@ -59,23 +51,17 @@ export class Panel {
   show(guidance: Guidance): void {
     ROWS.forEach(([, , text], i) => {
       const cell = this.#cells[i];
-      const shown = text(guidance) ?? "–";
-      if (cell && cell.textContent !== shown) cell.textContent = shown;
+      if (cell) write(cell, text(guidance) ?? "–");
     });
+    write(this.#atTip, mm(guidance.distance_to_target_mm) ?? "");
     this.#state(guidance.state, PHASES[guidance.phase], guidance.age_ms);
   }
 
   /** No connection: nothing that is shown can be trusted. */
   gone(): void {
-    for (const cell of this.#cells) cell.textContent = "–";
+    for (const cell of this.#cells) write(cell, "–");
+    write(this.#atTip, "");
     this.#state("lost", "No connection to the server", null);
-  }
-
-  budget(status: Status, framesPerSecond: number, snapshotsPerSecond: number, drawMs: number): void {
-    this.#budget.textContent =
-      `tracking ${status.tracking_hz.toFixed(0)} Hz · soft body ${status.deformation_hz.toFixed(0)} Hz` +
-      ` (${status.deformation_ms.toFixed(1)} ms)\nsnapshots ${snapshotsPerSecond.toFixed(0)} Hz · ` +
-      `screen ${framesPerSecond.toFixed(0)} Hz (${drawMs.toFixed(1)} ms) · displays ${status.displays}`;
   }
 
   #state(state: Guidance["state"], phase: string, age: number | null): void {

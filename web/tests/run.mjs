@@ -5,6 +5,7 @@ import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { createInterface } from "node:readline";
 import { launch } from "./chromium.mjs";
+import { deformedSlices } from "./deformed.mjs";
 
 const SHOTS = process.env.SHOTS;
 const [command, ...args] = process.argv.slice(2);
@@ -14,10 +15,11 @@ if (!command) {
 }
 
 const server = spawn(command, args, { stdio: ["ignore", "pipe", "inherit"] });
-const { url, token } = JSON.parse(await new Promise((resolve, reject) => {
+const served = JSON.parse(await new Promise((resolve, reject) => {
   createInterface(server.stdout).once("line", resolve);
   server.once("exit", (code) => reject(new Error(`the server ended with ${code}`)));
 }));
+const { url, token } = served;
 const browser = await launch();
 
 async function api(path, body) {
@@ -87,6 +89,7 @@ const tests = {
 
   async "a drag in a slice moves the crosshair and ends the following"(p) {
     const label = p.locator("#axial output");
+    await p.getByRole("button", { name: "Slices", exact: true }).click();
     const box = await p.locator("#coronal").boundingBox();
     const before = await label.textContent();
     await p.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
@@ -95,14 +98,30 @@ const tests = {
     await p.mouse.up();
     const after = await label.textContent();
     assert.notEqual(after, before);
-    assert.equal(await p.locator("#follow input").isChecked(), false);
+    assert.equal(await p.getByLabel("follows the tip").isChecked(), false);
     await p.locator("#axial").focus();
     await p.keyboard.press("PageDown");
     assert.notEqual(await label.textContent(), after);
     await p.getByRole("button", { name: "Bone" }).click();
     await p.waitForTimeout(300);
     await shot(p, "bone");
-    await p.locator("#follow input").check();
+    await p.getByLabel("follows the tip").check();
+  },
+
+  async "the slices show the CT deformed with the tissue, as the software renderer makes it"(p) {
+    await p.getByRole("button", { name: "Brain", exact: true }).click();
+    await until("the catheter at the target", async () => (await api("/api/guidance")).distance_to_target_rigid_mm < 0.5);
+    await api("/api/tracker", { paused: true });
+    await until("lost", async () => (await text(p, "#signal span")) === "Lost");
+    for (const { name, deformed, asScanned, compared } of await deformedSlices(p, browser, served.case)) {
+      console.log(`      ${name}: ${compared} pixels; grey levels off, mean ${deformed.mean.toFixed(3)}, as scanned ${asScanned.mean.toFixed(3)}; more than 4 off ${deformed.beyond.toFixed(5)}, as scanned ${asScanned.beyond.toFixed(5)}`);
+      assert.ok(compared > 20_000, `${name}: ${compared} pixels compared`);
+      // A grey level is 0.3 HU here; the GPU's filter weights have 8 bits, the CT's edges are 1000 HU in 2.6 mm.
+      assert.ok(deformed.beyond < 0.0015 && deformed.mean < 0.05, `${name}, deformed: ${JSON.stringify(deformed)}`);
+      assert.ok(asScanned.beyond > 3 * deformed.beyond, `${name}, as scanned: ${JSON.stringify(asScanned)}`);
+    }
+    await api("/api/tracker", { paused: false });
+    await until("live again", async () => (await text(p, "#signal span")) === "Live");
   },
 
   async "a dark tracker is lost: the numbers vanish, and come back with it"(p) {

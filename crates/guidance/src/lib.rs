@@ -6,6 +6,7 @@
 pub mod calibration;
 pub mod clock;
 mod covariance;
+mod eye;
 mod kakarla;
 mod linear;
 mod needle;
@@ -17,6 +18,7 @@ pub mod registration;
 pub mod simulation;
 
 pub use covariance::Covariance;
+pub use eye::TargetEye;
 pub use kakarla::{Kakarla, TipSite};
 pub use needle::{NeedleError, NeedlePose, Reading, TargetReading, skull_angle};
 pub use plan::{Plan, PlanError, Side};

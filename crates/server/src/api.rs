@@ -31,6 +31,7 @@ pub(crate) fn routes() -> Router<Arc<Shared>> {
         .route("/api/ct", get(ct))
         .route("/api/ticket", post(ticket))
         .route("/api/session", post(event))
+        .route("/api/glasses", post(glasses))
         .route("/api/tracker", post(tracker))
         .route("/api/{*rest}", get(unknown).post(unknown))
 }
@@ -126,6 +127,28 @@ async fn event(State(shared): State<Arc<Shared>>, body: Result<Json<EventRequest
         Ok(Ok(phase)) => Json(json!({ "phase": phase.name() })).into_response(),
         Ok(Err(refusal)) => refuse(StatusCode::CONFLICT, &refusal.to_string()),
         Err(e) => refuse(StatusCode::UNPROCESSABLE_ENTITY, e),
+    }
+}
+
+/// From the tracked body of glasses to the eye.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GlassesRequest {
+    quaternion_wxyz: [f64; 4],
+    translation_mm: [f64; 3],
+}
+
+async fn glasses(State(shared): State<Arc<Shared>>, body: Result<Json<GlassesRequest>, JsonRejection>) -> Response {
+    let Json(request) = match body {
+        Ok(json) => json,
+        Err(e) => return refuse(e.status(), &e.body_text()),
+    };
+    match Rigid::from_quaternion(request.quaternion_wxyz, Vector::from_array(request.translation_mm)) {
+        Some(display_from_glasses) => {
+            shared.live.wear(display_from_glasses);
+            Json(json!({ "worn": true })).into_response()
+        }
+        None => refuse(StatusCode::UNPROCESSABLE_ENTITY, "the quaternion has no length, or a number is not finite"),
     }
 }
 

@@ -1,4 +1,5 @@
-//! What a display gets once: the surfaces with their bindings to the nodes, the plan, the CT.
+//! What a display gets once: the surfaces with their bindings to the nodes, the tetrahedra, the plan, the
+//! CT.
 
 use crate::container::Arrays;
 use crate::{ServeError, half};
@@ -11,7 +12,7 @@ use std::path::Path;
 /// Voxels sent at most; a finer CT is thinned, for the memory of tablets.
 const MOST_VOXELS: usize = 1 << 25;
 
-/// The surfaces and the plan.
+/// The surfaces, the simulated mesh and the plan.
 ///
 /// # Errors
 /// When a surface cannot be bound to the mesh.
@@ -26,6 +27,9 @@ pub(crate) fn scene(case: &Case) -> Result<Vec<u8>, ServeError> {
     let header = json!({
         "surfaces": surfaces,
         "node_count": case.tets.vertices.len(),
+        "nodes_at": arrays.push(case.tets.vertices.iter().flat_map(floats)),
+        "tet_count": case.tets.tets.len(),
+        "tets_at": arrays.push(case.tets.tets.iter().flatten().map(|i| i.to_le_bytes())),
         "plan": plan(case),
     });
     Ok(arrays.finish(&header))

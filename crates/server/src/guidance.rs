@@ -1,9 +1,22 @@
 //! A snapshot as JSON: the numbers of `/api/guidance`, and the end of every binary snapshot. Angles in degrees here.
 
-use monro_geometry::{Patient, Point, Structure};
-use monro_guidance::Kakarla;
+use monro_geometry::{Display, Patient, Point, Rigid, Structure};
+use monro_guidance::{Kakarla, TargetEye};
 use monro_session::live::Snapshot;
 use serde::Serialize;
+
+/// A rigid map as JSON.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct Placement {
+    quaternion_wxyz: [f64; 4],
+    translation_mm: [f64; 3],
+}
+
+impl From<Rigid<Display, Patient>> for Placement {
+    fn from(map: Rigid<Display, Patient>) -> Self {
+        Self { quaternion_wxyz: map.quaternion_wxyz(), translation_mm: map.translation().to_array() }
+    }
+}
 
 /// What `/api/guidance` answers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -28,6 +41,15 @@ pub(crate) struct Guidance {
     predicted_tre_mm: Option<f64>,
     tip_lps_mm: Option<[f64; 3]>,
     axis_lps: Option<[f64; 3]>,
+    /// Right and up of the view along the catheter.
+    eye_right_lps: Option<[f64; 3]>,
+    eye_up_lps: Option<[f64; 3]>,
+    /// Where the tissue of the target is now.
+    target_lps_mm: Option<[f64; 3]>,
+    /// How far right of and above the catheter's line it is seen along the catheter.
+    target_in_eye_mm: Option<[f64; 2]>,
+    /// The patient seen from calibrated, tracked glasses.
+    display_from_patient: Option<Placement>,
     target_shift_mm: f64,
     largest_displacement_mm: f64,
     solver_fault: bool,
@@ -41,6 +63,7 @@ impl Guidance {
         let ms = |t: Option<f64>| t.map(|t| t * 1e3);
         let rigid = s.numbers.as_ref();
         let soft = rigid.and_then(|n| n.soft);
+        let eye = s.needle.as_ref().map(TargetEye::new);
         Self {
             phase: s.phase.name(),
             state: s.signal.name(),
@@ -58,6 +81,11 @@ impl Guidance {
             predicted_tre_mm: s.predicted_tre_mm,
             tip_lps_mm: s.needle.map(|n| n.tip().to_array()),
             axis_lps: s.needle.map(|n| n.axis().to_array()),
+            eye_right_lps: eye.map(|e| e.right().to_array()),
+            eye_up_lps: eye.map(|e| e.up().to_array()),
+            target_lps_mm: soft.map(|_| s.deformed.target.to_array()),
+            target_in_eye_mm: soft.and(eye).map(|e| e.see(s.deformed.target)),
+            display_from_patient: s.display_from_patient.map(Placement::from),
             target_shift_mm: s.deformed.target.distance(planned),
             largest_displacement_mm: s.deformed.largest_mm,
             solver_fault: s.deformed.fault,

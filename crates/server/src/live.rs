@@ -3,7 +3,7 @@
 use crate::clock::Clock;
 use crate::guidance::Guidance;
 use crate::rate::Rate;
-use monro_geometry::{Patient, Point};
+use monro_geometry::{Display, Patient, Point, Rigid, Tool};
 use monro_guidance::NeedlePose;
 use monro_session::live::{Deformed, Observation, Phase, Refusal, Session, SessionEvent, Snapshot};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -84,6 +84,12 @@ impl Live {
         let result = lock(&self.session).apply(event);
         self.tell();
         result
+    }
+
+    /// Takes the calibration of glasses.
+    pub(crate) fn wear(&self, display_from_glasses: Rigid<Display, Tool>) {
+        lock(&self.session).wear(display_from_glasses);
+        self.tell();
     }
 
     /// The catheter, and when it was seen.

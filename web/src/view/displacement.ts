@@ -1,4 +1,5 @@
-// Displacements of the simulation's nodes as a texture, so that surfaces are deformed where they are drawn.
+// The simulation's nodes: their displacements as a texture, so that surfaces are deformed where they are drawn, and their
+// places for the slices.
 
 import { DataTexture, FloatType, NearestFilter, RGBAFormat } from "three";
 import type { Snapshot } from "../snapshot";
@@ -8,11 +9,17 @@ export const ROW = 1024;
 
 export class Displacement {
   readonly texture: DataTexture;
+  /** Places of the nodes now, mm. */
+  readonly nodes: Float32Array;
+  /** Places of the nodes at rest, mm. */
+  readonly rest: Float32Array;
   readonly #data: Float32Array<ArrayBuffer>;
   #step = -1;
 
-  constructor(nodes: number) {
-    const rows = Math.max(1, Math.ceil(nodes / ROW));
+  constructor(rest: Float32Array) {
+    this.rest = rest;
+    this.nodes = rest.slice();
+    const rows = Math.max(1, Math.ceil(rest.length / 3 / ROW));
     this.#data = new Float32Array(4 * ROW * rows);
     this.texture = new DataTexture(this.#data, ROW, rows, RGBAFormat, FloatType);
     this.texture.minFilter = this.texture.magFilter = NearestFilter;
@@ -23,8 +30,13 @@ export class Displacement {
   take({ step, quantum, displacements }: Snapshot): boolean {
     if (step === this.#step) return false;
     this.#step = step;
-    for (let from = 0, to = 0; from < displacements.length; to += 4) {
-      for (let axis = 0; axis < 3; axis++) this.#data[to + axis] = (displacements[from++] ?? 0) * quantum;
+    if (displacements.length !== this.rest.length) throw new Error("The snapshot belongs to another mesh: reload the page.");
+    for (let from = 0, to = 0; from < displacements.length; to++) { // the fourth channel stays
+      for (let axis = 0; axis < 3; axis++, from++, to++) {
+        const moved = displacements[from]! * quantum;
+        this.#data[to] = moved;
+        this.nodes[from] = this.rest[from]! + moved;
+      }
     }
     this.texture.needsUpdate = true;
     return true;

@@ -56,30 +56,67 @@ in float vMoved;
 out vec4 pixel;
 void main() { pixel = vec4(gl_FrontFacing ? 0.0 : 1.0); }`;
 
-export const sliceVertex = `
+const CT = `
+precision highp sampler3D;
+uniform sampler3D ct;
+uniform mat4 voxelFromPatient;
+uniform vec3 dims;
+uniform vec2 window;
+uniform bool hasCt;
+vec3 grey(vec3 p) {
+  if (!hasCt) return vec3(0.0);
+  vec3 uvw = ((voxelFromPatient * vec4(p, 1.0)).xyz + 0.5) / dims;
+  if (any(lessThan(uvw, vec3(0.0))) || any(greaterThan(uvw, vec3(1.0)))) return vec3(0.0);
+  return vec3(clamp((texture(ct, uvw).r - window.x) / window.y + 0.5, 0.0, 1.0));
+}`;
+
+const PLANE = `
+uniform vec3 centre, right, up;
+uniform vec2 halfExtent;`;
+
+/** The whole slice, at rest. */
+export const stillVertex = `${PLANE}
+out vec3 from;
+void main() {
+  from = centre + right * position.x * halfExtent.x + up * position.y * halfExtent.y;
+  gl_Position = vec4(position.xy, 0.0, 1.0);
+}`;
+
+/** Elements cut by the plane (see TetCut). */
+export const tissueVertex = `${PLANE}
+in vec3 rest;
+out vec3 from;
+void main() {
+  from = rest;
+  gl_Position = vec4((position.xy - vec2(dot(centre, right), dot(centre, up))) / halfExtent, 0.0, 1.0);
+}`;
+
+/** The CT at the place where the tissue was at rest. */
+export const ctFragment = `${CT}
+in vec3 from;
+out vec4 pixel;
+void main() { pixel = vec4(grey(from), 1.0); }`;
+
+export const marksVertex = `
 out vec2 at;
 void main() {
   at = position.xy;
   gl_Position = vec4(position.xy, 0.0, 1.0);
 }`;
 
-/** One slice: CT in a window, outlines of the deformed structures, plan, target, catheter, crosshair. */
-export const sliceFragment = `
-precision highp sampler3D;
-uniform sampler3D ct;
-uniform mat4 voxelFromPatient;
-uniform vec3 dims;
-uniform vec2 window;
-uniform vec3 centre, right, up, normal, crosshair;
-uniform vec2 halfExtent;
+/** Over the CT: outlines of the deformed structures, plan, target, catheter, crosshair. Premultiplied. */
+export const marksFragment = `${PLANE}
+uniform vec3 normal, crosshair;
 uniform float mmPerPixel;
 uniform sampler2D brain, ventricles;
 uniform vec3 entry, target, tip, axis;
-uniform bool hasCt, hasNeedle;
+uniform bool hasNeedle, hasOutlines;
 in vec2 at;
 out vec4 pixel;
 
 float line(float distancePx, float width) { return 1.0 - smoothstep(width - 0.7, width + 0.7, distancePx); }
+
+void over(vec3 colour, float alpha) { pixel = pixel * (1.0 - alpha) + vec4(colour, 1.0) * alpha; }
 
 /// Distance in the plane to a segment seen along the normal, px; y: how far the nearest point is from the plane, mm.
 vec2 segment(vec3 p, vec3 a, vec3 b) {
@@ -99,28 +136,26 @@ float outline(sampler2D mask, vec2 uv) {
 }
 
 void main() {
+  pixel = vec4(0.0);
   vec3 p = centre + right * at.x * halfExtent.x + up * at.y * halfExtent.y;
-  vec3 c = vec3(0.0);
-  if (hasCt) {
-    vec3 uvw = ((voxelFromPatient * vec4(p, 1.0)).xyz + 0.5) / dims;
-    if (all(greaterThan(uvw, vec3(0.0))) && all(lessThan(uvw, vec3(1.0)))) {
-      c = vec3(clamp((texture(ct, uvw).r - window.x) / window.y + 0.5, 0.0, 1.0));
-    }
-  }
   vec2 uv = at * 0.5 + 0.5;
-  c = mix(c, vec3(0.90, 0.62, 0.0), 0.9 * outline(brain, uv));
-  c = mix(c, vec3(0.34, 0.71, 0.91), outline(ventricles, uv));
+  if (hasOutlines) {
+    over(vec3(0.90, 0.62, 0.0), 0.9 * outline(brain, uv));
+    over(vec3(0.34, 0.71, 0.91), outline(ventricles, uv));
+  }
   vec2 x = abs(vec2(dot(p - crosshair, right), dot(p - crosshair, up))) / mmPerPixel;
   float gap = step(9.0, max(x.x, x.y));
-  c = mix(c, vec3(0.55), 0.45 * gap * line(min(x.x, x.y), 0.6));
+  // An oblique plane need not hold the crosshair's point: it is fainter then.
+  float held = abs(dot(crosshair - centre, normal)) < 1.0 ? 0.45 : 0.2;
+  over(vec3(0.55), held * gap * line(min(x.x, x.y), 0.6));
   vec2 path = segment(p, entry, target);
-  c = mix(c, vec3(0.0, 0.85, 0.55), line(path.x, 1.0) * (path.y < 2.0 ? 1.0 : 0.35));
+  over(vec3(0.0, 0.85, 0.55), line(path.x, 1.0) * (path.y < 2.0 ? 1.0 : 0.35));
   float ring = length(vec2(dot(p - target, right), dot(p - target, up))) / mmPerPixel;
-  c = mix(c, vec3(0.0, 0.85, 0.55), line(abs(ring - 6.0), 1.0));
+  over(vec3(0.0, 0.85, 0.55), line(abs(ring - 6.0), 1.0));
   if (hasNeedle) {
     vec2 n = segment(p, tip, tip - 250.0 * axis);
     float shaft = max(1.5 / mmPerPixel, 1.2);
-    c = mix(c, vec3(1.0), line(n.x, shaft) * (n.y < 1.5 ? 1.0 : 0.3));
+    over(vec3(0.0), 0.8 * line(n.x, shaft + 1.2) * (n.y < 1.5 ? 1.0 : 0.3));
+    over(vec3(1.0), line(n.x, shaft) * (n.y < 1.5 ? 1.0 : 0.3));
   }
-  pixel = vec4(c, 1.0);
 }`;

@@ -1,113 +1,164 @@
-// One slice of the MPR: the CT, and the deformed surfaces cut by the plane.
+// One slice of the MPR: the CT, deformed with the tissue, and the deformed surfaces cut by the plane.
 
 import {
-  GLSL3, Mesh, OrthographicCamera, PlaneGeometry, Scene, ShaderMaterial, Vector2, Vector3, WebGLRenderTarget,
-  type WebGLRenderer,
+  BufferGeometry, CustomBlending, DoubleSide, DynamicDrawUsage, GLSL3, InterleavedBuffer, InterleavedBufferAttribute, Mesh, NoBlending,
+  OneFactor, OneMinusSrcAlphaFactor, OrthographicCamera, PlaneGeometry, Scene, ShaderMaterial, Vector2, Vector3,
+  WebGLRenderTarget, type IUniform, type WebGLRenderer,
 } from "three";
-import type { Guidance } from "../api";
+import type { Seen } from "../api";
 import type { Ct } from "./ct";
-import { sliceFragment, sliceVertex } from "./shaders";
+import { TetCut } from "./cut";
+import type { Displacement } from "./displacement";
+import { Plane, type Facing } from "./plane";
+import { ctFragment, marksFragment, marksVertex, stillVertex, tissueVertex } from "./shaders";
 import { maskMaterial, type SceneHeader, type Surface } from "./surfaces";
 
-export type SliceName = "axial" | "coronal" | "sagittal";
-
-/** Screen right and up in the patient (LPS), and what stands at the four sides: radiological convention. */
-const PLANES: Record<SliceName, { right: Vector3; up: Vector3; marks: [string, string, string, string] }> = {
-  axial: { right: new Vector3(1, 0, 0), up: new Vector3(0, -1, 0), marks: ["R", "L", "A", "P"] },
-  coronal: { right: new Vector3(1, 0, 0), up: new Vector3(0, 0, 1), marks: ["R", "L", "S", "I"] },
-  sagittal: { right: new Vector3(0, 1, 0), up: new Vector3(0, 0, 1), marks: ["A", "P", "S", "I"] },
-};
-
-const SIDES = ["left", "right", "top", "bottom"] as const;
 /** How much of the patient is seen at the start, from the middle to the nearer edge, mm. */
 const HALF_VIEW_MM = 115;
+const [NEAREST_MM, FARTHEST_MM] = [15, 300];
 const CUT = ["brain", "ventricles"] as const;
 
+/** What all slices share. */
+export interface Tissue {
+  header: SceneHeader;
+  surfaces: Surface[];
+  ct: Ct;
+  displacement: Displacement;
+  tets: Uint32Array;
+}
+
 export class Slice {
-  readonly right: Vector3;
-  readonly up: Vector3;
-  readonly normal: Vector3;
-  /** Middle of the view, patient mm. */
-  readonly centre: Vector3;
+  readonly plane: Plane;
+  readonly crosshair = new Vector3();
   halfViewMm = HALF_VIEW_MM;
   #dirty = true;
-  readonly #material: ShaderMaterial;
-  readonly #quad = new Scene();
+  readonly #shared: Tissue;
+  readonly #uniforms: Record<string, IUniform>;
+  readonly #still = new Scene();
+  readonly #tissue = new Scene();
+  readonly #marks = new Scene();
   readonly #flat = new OrthographicCamera();
   readonly #eye = new OrthographicCamera();
-  readonly #cuts: { scene: Scene; target: WebGLRenderTarget }[];
-  readonly #label: HTMLOutputElement;
+  readonly #tetCut: TetCut;
+  readonly #cutGeometry = new BufferGeometry();
+  readonly #outlines: { scene: Scene; target: WebGLRenderTarget }[];
 
-  constructor(pane: HTMLElement, name: SliceName, header: SceneHeader, surfaces: Surface[], ct: Ct | null) {
-    const plane = PLANES[name];
-    [this.right, this.up] = [plane.right, plane.up];
-    this.normal = plane.right.clone().cross(plane.up);
-    const brain = surfaces.find((s) => s.name === "brain") ?? surfaces[0];
+  constructor(facing: Facing, tissue: Tissue) {
+    const brain = tissue.surfaces.find((s) => s.name === "brain") ?? tissue.surfaces[0];
     brain?.mesh.geometry.computeBoundingBox();
-    this.centre = brain?.mesh.geometry.boundingBox?.getCenter(new Vector3()) ?? new Vector3();
-    this.#cuts = CUT.map((n) => cut(surfaces.find((s) => s.name === n)));
-    this.#material = material(header, ct, this.right, this.up, this.#cuts.map((c) => c.target));
-    this.#quad.add(new Mesh(new PlaneGeometry(2, 2), this.#material));
-    this.#label = marks(pane, name, plane.marks);
+    this.plane = new Plane(facing, brain?.mesh.geometry.boundingBox?.getCenter(new Vector3()) ?? new Vector3());
+    this.#shared = tissue;
+    this.#tetCut = new TetCut(tissue.displacement.rest, tissue.tets);
+    this.#outlines = CUT.map((n) => outlined(tissue.surfaces.find((s) => s.name === n)));
+    this.#uniforms = uniforms(tissue, this.plane, this.crosshair, this.#outlines.map((o) => o.target));
+    const quad = new PlaneGeometry(2, 2);
+    this.#still.add(new Mesh(quad, this.#material(stillVertex, ctFragment)));
+    this.#marks.add(new Mesh(quad, this.#material(marksVertex, marksFragment, true)));
+    const cut = new Mesh(this.#cutGeometry, this.#material(tissueVertex, ctFragment));
+    cut.frustumCulled = false;
+    this.#tissue.add(cut);
+  }
+
+  #material(vertexShader: string, fragmentShader: string, blended = false): ShaderMaterial {
+    const blending = blended
+      ? { blending: CustomBlending, blendSrc: OneFactor, blendDst: OneMinusSrcAlphaFactor, transparent: true }
+      : ({ blending: NoBlending } as const);
+    // Elements are seen from either side, and later ones lie where no earlier one is.
+    return new ShaderMaterial({
+      glslVersion: GLSL3, vertexShader, fragmentShader, uniforms: this.#uniforms, depthTest: false, depthWrite: false,
+      side: DoubleSide, ...blending,
+    });
   }
 
   #set(name: string, value: unknown): void {
-    const uniform = this.#material.uniforms[name];
+    const uniform = this.#uniforms[name];
     if (uniform) uniform.value = value;
   }
 
-  /** The tissue has moved: cut it anew. */
+  /** The tissue or the plane has moved: cut it anew. */
   touch(): void {
     this.#dirty = true;
   }
 
-  window(centre: number, width: number): void {
-    this.#set("window", new Vector2(centre, width));
+  /** Puts the crosshair at a point, and the plane through it unless it is held by the catheter. */
+  cross(p: Vector3, through: boolean): void {
+    const before = this.plane.offset;
+    if (through) this.plane.through(p);
+    this.crosshair.copy(p);
+    this.#dirty ||= Math.abs(this.plane.offset - before) > 1e-3;
   }
 
-  /** Puts the plane through a point. */
-  through(p: Vector3): void {
-    const before = this.centre.dot(this.normal);
-    this.centre.addScaledVector(this.normal, p.dot(this.normal) - before);
-    this.#set("crosshair", p.clone());
-    this.#dirty ||= Math.abs(this.centre.dot(this.normal) - before) > 1e-3;
-    const axis = this.normal.x ? "L" : this.normal.y ? "P" : "S";
-    const position = p.dot(this.normal) * Math.sign(this.normal.x + this.normal.y + this.normal.z);
-    this.#label.value = `${axis} ${position.toFixed(1)} mm`;
-  }
-
-  take(guidance: Guidance): void {
+  take(guidance: Seen): void {
     const { tip_lps_mm: tip, axis_lps: axis } = guidance;
     this.#set("hasNeedle", tip !== null && axis !== null);
     if (tip) this.#set("tip", new Vector3(...tip));
     if (axis) this.#set("axis", new Vector3(...axis));
   }
 
-  /** The patient point under a place of the pane (CSS px from its upper left corner). */
-  pick(x: number, y: number, width: number, height: number): Vector3 {
-    const mm = (2 * this.halfViewMm) / Math.min(width, height);
-    return this.centre.clone()
-      .addScaledVector(this.right, (x - width / 2) * mm)
-      .addScaledVector(this.up, (height / 2 - y) * mm);
+  setOutlines(shown: boolean): void {
+    this.#set("hasOutlines", shown);
   }
 
-  /** Cuts the surfaces, if they or the plane have moved; sizes in device px. */
+  /** Enlarges what is shown by 1 / factor, around a point that stays where it is. */
+  zoom(factor: number, around: Vector3): void {
+    const before = this.halfViewMm;
+    this.halfViewMm = Math.min(FARTHEST_MM, Math.max(NEAREST_MM, before * factor));
+    const offset = this.plane.offset;
+    this.plane.centre.sub(around).multiplyScalar(this.halfViewMm / before).add(around);
+    this.plane.centre.addScaledVector(this.plane.normal, offset - this.plane.offset);
+  }
+
+  /** Size of a pixel of a pane of this size, mm. */
+  mmPerPixel(width: number, height: number): number {
+    return (2 * this.halfViewMm) / Math.min(width, height);
+  }
+
+  /** The patient point under a place of the pane (CSS px from its upper left corner). */
+  pick(x: number, y: number, width: number, height: number): Vector3 {
+    const mm = this.mmPerPixel(width, height);
+    return this.plane.at((x - width / 2) * mm, (height / 2 - y) * mm);
+  }
+
+  /** Cuts tissue and surfaces, if they or the plane have moved; sizes in device px. */
   prepare(renderer: WebGLRenderer, width: number, height: number): void {
-    const mm = (2 * this.halfViewMm) / Math.min(width, height);
+    const mm = this.mmPerPixel(width, height);
     const half = new Vector2((width * mm) / 2, (height * mm) / 2);
     this.#set("halfExtent", half);
     this.#set("mmPerPixel", mm);
-    this.#set("centre", this.centre);
-    const resized = this.#cuts.some((c) => c.target.width !== width || c.target.height !== height);
-    if (!this.#dirty && !resized && this.#eye.top === half.y) return;
+    const resized = this.#outlines.some((o) => o.target.width !== width || o.target.height !== height);
+    const moved = !this.#eye.position.equals(this.plane.centre) || this.#eye.top !== half.y;
+    if (!this.#dirty && !resized && !moved) return;
+    if (this.#dirty) this.#cutTissue();
     this.#dirty = false;
+    this.#cutSurfaces(renderer, half, resized ? [width, height] : null);
+  }
+
+  #cutTissue(): void {
+    if (!this.#shared.ct.hasCt.value) return;
+    this.#tetCut.cut(this.#shared.displacement.nodes, this.plane);
+    const { data, count } = this.#tetCut;
+    let buffer = (this.#cutGeometry.attributes["position"] as InterleavedBufferAttribute | undefined)?.data;
+    if (buffer?.array !== data) {
+      buffer = new InterleavedBuffer(data, 5).setUsage(DynamicDrawUsage);
+      this.#cutGeometry.dispose();
+      this.#cutGeometry.setAttribute("position", new InterleavedBufferAttribute(buffer, 2, 0));
+      this.#cutGeometry.setAttribute("rest", new InterleavedBufferAttribute(buffer, 3, 2));
+    }
+    buffer.clearUpdateRanges();
+    buffer.addUpdateRange(0, 5 * count);
+    buffer.needsUpdate = true;
+    this.#cutGeometry.setDrawRange(0, count);
+  }
+
+  #cutSurfaces(renderer: WebGLRenderer, half: Vector2, size: [number, number] | null): void {
+    const { centre, up, normal } = this.plane;
     Object.assign(this.#eye, { left: -half.x, right: half.x, top: half.y, bottom: -half.y, near: 0, far: 600 });
-    this.#eye.position.copy(this.centre);
-    this.#eye.up.copy(this.up);
-    this.#eye.lookAt(this.centre.clone().sub(this.normal));
+    this.#eye.position.copy(centre);
+    this.#eye.up.copy(up);
+    this.#eye.lookAt(centre.clone().sub(normal));
     this.#eye.updateProjectionMatrix();
-    for (const { scene, target } of this.#cuts) {
-      if (resized) target.setSize(width, height);
+    for (const { scene, target } of this.#outlines) {
+      if (size) target.setSize(...size);
       renderer.setRenderTarget(target);
       renderer.clear();
       renderer.render(scene, this.#eye);
@@ -115,13 +166,15 @@ export class Slice {
     renderer.setRenderTarget(null);
   }
 
-  draw(renderer: WebGLRenderer): void {
-    renderer.render(this.#quad, this.#flat);
+  draw(renderer: WebGLRenderer, deformed: boolean): void {
+    renderer.render(this.#still, this.#flat);
+    if (deformed) renderer.render(this.#tissue, this.#flat);
+    renderer.render(this.#marks, this.#flat);
   }
 }
 
-/** The surface to be cut, in a scene of its own that shares the geometry. */
-function cut(surface: Surface | undefined): { scene: Scene; target: WebGLRenderTarget } {
+/** The surface to be outlined, in a scene of its own that shares the geometry. */
+function outlined(surface: Surface | undefined): { scene: Scene; target: WebGLRenderTarget } {
   const scene = new Scene();
   if (surface) {
     const texture = surface.mesh.material.uniforms["displacement"]?.value;
@@ -132,40 +185,14 @@ function cut(surface: Surface | undefined): { scene: Scene; target: WebGLRenderT
   return { scene, target: new WebGLRenderTarget(1, 1) };
 }
 
-function material(
-  header: SceneHeader, ct: Ct | null, right: Vector3, up: Vector3, cuts: WebGLRenderTarget[],
-): ShaderMaterial {
+function uniforms({ header, ct }: Tissue, plane: Plane, crosshair: Vector3, outlines: WebGLRenderTarget[]): Record<string, IUniform> {
   const { entry_lps_mm, target_lps_mm } = header.plan;
   const values: Record<string, unknown> = {
-    ct: ct?.texture ?? null,
-    hasCt: ct !== null,
-    voxelFromPatient: ct?.voxelFromPatient,
-    dims: ct?.dims ?? new Vector3(1, 1, 1),
-    window: new Vector2(40, 80),
-    centre: new Vector3(), right, up, normal: right.clone().cross(up), crosshair: new Vector3(),
-    halfExtent: new Vector2(1, 1),
-    mmPerPixel: 1,
-    brain: cuts[0]?.texture, ventricles: cuts[1]?.texture,
+    centre: plane.centre, right: plane.right, up: plane.up, normal: plane.normal, crosshair,
+    halfExtent: new Vector2(1, 1), mmPerPixel: 1,
+    brain: outlines[0]?.texture, ventricles: outlines[1]?.texture, hasOutlines: true,
     entry: new Vector3(...entry_lps_mm), target: new Vector3(...target_lps_mm),
-    tip: new Vector3(), axis: new Vector3(),
-    hasNeedle: false,
+    tip: new Vector3(), axis: new Vector3(), hasNeedle: false,
   };
-  const uniforms = Object.fromEntries(Object.entries(values).map(([name, value]) => [name, { value }]));
-  return new ShaderMaterial({
-    glslVersion: GLSL3, vertexShader: sliceVertex, fragmentShader: sliceFragment, uniforms, depthTest: false,
-  });
-}
-
-function marks(pane: HTMLElement, name: SliceName, letters: [string, string, string, string]): HTMLOutputElement {
-  const title = document.createElement("h2");
-  title.textContent = name[0]?.toUpperCase() + name.slice(1);
-  const label = document.createElement("output");
-  const letterMarks = SIDES.map((side, i) => {
-    const mark = document.createElement("span");
-    mark.className = `mark ${side}`;
-    mark.textContent = letters[i] ?? "";
-    return mark;
-  });
-  pane.append(title, ...letterMarks, label);
-  return label;
+  return { ...ct, ...Object.fromEntries(Object.entries(values).map(([name, value]) => [name, { value }])) };
 }

@@ -1,127 +1,146 @@
 // One WebGL context for all panes: they share the CT and the surfaces, and each is drawn into its own rectangle.
 
 import { Vector3, WebGLRenderer } from "three";
-import type { Container } from "../api";
+import { NOTHING, type Container, type Seen } from "../api";
+import { element } from "../dom";
 import type { Snapshot } from "../snapshot";
-import { ct, WINDOWS } from "./ct";
+import { ct } from "./ct";
 import { Displacement } from "./displacement";
-import { Slice, type SliceName } from "./slice";
+import { Eye } from "./eye";
+import type { Facing } from "./plane";
+import { Slice, type Tissue } from "./slice";
+import { SlicePane } from "./slice_pane";
 import { surfaces, type SceneHeader, type SurfaceName } from "./surfaces";
 import { World } from "./world";
 
-const SLICES: SliceName[] = ["axial", "coronal", "sagittal"];
-/** mm a slice moves by one click of the wheel or one key. */
-const STEP_MM = 1;
-
-function pane(id: string): HTMLElement {
-  const found = document.getElementById(id);
-  if (!found) throw new Error(`The page has no #${id}.`);
-  return found;
-}
+const SLICES: { id: string; title: string; facing: Facing; oblique: boolean }[] = [
+  { id: "axial", title: "Axial", facing: "axial", oblique: false },
+  { id: "coronal", title: "Coronal", facing: "coronal", oblique: false },
+  { id: "sagittal", title: "Sagittal", facing: "sagittal", oblique: false },
+  { id: "along-coronal", title: "Along, coronal", facing: "coronal", oblique: true },
+  { id: "along-sagittal", title: "Along, sagittal", facing: "sagittal", oblique: true },
+];
 
 export class Stage {
   /** Whether the crosshair follows the tip. */
   follow = true;
-  readonly #renderer: WebGLRenderer;
-  readonly #displacement: Displacement;
-  readonly #world: World;
-  readonly #slices: { pane: HTMLElement; slice: Slice }[];
+  /** Called when the user moves the crosshair, so that it stops following the tip. */
+  onFree: (() => void) | undefined;
+  readonly renderer: WebGLRenderer;
+  readonly tissue: Tissue;
+  readonly world: World;
+  readonly slices: SlicePane[];
+  readonly #eye: Eye;
   readonly #cross: Vector3;
+  readonly #axis: Vector3;
+  #deformed = true;
   #dirty = true;
 
   constructor(scene: Container, images: Container | null) {
-    const canvas = pane("stage") as HTMLCanvasElement;
-    this.#renderer = new WebGLRenderer({ canvas, antialias: true, alpha: false });
-    this.#renderer.autoClear = false;
-    const header = scene.header as SceneHeader;
-    this.#displacement = new Displacement(header.node_count);
-    const all = surfaces(scene, this.#displacement.texture);
-    const loaded = images ? ct(images) : null;
-    this.#world = new World(pane("scene"), header, all, () => (this.#dirty = true));
-    this.#cross = new Vector3(...header.plan.target_lps_mm);
-    this.#slices = SLICES.map((name) => {
-      const p = pane(name);
-      const slice = new Slice(p, name, header, all, loaded);
-      slice.through(this.#cross);
-      this.#listen(p, slice);
-      return { pane: p, slice };
-    });
+    const canvas = element<HTMLCanvasElement>("#stage");
+    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: false });
+    this.renderer.autoClear = false;
+    this.tissue = tissue(scene, images);
+    const { header } = this.tissue;
+    const [entry, target] = [new Vector3(...header.plan.entry_lps_mm), new Vector3(...header.plan.target_lps_mm)];
+    this.world = new World(element("#scene"), header, this.tissue.surfaces, () => (this.#dirty = true));
+    this.#eye = new Eye(element("#eye"), this.world);
+    this.#cross = target.clone();
+    this.#axis = target.sub(entry).normalize();
+    this.slices = SLICES.map(({ id, title, facing, oblique }) => this.#slice(id, title, facing, oblique));
+    this.#turn(this.#axis, this.#cross);
+    this.#place(this.#cross);
     new ResizeObserver(() => this.#resize(canvas)).observe(canvas);
     this.#resize(canvas);
   }
 
+  #slice(id: string, title: string, facing: Facing, oblique: boolean): SlicePane {
+    return new SlicePane(element(`#${id}`), title, new Slice(facing, this.tissue), oblique, {
+      cross: (p) => {
+        this.onFree?.();
+        this.#place(p);
+      },
+      crossed: () => this.#cross.clone(),
+      changed: () => (this.#dirty = true),
+    });
+  }
+
   #resize(canvas: HTMLCanvasElement): void {
-    this.#renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
-    this.#renderer.setSize(canvas.clientWidth, canvas.clientHeight, false);
-    this.#dirty = true;
-  }
-
-  #listen(p: HTMLElement, slice: Slice): void {
-    const pick = (e: PointerEvent): void => {
-      const box = p.getBoundingClientRect();
-      this.cross(slice.pick(e.clientX - box.left, e.clientY - box.top, box.width, box.height));
-    };
-    p.addEventListener("pointerdown", (e) => {
-      p.setPointerCapture(e.pointerId);
-      this.onFree?.();
-      pick(e);
-    });
-    p.addEventListener("pointermove", (e) => p.hasPointerCapture(e.pointerId) && pick(e));
-    p.addEventListener("wheel", (e) => {
-      e.preventDefault();
-      if (e.ctrlKey) this.#zoom(slice, Math.exp(e.deltaY / 300));
-      else this.#move(slice, Math.sign(e.deltaY));
-    }, { passive: false });
-    p.addEventListener("keydown", (e) => {
-      if (e.key === "PageUp" || e.key === "PageDown") this.#move(slice, e.key === "PageUp" ? -1 : 1);
-      else if (e.key === "+" || e.key === "-") this.#zoom(slice, e.key === "+" ? 0.9 : 1 / 0.9);
-      else return;
-      e.preventDefault();
-    });
-  }
-
-  /** Called when the user moves the crosshair, so that it stops following the tip. */
-  onFree: (() => void) | undefined;
-
-  #move(slice: Slice, steps: number): void {
-    this.onFree?.();
-    this.cross(this.#cross.clone().addScaledVector(slice.normal, steps * STEP_MM));
-  }
-
-  #zoom(slice: Slice, factor: number): void {
-    slice.halfViewMm = Math.min(300, Math.max(15, slice.halfViewMm * factor));
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.setSize(canvas.clientWidth, canvas.clientHeight, false);
     this.#dirty = true;
   }
 
   /** Puts the crosshair of all slices at a point. */
-  cross(p: Vector3): void {
+  #place(p: Vector3): void {
     this.#cross.copy(p);
-    this.#slices.forEach(({ slice }) => slice.through(p));
+    for (const s of this.slices) {
+      s.slice.cross(p, !s.oblique);
+      s.label();
+    }
     this.#dirty = true;
   }
 
-  window(name: keyof typeof WINDOWS): void {
-    const [centre, width] = WINDOWS[name];
-    this.#slices.forEach(({ slice }) => slice.window(centre, width));
+  /** Lays the oblique slices along the catheter, its tip in the middle. */
+  #turn(axis: Vector3, tip: Vector3): void {
+    this.#axis.copy(axis);
+    for (const [i, s] of this.slices.entries()) {
+      if (!s.oblique) continue;
+      s.slice.plane.along(axis, SLICES[i]!.facing);
+      s.slice.plane.centre.copy(tip);
+      s.slice.touch();
+      s.label();
+    }
+  }
+
+  window(centre: number, width: number): void {
+    this.tissue.ct.window.value.set(centre, width);
     this.#dirty = true;
   }
 
   setVisible(name: SurfaceName, visible: boolean): void {
-    this.#world.setVisible(name, visible);
+    this.world.setVisible(name, visible);
     this.#dirty = true;
   }
 
   setColoured(coloured: boolean): void {
-    this.#world.setColoured(coloured);
+    this.world.setColoured(coloured);
+    this.#dirty = true;
+  }
+
+  /** Whether the slices show the CT deformed with the tissue, or as it was scanned. */
+  setDeformed(deformed: boolean): void {
+    this.#deformed = deformed;
+    this.#dirty = true;
+  }
+
+  setOutlines(shown: boolean): void {
+    this.slices.forEach(({ slice }) => slice.setOutlines(shown));
     this.#dirty = true;
   }
 
   take(snapshot: Snapshot): void {
-    if (this.#displacement.take(snapshot)) this.#slices.forEach(({ slice }) => slice.touch());
-    this.#world.take(snapshot.guidance);
-    this.#slices.forEach(({ slice }) => slice.take(snapshot.guidance));
-    const tip = snapshot.guidance.tip_lps_mm;
-    if (this.follow && tip) this.cross(new Vector3(...tip));
+    if (this.tissue.displacement.take(snapshot)) this.slices.forEach(({ slice }) => slice.touch());
+    this.see(snapshot.guidance);
+  }
+
+  /** Shows catheter and target where they are seen, and not where they are not. */
+  see(seen: Seen = NOTHING): void {
+    this.world.take(seen);
+    this.#eye.take(seen);
+    this.slices.forEach(({ slice }) => slice.take(seen));
+    this.#followNeedle(seen);
+    this.#dirty = true;
+  }
+
+  #followNeedle({ tip_lps_mm: tip, axis_lps: axis }: Seen): void {
+    if (!tip || !axis) return;
+    this.#turn(new Vector3(...axis), new Vector3(...tip));
+    if (this.follow) this.#place(new Vector3(...tip));
+  }
+
+  /** The window's layout has changed. */
+  touch(): void {
     this.#dirty = true;
   }
 
@@ -129,29 +148,42 @@ export class Stage {
   draw(): boolean {
     if (!this.#dirty) return false;
     this.#dirty = false;
-    const r = this.#renderer;
+    const r = this.renderer;
+    const seen = this.slices.filter(({ pane }) => pane.clientWidth > 0);
     // Outlines always belong to the slice and the tissue that are shown, however slow the machine is.
-    for (const s of this.#slices) s.slice.prepare(r, ...this.#deviceSize(s.pane));
+    for (const { slice, pane } of seen) slice.prepare(r, ...this.#deviceSize(pane));
     r.setScissorTest(true);
-    this.#rectangle(pane("scene"), (aspect) => this.#world.draw(r, aspect));
-    this.#rectangle(pane("inset"), (aspect) => this.#world.drawInset(r, aspect));
-    for (const s of this.#slices) this.#rectangle(s.pane, () => s.slice.draw(r));
+    this.#rectangle(element("#scene"), (aspect) => this.world.draw(r, aspect));
+    this.#rectangle(element("#tip"), (aspect) => this.world.drawTip(r, aspect));
+    this.#rectangle(element("#eye"), (aspect) => this.#eye.draw(r, aspect));
+    for (const { slice, pane } of seen) this.#rectangle(pane, () => slice.draw(r, this.#deformed));
     r.setScissorTest(false);
     return true;
   }
 
   #deviceSize(p: HTMLElement): [number, number] {
-    const ratio = this.#renderer.getPixelRatio();
+    const ratio = this.renderer.getPixelRatio();
     return [Math.max(1, Math.round(p.clientWidth * ratio)), Math.max(1, Math.round(p.clientHeight * ratio))];
   }
 
   #rectangle(p: HTMLElement, draw: (aspect: number) => void): void {
-    const [box, stage] = [p.getBoundingClientRect(), this.#renderer.domElement.getBoundingClientRect()];
-    if (box.width < 1 || box.height < 1) return;
-    const rectangle = [box.left - stage.left, stage.bottom - box.bottom, box.width, box.height] as const;
-    this.#renderer.setViewport(...rectangle);
-    this.#renderer.setScissor(...rectangle);
-    this.#renderer.clear();
-    draw(box.width / box.height);
+    const [box, stage] = [p.getBoundingClientRect(), this.renderer.domElement.getBoundingClientRect()];
+    // Without the border, so that a slice has the pixels that it was cut for.
+    const [width, height] = [p.clientWidth, p.clientHeight];
+    if (width < 1 || height < 1) return;
+    const rectangle = [box.left + p.clientLeft - stage.left, stage.bottom - box.top - p.clientTop - height, width, height] as const;
+    this.renderer.setViewport(...rectangle);
+    this.renderer.setScissor(...rectangle);
+    this.renderer.clear();
+    draw(width / height);
   }
+}
+
+function tissue(scene: Container, images: Container | null): Tissue {
+  const header = scene.header as SceneHeader;
+  const displacement = new Displacement(scene.floats(header.nodes_at, 3 * header.node_count));
+  return {
+    header, displacement, ct: ct(images), tets: scene.words(header.tets_at, 4 * header.tet_count),
+    surfaces: surfaces(scene, displacement.texture),
+  };
 }

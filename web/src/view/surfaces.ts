@@ -21,6 +21,9 @@ interface SurfaceHeader {
 export interface SceneHeader {
   surfaces: SurfaceHeader[];
   node_count: number;
+  nodes_at: number;
+  tet_count: number;
+  tets_at: number;
   plan: { entry_lps_mm: Point; target_lps_mm: Point; length_mm: number; side: string };
 }
 

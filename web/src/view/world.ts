@@ -1,11 +1,12 @@
-// The 3D view: skin, brain, ventricles, planned path, catheter; and the inset around the tip.
+// The patient: skin, brain, ventricles, planned path, target, catheter. Seen in 3D, around the tip, along the catheter,
+// and through glasses.
 
 import {
-  CylinderGeometry, Mesh, MeshBasicMaterial, PerspectiveCamera, Quaternion, Scene, TorusGeometry, Vector3,
+  type Camera, CylinderGeometry, Group, Mesh, MeshBasicMaterial, PerspectiveCamera, Quaternion, Scene, SphereGeometry, TorusGeometry, Vector3,
   type WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-import type { Guidance, Point } from "../api";
+import type { Seen } from "../api";
 import type { SceneHeader, Surface, SurfaceName } from "./surfaces";
 
 const CATHETER_MM = 250;
@@ -13,8 +14,8 @@ const CATHETER_RADIUS_MM = 1.5;
 const PATH_RADIUS_MM = 0.7;
 /** Displacement that is shown white, mm. */
 const MOVED_SCALE_MM = 6;
-/** Distance of the inset's eye from the tip, mm. */
-const INSET_MM = 75;
+/** Distance of the eye from the tip in the view around it, mm. */
+const TIP_MM = 75;
 
 /** A rod from `from` to `to`; its geometry is one long along y. */
 function place(rod: Mesh, from: Vector3, to: Vector3): void {
@@ -30,25 +31,32 @@ function rod(radius: number, colour: string): Mesh {
 
 export class World {
   readonly camera = new PerspectiveCamera(35, 1, 10, 3000);
-  readonly #inset = new PerspectiveCamera(35, 1, 1, 1000);
-  readonly #scene = new Scene();
+  /** What is drawn; glasses add to it. */
+  readonly scene = new Scene();
+  /** Everything in patient mm; glasses place it in the room. */
+  readonly patient = new Group();
+  readonly #near = new PerspectiveCamera(35, 1, 1, 1000);
   readonly #surfaces: Surface[];
   readonly #catheter = rod(CATHETER_RADIUS_MM, "#ffffff");
+  readonly #target = new Mesh(new SphereGeometry(1.5, 16, 12), new MeshBasicMaterial({ color: "#f0e442" }));
   readonly #controls: OrbitControls;
   #tip: Vector3;
   #axis: Vector3;
 
   constructor(pane: HTMLElement, header: SceneHeader, surfaces: Surface[], onChange: () => void) {
     this.#surfaces = surfaces;
-    surfaces.forEach((s) => this.#scene.add(s.mesh));
+    this.patient.matrixAutoUpdate = false;
+    this.scene.add(this.patient);
+    surfaces.forEach((s) => this.patient.add(s.mesh));
     const { entry_lps_mm, target_lps_mm } = header.plan;
     const [entry, target] = [new Vector3(...entry_lps_mm), new Vector3(...target_lps_mm)];
     const path = rod(PATH_RADIUS_MM, "#00d98c");
     place(path, entry, target);
     this.#axis = target.clone().sub(entry).normalize();
     this.#tip = entry.clone();
-    this.#catheter.visible = false;
-    this.#scene.add(path, this.#catheter, this.#ring(entry), this.#ring(target));
+    this.#target.position.copy(target);
+    this.#catheter.visible = this.#target.visible = false;
+    this.patient.add(path, this.#catheter, this.#target, this.#ring(entry), this.#ring(target));
     this.#controls = this.#look(pane, target, header.plan.side);
     this.#controls.addEventListener("change", onChange);
   }
@@ -86,32 +94,55 @@ export class World {
     }
   }
 
-  take(guidance: Guidance): void {
-    const { tip_lps_mm: tip, axis_lps: axis } = guidance;
+  take({ tip_lps_mm: tip, axis_lps: axis, target_lps_mm: target }: Seen): void {
     this.#catheter.visible = tip !== null && axis !== null;
+    this.#target.visible = target !== null;
+    if (target) this.#target.position.set(...target);
     if (!tip || !axis) return;
-    this.#tip = new Vector3(...(tip as Point));
-    this.#axis = new Vector3(...(axis as Point));
+    this.#tip = new Vector3(...tip);
+    this.#axis = new Vector3(...axis);
     place(this.#catheter, this.#tip, this.#tip.clone().addScaledVector(this.#axis, -CATHETER_MM));
+  }
+
+  /** Tip and direction of the catheter, last seen, in patient mm. */
+  get needle(): { tip: Vector3; axis: Vector3; seen: boolean } {
+    return { tip: this.#tip, axis: this.#axis, seen: this.#catheter.visible };
+  }
+
+  /** The end of the catheter as it is drawn, in the scene. */
+  drawnTip(): Vector3 {
+    return this.#catheter.localToWorld(new Vector3(0, 0.5, 0));
   }
 
   draw(renderer: WebGLRenderer, aspect: number): void {
     this.camera.aspect = aspect;
     this.camera.updateProjectionMatrix();
-    renderer.render(this.#scene, this.camera);
+    renderer.render(this.scene, this.camera);
   }
 
   /** Around the tip, seen from where the main view's eye is. Skin is left out. */
-  drawInset(renderer: WebGLRenderer, aspect: number): void {
-    const eye = this.camera.position.clone().sub(this.#controls.target).normalize().multiplyScalar(INSET_MM);
-    this.#inset.aspect = aspect;
-    this.#inset.up.copy(this.camera.up);
-    this.#inset.position.copy(this.#tip).add(eye);
-    this.#inset.lookAt(this.#tip);
-    this.#inset.updateProjectionMatrix();
-    const hidden = this.#surfaces.filter((s) => !s.soft && s.mesh.visible);
+  drawTip(renderer: WebGLRenderer, aspect: number): void {
+    const eye = this.camera.position.clone().sub(this.#controls.target).normalize().multiplyScalar(TIP_MM);
+    this.#near.aspect = aspect;
+    this.#near.up.copy(this.camera.up);
+    this.#near.position.copy(this.#tip).add(eye);
+    this.#near.lookAt(this.#tip);
+    this.#near.updateProjectionMatrix();
+    this.#without((s) => !s.soft, () => renderer.render(this.scene, this.#near));
+  }
+
+  /** Ventricles and target only. */
+  drawInside(renderer: WebGLRenderer, camera: Camera): void {
+    const seen = this.#catheter.visible;
+    this.#catheter.visible = false;
+    this.#without((s) => s.name !== "ventricles", () => renderer.render(this.scene, camera));
+    this.#catheter.visible = seen;
+  }
+
+  #without(left: (s: Surface) => boolean, draw: () => void): void {
+    const hidden = this.#surfaces.filter((s) => left(s) && s.mesh.visible);
     hidden.forEach((s) => (s.mesh.visible = false));
-    renderer.render(this.#scene, this.#inset);
+    draw();
     hidden.forEach((s) => (s.mesh.visible = true));
   }
 }

@@ -26,7 +26,8 @@ impl ScriptSource {
     /// Brings the session to navigation and lays the catheter ready.
     pub(crate) fn begin(live: Arc<Live>, plan: Plan) -> Result<Box<dyn Source>, Refusal> {
         let script = Script::new(plan);
-        let ScriptTruth { calibration, registration } = script.truth();
+        let ScriptTruth { calibration, registration, display_from_glasses } = script.truth();
+        live.wear(display_from_glasses);
         for event in [
             SessionEvent::Calibrated(calibration),
             SessionEvent::Registered(registration),

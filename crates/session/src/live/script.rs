@@ -3,7 +3,7 @@
 
 use super::{Calibration, Observation, Registration};
 use core::f64::consts::TAU;
-use monro_geometry::{Patient, Point, Rigid, Tool, Tracker, Vector};
+use monro_geometry::{Display, Patient, Point, Rigid, Tool, Tracker, Vector};
 use monro_guidance::Plan;
 
 /// Height of the tip above the entry at the start of a round, mm.
@@ -18,6 +18,8 @@ const HOLD_S: f64 = 4.0;
 const START_ANGLE: f64 = 0.2;
 /// Tip of the catheter in its tracked body, mm.
 const TIP_MM: f64 = -180.0;
+/// From the eye of the surgeon to the entry, mm.
+const EYE_MM: f64 = 500.0;
 
 /// The scripted hand and the tracker that watches it.
 #[derive(Debug, Clone)]
@@ -33,6 +35,8 @@ pub struct ScriptTruth {
     pub calibration: Calibration,
     /// The patient. Its predicted error is 0: a scripted tracker measures nothing.
     pub registration: Registration,
+    /// The glasses.
+    pub display_from_glasses: Rigid<Display, Tool>,
 }
 
 impl Script {
@@ -48,7 +52,7 @@ impl Script {
         let calibration = Calibration { tip: Point::new(0.0, 0.0, TIP_MM), axis: Vector::new(0.0, 0.0, -1.0) };
         let registration =
             Registration { patient_from_reference: self.patient_from_reference, predicted_tre_mm: Some(0.0) };
-        ScriptTruth { calibration, registration }
+        ScriptTruth { calibration, registration, display_from_glasses: display_from_glasses() }
     }
 
     /// Time of one round, s.
@@ -74,17 +78,29 @@ impl Script {
         }
     }
 
-    /// What the tracker sees at `time_s` (s): the catheter and the reference.
-    pub fn observations(&self, time_s: f64) -> [Observation; 2] {
+    /// What the tracker sees at `time_s` (s): the catheter, the reference, and the glasses of a surgeon who looks along the
+    /// path.
+    pub fn observations(&self, time_s: f64) -> [Observation; 3] {
         let tracker_from_reference = reference(time_s);
         let patient_from_catheter = self.patient_from_catheter(time_s);
         let reference_from_catheter = self.patient_from_reference.inverse().after(&patient_from_catheter);
         let tracker_from_catheter = tracker_from_reference.after(&reference_from_catheter);
-        [("Reference", tracker_from_reference), ("Catheter", tracker_from_catheter)].map(|(name, pose)| Observation {
-            name: name.to_owned(),
-            time_s,
-            tracker_from_tool: Some(pose),
-        })
+        let reference_from_display = self.patient_from_reference.inverse().after(&self.patient_from_display());
+        let tracker_from_display = tracker_from_reference.after(&reference_from_display);
+        let tracker_from_glasses = tracker_from_display.after(&display_from_glasses());
+        let seen = [
+            ("Reference", tracker_from_reference),
+            ("Catheter", tracker_from_catheter),
+            ("Glasses", tracker_from_glasses),
+        ];
+        seen.map(|(name, pose)| Observation { name: name.to_owned(), time_s, tracker_from_tool: Some(pose) })
+    }
+
+    fn patient_from_display(&self) -> Rigid<Patient, Display> {
+        let (ahead, path) = (Vector::<Patient>::new(0.0, 0.0, -1.0), self.plan.direction());
+        let axis = ahead.cross(path).normalized().unwrap_or(Vector::new(1.0, 0.0, 0.0));
+        let at = self.plan.at_depth(-EYE_MM) - Point::ORIGIN;
+        Rigid::from_axis_angle(axis, ahead.angle(path), at).unwrap_or(Rigid::IDENTITY)
     }
 
     fn patient_from_catheter(&self, time_s: f64) -> Rigid<Patient, Tool> {
@@ -103,6 +119,12 @@ impl Script {
         let offset = tip - rotation.point(Point::new(0.0, 0.0, TIP_MM));
         Rigid::from_quaternion(rotation.quaternion_wxyz(), offset).unwrap_or(rotation)
     }
+}
+
+/// The tracked body sits beside the right temple, askew.
+fn display_from_glasses() -> Rigid<Display, Tool> {
+    let askew = Rigid::from_axis_angle(Vector::new(0.6, 0.2, -0.4), 0.7, Vector::new(70.0, 25.0, -10.0));
+    askew.unwrap_or(Rigid::IDENTITY)
 }
 
 /// The patient's reference drifts a little, as on a table that is leant against.

@@ -1,7 +1,7 @@
 //! A session: what is known of case, tools and patient, and how far the procedure has come.
 
 use super::{Event, Expiry, Observation, Phase, Refusal, Signal, Tracking};
-use monro_geometry::{Patient, Point, Rigid, Tool, Vector};
+use monro_geometry::{Display, Patient, Point, Rigid, Tool, Vector};
 use monro_guidance::{NeedlePose, Plan};
 
 /// The catheter in the frame of its tracked body.
@@ -65,18 +65,20 @@ impl SessionEvent {
     }
 }
 
-/// Names of the two tools that guidance needs.
+/// Names of the two tools that guidance needs, and of one that it can show more with.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ToolNames {
     /// The catheter with its stylet.
     pub catheter: String,
     /// The reference body fixed to the patient.
     pub reference: String,
+    /// Smart glasses.
+    pub glasses: String,
 }
 
 impl Default for ToolNames {
     fn default() -> Self {
-        Self { catheter: "Catheter".into(), reference: "Reference".into() }
+        Self { catheter: "Catheter".into(), reference: "Reference".into(), glasses: "Glasses".into() }
     }
 }
 
@@ -87,6 +89,7 @@ pub struct Session {
     plan: Option<Plan>,
     calibration: Option<Calibration>,
     registration: Option<Registration>,
+    display_from_glasses: Option<Rigid<Display, Tool>>,
     tracking: Tracking,
     tools: ToolNames,
     expiry: Expiry,
@@ -96,7 +99,8 @@ impl Session {
     /// A session in which nothing has happened.
     pub fn new(tools: ToolNames, expiry: Expiry) -> Self {
         let (plan, calibration, registration) = (None, None, None);
-        Self { phase: Phase::NoCase, plan, calibration, registration, tracking: Tracking::default(), tools, expiry }
+        let (display_from_glasses, tracking) = (None, Tracking::default());
+        Self { phase: Phase::NoCase, plan, calibration, registration, display_from_glasses, tracking, tools, expiry }
     }
 
     /// Takes an event of the procedure.
@@ -165,6 +169,24 @@ impl Session {
         self.expiry.signal(self.age(now).unwrap_or(f64::INFINITY))
     }
 
+    /// Takes the calibration of the glasses: from their tracked body to the eye. It belongs to the wearer, not to the case.
+    pub const fn wear(&mut self, display_from_glasses: Rigid<Display, Tool>) {
+        self.display_from_glasses = Some(display_from_glasses);
+    }
+
+    /// The patient as the wearer of calibrated glasses sees them, by the poses of glasses and reference; `None` without
+    /// calibration or registration, or when either is lost.
+    pub fn display_from_patient(&self, now: f64) -> Option<Rigid<Display, Patient>> {
+        let (glasses_s, tracker_from_glasses) = self.tracking.latest(&self.tools.glasses)?;
+        let (reference_s, tracker_from_reference) = self.tracking.latest(&self.tools.reference)?;
+        if self.expiry.signal(now - glasses_s.min(reference_s)) == Signal::Lost {
+            return None;
+        }
+        let reference_from_patient = self.registration?.patient_from_reference.inverse();
+        let glasses_from_reference = tracker_from_glasses.inverse().after(&tracker_from_reference);
+        Some(self.display_from_glasses?.after(&glasses_from_reference.after(&reference_from_patient)))
+    }
+
     /// The catheter in the patient, relative to the tracked reference: `None` before registration or when lost.
     pub fn needle(&self, now: f64) -> Option<NeedlePose> {
         if self.signal(now) == Signal::Lost {
@@ -192,7 +214,8 @@ pub(crate) mod tests {
     /// A session that navigates by the scripted tracker.
     pub(crate) fn navigating(script: &Script) -> Session {
         let mut s = Session::new(ToolNames::default(), Expiry::default());
-        let ScriptTruth { calibration, registration } = script.truth();
+        let ScriptTruth { calibration, registration, display_from_glasses } = script.truth();
+        s.wear(display_from_glasses);
         for event in [
             SessionEvent::CaseOpened(plan()),
             SessionEvent::Calibrated(calibration),
@@ -226,6 +249,21 @@ pub(crate) mod tests {
         let newer = script.observations(1.4);
         newer.iter().filter(|o| o.name == "Catheter").for_each(|o| assert!(s.observe(o)));
         assert_eq!(s.signal(1.4), Signal::Stale);
+    }
+
+    #[test]
+    fn the_wearer_sees_the_patient_while_glasses_and_reference_are_seen() {
+        let script = Script::new(plan());
+        let mut s = navigating(&script);
+        assert_eq!(s.display_from_patient(0.0), None);
+        script.observations(1.0).iter().for_each(|o| assert!(s.observe(o)));
+        let seen = s.display_from_patient(1.2).expect("seen");
+        // The script's wearer looks along the path, half a metre from the entry.
+        assert!(seen.point(plan().entry()).distance(Point::new(0.0, 0.0, -500.0)) < 1e-9);
+        assert!((seen.vector(plan().direction()) - Vector::new(0.0, 0.0, -1.0)).norm() < 1e-9);
+        assert_eq!(s.display_from_patient(1.6), None);
+        s.apply(SessionEvent::Plain(PlainEvent::ReferenceMoved)).expect("moved");
+        assert_eq!(s.display_from_patient(1.2), None);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! What a display gets: the newest of everything, with its ages.
 
 use super::{Deformed, Phase, Session, Signal};
-use monro_geometry::Structure;
+use monro_geometry::{Display, Patient, Rigid, Structure};
 use monro_guidance::{Kakarla, NeedlePose, Plan, Reading, TargetReading};
 use std::sync::Arc;
 
@@ -82,6 +82,8 @@ pub struct Snapshot {
     pub numbers: Option<Numbers>,
     /// Predicted target registration error, mm, while there is a registration that knows it.
     pub predicted_tre_mm: Option<f64>,
+    /// The patient as the wearer of calibrated glasses sees them.
+    pub display_from_patient: Option<Rigid<Display, Patient>>,
     /// The soft body.
     pub deformed: Arc<Deformed>,
 }
@@ -108,6 +110,7 @@ impl Session {
             needle,
             numbers,
             predicted_tre_mm: self.registration().and_then(|r| r.predicted_tre_mm),
+            display_from_patient: self.display_from_patient(now),
             deformed: Arc::clone(deformed),
         }
     }
