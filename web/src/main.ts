@@ -9,6 +9,7 @@ import type { Snapshot } from "./snapshot";
 import { Stream } from "./stream";
 import { askForToken, tokenAtHand } from "./token";
 import { Stage } from "./view/stage";
+import { Glasses } from "./xr/glasses";
 
 /** How often rates are shown, ms. */
 const BUDGET_MS = 1000;
@@ -43,29 +44,37 @@ async function main(): Promise<void> {
   const stages: Stages = { take: new Counter(), draw: new Counter() };
   const budget = new Budget();
   let waiting: Snapshot | undefined;
+  const advance = (): void => {
+    if (!waiting) return;
+    const start = performance.now();
+    const { guidance } = waiting;
+    stage.take(waiting);
+    glasses.take(guidance);
+    panel.show(guidance);
+    waiting = undefined;
+    stages.take.tick(performance.now() - start);
+    stream.next();
+  };
+  const glasses = new Glasses(stage, advance);
   const stream = new Stream(api, (s) => (waiting = s), (error) => {
     panel.gone();
     stage.see();
+    glasses.take(null);
     if (error instanceof Unauthorized) location.reload();
   });
   const frame = (): void => {
-    const start = performance.now();
-    if (waiting) {
-      stage.take(waiting);
-      panel.show(waiting.guidance);
-      waiting = undefined;
-      stages.take.tick(performance.now() - start);
-      stream.next();
-    }
+    requestAnimationFrame(frame);
+    // They have frames of their own.
+    if (glasses.presenting) return;
+    advance();
     const drawing = performance.now();
     if (stage.draw()) stages.draw.tick(performance.now() - drawing);
-    requestAnimationFrame(frame);
   };
   requestAnimationFrame(frame);
   // A question that fails is asked again; that the server is gone is said by the stream.
   setInterval(() => api.status().then((s) => budget.show(s, stages), () => undefined), BUDGET_MS);
   // For the console, and for tests that compare what is drawn with the API.
-  Object.assign(window, { monro: { stage } });
+  Object.assign(window, { monro: { stage, glasses } });
 }
 
 void main();

@@ -2,13 +2,8 @@
 
 import type { Guidance } from "./api";
 import { element, make, write } from "./dom";
+import { SHAPES, WORDS } from "./state";
 
-const SHAPES = {
-  live: "M12 2a10 10 0 1 0 0 20 10 10 0 0 0 0-20z",
-  stale: "M12 2 23 21H1z",
-  lost: "M5 2 2 5l7 7-7 7 3 3 7-7 7 7 3-3-7-7 7-7-3-3-7 7z",
-} as const;
-const WORDS = { live: "Live", stale: "Stale", lost: "Lost" } as const;
 const PHASES: Record<Guidance["phase"], string> = {
   no_case: "No case",
   case: "Calibrate the catheter",

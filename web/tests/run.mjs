@@ -6,6 +6,8 @@ import { spawn } from "node:child_process";
 import { createInterface } from "node:readline";
 import { launch } from "./chromium.mjs";
 import { deformedSlices } from "./deformed.mjs";
+import { drawn, expectedTip, inRoom, putOnGlasses, walk } from "./glasses.mjs";
+import { stalledDisplay } from "./stalled.mjs";
 
 const SHOTS = process.env.SHOTS;
 const [command, ...args] = process.argv.slice(2);
@@ -31,10 +33,10 @@ async function api(path, body) {
 
 let opened;
 
-/** A page, the only one open, that fails the test when anything is written to its console as a fault, or asked of another server. */
-async function page(address) {
-  await opened?.close();
-  const p = (opened = await browser.newPage({ viewport: { width: 1100, height: 700 } }));
+/** A page that notes it when anything is written to its console as a fault, or asked of another server. */
+async function watched(address, prepare) {
+  const p = await browser.newPage({ viewport: { width: 1100, height: 700 } });
+  await prepare?.(p);
   p.faults = [];
   p.on("console", (m) => ["error", "warning"].includes(m.type()) && !/GPU stall|swiftshader/i.test(m.text()) && p.faults.push(m.text()));
   p.on("pageerror", (e) => p.faults.push(String(e)));
@@ -43,7 +45,14 @@ async function page(address) {
   return p;
 }
 
+/** As `watched`, the only one open. */
+async function page(address, prepare) {
+  await opened?.close();
+  return (opened = await watched(address, prepare));
+}
+
 const text = (p, id) => p.locator(id).textContent();
+const close = (a, b, tolerance) => a.every((v, i) => Math.abs(v - b[i]) <= tolerance);
 const number = async (p, id) => Number.parseFloat(await text(p, id));
 
 /** Machines under load are slow: the wait is long, and short where it can be. */
@@ -136,11 +145,53 @@ const tests = {
     await until("numbers again", async () => Number.isFinite(await number(p, "#n-depth")));
   },
 
+  async "a second browser joins while a third display is stalled, and nobody waits"(p) {
+    const { ticket } = await api("/api/ticket", {});
+    const stalled = await stalledDisplay(url, ticket);
+    const second = await watched(`${url}/#token=${token}`);
+    for (const shown of [second, p, second]) {
+      await until("a live signal", async () => (await text(shown, "#signal span")) === "Live");
+      const from = await number(shown, "#n-depth");
+      await until("moving numbers", async () => Math.abs((await number(shown, "#n-depth")) - from) > 1);
+    }
+    assert.ok((await api("/api/status")).displays >= 3);
+    assert.deepEqual(second.faults, []);
+    stalled.destroy();
+    await second.close();
+  },
+
   async "a reload in mid-insertion goes on where it was"(p) {
     await p.reload();
     await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
     const [shown, told] = [await number(p, "#n-depth"), (await api("/api/guidance")).depth_mm];
     assert.ok(Number.isFinite(shown) && Number.isFinite(told));
+    assert.deepEqual(p.faults, []);
+  },
+
+  async "glasses show the catheter where it is, and the patient where a hand puts it"() {
+    const p = await page(`${url}/#token=${token}`, putOnGlasses);
+    await p.getByRole("button", { name: "Show in the room" }).click();
+    await until("the glasses", () => p.evaluate(() => window.monro.glasses.presenting));
+    await walk(p);
+    await until("the catheter at the target, drawn where glasses, reference and calibration put it", async () => {
+      const [before, { tip }, after] = [await api("/api/guidance"), await drawn(p), await api("/api/guidance")];
+      if (!(before.distance_to_target_rigid_mm < 0.1 && after.distance_to_target_rigid_mm < 0.1) || !before.display_from_patient) return false;
+      return close(tip, expectedTip(before), 5e-4);
+    });
+    await shot(p, "glasses");
+    // The emulator lies over the page; the keyboard reaches it.
+    await p.getByRole("button", { name: "Place before me" }).press("Enter");
+    // The head rests: after two seconds it stays there, 60 cm before the eye.
+    await until("the patient before the eye", async () => {
+      const { target } = await drawn(p);
+      return close(target, inRoom([0, 0, -0.6]), 1e-3) && !(await p.evaluate(() => window.monro.glasses.anchor.placing));
+    });
+    await shot(p, "glasses-by-hand");
+    await p.getByRole("button", { name: "End" }).press("Enter");
+    await until("the screen again", () => p.evaluate(() => !window.monro.glasses.presenting));
+    await until("moving numbers", async () => Number.isFinite(await number(p, "#n-depth")));
+    await p.waitForTimeout(500);
+    await shot(p, "after-glasses");
     assert.deepEqual(p.faults, []);
   },
 
@@ -160,7 +211,9 @@ const tests = {
 
 let failed = 0;
 let shared;
-for (const [name, test] of Object.entries(tests)) {
+// ONLY=TEXT: the tests whose name holds it, for work on them.
+const chosen = Object.entries(tests).filter(([name]) => name.includes(process.env.ONLY ?? ""));
+for (const [name, test] of chosen) {
   try {
     shared = (await test(shared)) ?? shared;
     console.log(`ok    ${name}`);
@@ -171,5 +224,5 @@ for (const [name, test] of Object.entries(tests)) {
 }
 await browser.close();
 server.kill();
-console.log(`${Object.keys(tests).length - failed} passed, ${failed} failed`);
+console.log(`${chosen.length - failed} passed, ${failed} failed`);
 process.exit(failed ? 1 : 0);

@@ -157,13 +157,14 @@ export class Slice {
     this.#eye.up.copy(up);
     this.#eye.lookAt(centre.clone().sub(normal));
     this.#eye.updateProjectionMatrix();
+    const before = renderer.getRenderTarget();
     for (const { scene, target } of this.#outlines) {
       if (size) target.setSize(...size);
       renderer.setRenderTarget(target);
       renderer.clear();
       renderer.render(scene, this.#eye);
     }
-    renderer.setRenderTarget(null);
+    renderer.setRenderTarget(before);
   }
 
   draw(renderer: WebGLRenderer, deformed: boolean): void {

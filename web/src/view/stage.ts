@@ -50,8 +50,8 @@ export class Stage {
     this.slices = SLICES.map(({ id, title, facing, oblique }) => this.#slice(id, title, facing, oblique));
     this.#turn(this.#axis, this.#cross);
     this.#place(this.#cross);
-    new ResizeObserver(() => this.#resize(canvas)).observe(canvas);
-    this.#resize(canvas);
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    this.resize();
   }
 
   #slice(id: string, title: string, facing: Facing, oblique: boolean): SlicePane {
@@ -65,7 +65,11 @@ export class Stage {
     });
   }
 
-  #resize(canvas: HTMLCanvasElement): void {
+  /** Fits the drawing to its place on the page. */
+  resize(): void {
+    // Glasses have a size of their own.
+    if (this.renderer.xr.isPresenting) return;
+    const canvas = this.renderer.domElement;
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     this.renderer.setSize(canvas.clientWidth, canvas.clientHeight, false);
     this.#dirty = true;
@@ -112,6 +116,10 @@ export class Stage {
   setDeformed(deformed: boolean): void {
     this.#deformed = deformed;
     this.#dirty = true;
+  }
+
+  get deformed(): boolean {
+    return this.#deformed;
   }
 
   setOutlines(shown: boolean): void {

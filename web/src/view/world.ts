@@ -2,7 +2,7 @@
 // and through glasses.
 
 import {
-  type Camera, CylinderGeometry, Group, Mesh, MeshBasicMaterial, PerspectiveCamera, Quaternion, Scene, SphereGeometry, TorusGeometry, Vector3,
+  type Camera, CylinderGeometry, Group, type Matrix4, Mesh, MeshBasicMaterial, PerspectiveCamera, Quaternion, Scene, SphereGeometry, TorusGeometry, Vector3,
   type WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
@@ -81,6 +81,12 @@ export class World {
     return controls;
   }
 
+  /** Places the patient in the scene: in mm as it is, unless glasses place it in the room. */
+  place(sceneFromPatient: Matrix4): void {
+    this.patient.matrix.copy(sceneFromPatient);
+    this.patient.matrixWorldNeedsUpdate = true;
+  }
+
   /** Shows or hides a surface. */
   setVisible(name: SurfaceName, visible: boolean): void {
     for (const s of this.#surfaces) if (s.name === name) s.mesh.visible = visible;
@@ -111,7 +117,7 @@ export class World {
 
   /** The end of the catheter as it is drawn, in the scene. */
   drawnTip(): Vector3 {
-    return this.#catheter.localToWorld(new Vector3(0, 0.5, 0));
+    return this.#catheter.localToWorld(new Vector3(0, -0.5, 0));
   }
 
   draw(renderer: WebGLRenderer, aspect: number): void {

@@ -1,0 +1,51 @@
+// Emulated glasses (iwer: immersive-ar), and where the page draws the catheter in their room.
+
+import { createRequire } from "node:module";
+
+const EMULATOR = createRequire(import.meta.url).resolve("iwer/build/iwer.min.js");
+/** Somewhere, looking somewhere: x, y, z of the place, m, and of the quaternion, w last. */
+const PLACE = [0.4, 1.5, -0.3];
+const TURN = [0.1, 0.5, -0.2, 0.8].map((v) => v / Math.hypot(0.1, 0.5, -0.2, 0.8));
+
+/** Installs the emulator before the page's own scripts run; its room starts where it is then. */
+export async function putOnGlasses(page) {
+  await page.addInitScript({ path: EMULATOR });
+  await page.addInitScript(() => {
+    const device = new window.IWER.XRDevice(window.IWER.metaQuest3);
+    device.installRuntime({ forceInstall: true });
+    window.emulated = device;
+  });
+}
+
+/** The wearer walks away from where the room starts. */
+export function walk(page) {
+  return page.evaluate(([place, turn]) => {
+    // The room starts where the emulator starts: 1.6 m above its floor.
+    window.emulated.position.set(place[0], place[1] + 1.6, place[2]);
+    window.emulated.quaternion.set(...turn);
+  }, [PLACE, TURN]);
+}
+
+const rotate = ([x, y, z, w], v) => {
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const t = cross([x, y, z], v).map((c) => 2 * c);
+  const u = cross([x, y, z], t);
+  return v.map((c, i) => c + w * t[i] + u[i]);
+};
+
+/** From the frame of the wearer's eye to the room. */
+export const inRoom = (p) => rotate(TURN, p).map((v, i) => v + PLACE[i]);
+
+/** Where the numbers of the API put the tip, m in the room. */
+export function expectedTip({ display_from_patient: { quaternion_wxyz: [w, x, y, z], translation_mm }, tip_lps_mm }) {
+  return inRoom(rotate([x, y, z, w], tip_lps_mm).map((v, i) => (v + translation_mm[i]) / 1000));
+}
+
+/** Where the tip of the catheter is drawn, and where the planned target is, m in the room. */
+export function drawn(page) {
+  return page.evaluate(() => {
+    const { stage, glasses } = window.monro;
+    const target = stage.world.scene.position.clone().set(...stage.tissue.header.plan.target_lps_mm);
+    return { tip: stage.world.drawnTip().toArray(), target: target.applyMatrix4(glasses.anchor.roomFromPatient).toArray() };
+  });
+}
