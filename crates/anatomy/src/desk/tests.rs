@@ -1,0 +1,154 @@
+use super::*;
+use crate::edit::Editor;
+use monro_geometry::Grid;
+
+const LEFT: u8 = 5;
+const BRAIN: u8 = 4;
+
+/// A fluid ball of 12 mm radius in brain, and its true labels; voxels of 1 x 1 x 2 mm.
+fn ball(centre: [f64; 3]) -> (Volume<i16>, Volume<u8>) {
+    let grid = Grid::axis_aligned([64, 60, 30], [1.0, 1.0, 2.0], [0.0; 3]).expect("grid");
+    let inside = |n: usize| {
+        let [i, j, k] = grid.voxel(n);
+        grid.centre(i, j, k).distance(Point::from_array(centre)) < 12.0
+    };
+    let truth: Vec<u8> = (0..grid.len()).map(|n| if inside(n) { LEFT } else { BRAIN }).collect();
+    let ct = truth.iter().enumerate().map(|(n, &l)| if l == LEFT { 5 } else { 32 } + (n % 3) as i16).collect();
+    (Volume::new(grid, ct).expect("ct"), Volume::new(grid, truth).expect("labels"))
+}
+
+fn desk() -> (Desk, Volume<u8>) {
+    let (ct, truth) = ball([31.0, 29.0, 30.0]);
+    let start = truth.map(|_| BRAIN);
+    (Desk::new(ct, Editor::new(start)).expect("desk"), truth)
+}
+
+fn dice(a: &Volume<u8>, b: &Volume<u8>) -> f64 {
+    let both = a.data().iter().zip(b.data()).filter(|(x, y)| **x == LEFT && **y == LEFT).count();
+    let each = [a, b].map(|v| v.data().iter().filter(|l| **l == LEFT).count());
+    2.0 * both as f64 / (each[0] + each[1]).max(1) as f64
+}
+
+/// Clicks around the ball on an axial slice and closes.
+fn draw(desk: &mut Desk, index: usize, radius: f64, interpolate: bool) -> Closed {
+    for turn in 0..4 {
+        let (sin, cos) = (f64::from(turn) * core::f64::consts::FRAC_PI_2).sin_cos();
+        desk.click(Axis::K, index, [31.0 + radius * cos, 29.0 + radius * sin]).expect("click");
+    }
+    desk.close(&Target::of(LEFT), Fill::Replace, interpolate).expect("closed")
+}
+
+/// Radius of the ball on a slice.
+fn radius(index: usize) -> f64 {
+    (144.0 - (2.0 * index as f64 - 30.0).powi(2)).sqrt()
+}
+
+#[test]
+fn contours_on_five_slices_and_interpolation_give_the_ball() {
+    let (mut desk, truth) = desk();
+    for index in [10, 12, 15, 18, 20] {
+        let closed = draw(&mut desk, index, radius(index), true);
+        assert_eq!(closed.anchors, 4);
+        assert!(closed.changed > 20);
+    }
+    assert_eq!(desk.drawn_slices(Axis::K, LEFT), [10, 12, 15, 18, 20]);
+    assert!(dice(desk.labels(), &truth) > 0.95, "{}", dice(desk.labels(), &truth));
+    assert_eq!(desk.steps(), (5, 0));
+    // A correction on a slice between, by brush, is one of the drawn slices from then on.
+    let dab = desk.brush(&Target::of(LEFT), (Axis::K, 16), &[[31.0, 29.0], [33.0, 29.0]], (14.0, true, false));
+    assert!(dab.expect("dab") > 0);
+    desk.end_stroke();
+    let before = desk.mask(Axis::K, 17, LEFT).expect("mask").count();
+    desk.interpolate(Axis::K, &Target::of(LEFT)).expect("again");
+    assert!(desk.mask(Axis::K, 17, LEFT).expect("mask").count() > before);
+}
+
+#[test]
+fn undo_takes_back_clicks_then_contours_and_the_journal_brings_everything_back() {
+    let (mut desk, _) = desk();
+    let base = desk.labels().clone();
+    let mut journal = desk.take_journal();
+    draw(&mut desk, 12, radius(12), false);
+    draw(&mut desk, 18, radius(18), true);
+    let drawn = desk.labels().clone();
+    desk.click(Axis::K, 15, [43.0, 29.0]).expect("click");
+    assert!(desk.open_wire().is_some());
+    assert!(desk.undo() && desk.open_wire().is_none());
+    assert_eq!(*desk.labels(), drawn);
+    assert!(desk.undo());
+    assert_eq!(desk.drawn_slices(Axis::K, LEFT), [12]);
+    assert!(desk.redo() && *desk.labels() == drawn);
+    assert_eq!(desk.drawn_slices(Axis::K, LEFT), [12, 18]);
+    journal.extend(desk.take_journal());
+    let (editor, recovery) = Editor::replay(base, &journal).expect("replayed");
+    assert_eq!(recovery.torn_bytes, 0);
+    let mut again = Desk::new(ball([31.0, 29.0, 30.0]).0, editor).expect("desk");
+    assert_eq!(*again.labels(), drawn);
+    assert!(again.undo() && again.undo() && !again.undo());
+}
+
+#[test]
+fn hovering_shows_where_a_click_goes_and_when_it_closes() {
+    let (mut desk, _) = desk();
+    let first = desk.hover(Axis::K, 15, [44.0, 29.0], 0.0).expect("hover");
+    assert!(first.path.is_empty() && first.snapped[0].abs_diff(43) <= 1, "{first:?}");
+    desk.click(Axis::K, 15, [43.0, 29.0]).expect("click");
+    desk.click(Axis::K, 15, [19.0, 29.0]).expect("click");
+    let path = desk.hover(Axis::K, 15, [31.0, 17.0], 0.1).expect("hover").path;
+    // The wire runs along the circle, not across it.
+    assert!(path.iter().all(|p| ((p[0] as f64 - 31.0).hypot(p[1] as f64 - 29.0) - 12.0).abs() < 2.0), "{path:?}");
+    assert!(desk.hover(Axis::K, 15, [43.0, 28.0], 0.2).expect("hover").closes);
+    assert!(desk.hover(Axis::K, 99, [1.0, 1.0], 0.3).is_err());
+}
+
+#[test]
+fn limits_hold_for_every_way_of_drawing() {
+    let (mut desk, truth) = desk();
+    let dry = Target { range: Some(0..=15), ..Target::of(LEFT) };
+    desk.brush(&dry, (Axis::K, 15), &[[31.0, 29.0]], (20.0, false, false)).expect("ball");
+    desk.end_stroke();
+    assert!(dice(desk.labels(), &truth) > 0.999);
+    let never = Target { over: Some(vec![7]), ..Target::of(6) };
+    assert_eq!(desk.brush(&never, (Axis::K, 15), &[[31.0, 29.0]], (20.0, false, false)).expect("none"), 0);
+    desk.end_stroke();
+    // Erased voxels become what is around them.
+    desk.brush(&Target::of(LEFT), (Axis::K, 15), &[[31.0, 29.0]], (20.0, false, true)).expect("erased");
+    assert_eq!(desk.volumes_ml()[5], 0.0);
+    assert!(matches!(desk.preview(&Tool::LargestIsland, &Target::of(LEFT)), Err(DeskError::Edit(_))));
+    assert!(matches!(desk.apply(&Target::of(LEFT)), Err(DeskError::NoPreview)));
+    assert!(desk.interpolate(Axis::I, &Target::of(LEFT)).is_err());
+}
+
+#[test]
+fn tools_show_first_and_change_then() {
+    let (mut desk, truth) = desk();
+    let target = Target::of(LEFT);
+    let shown = desk.preview(&Tool::Threshold { range: 0..=15 }, &target).expect("threshold").selection.count();
+    let wanted = truth.data().iter().filter(|l| **l == LEFT).count();
+    assert_eq!(shown, wanted);
+    let slice = desk.slice_labels(Axis::K, 15).expect("slice");
+    assert!(slice.iter().any(|l| *l == BRAIN | 0x80) && desk.volumes_ml()[5] == 0.0);
+    assert_eq!(desk.apply(&target).expect("applied"), wanted);
+    assert_eq!(*desk.labels(), truth);
+    desk.brush(&target, (Axis::K, 2), &[[5.0, 5.0]], (3.0, false, false)).expect("island");
+    desk.end_stroke();
+    for (tool, volume) in [
+        (Tool::Split { into: 6 }, wanted),
+        (Tool::Margin { mm: 2.0 }, 0),
+        (Tool::Smooth { sigma_mm: 1.5 }, 0),
+        (Tool::FillHoles { axis: None }, 0),
+        (Tool::Combine { operation: SetOperation::Union, with: 6, margin_mm: 0.0 }, 0),
+        (Tool::SmallIslands { least_ml: 0.5 }, 0),
+        (Tool::Grow { seed: [31, 29, 15], range: 0..=15, neck_mm: 2.0, most_ml: 20.0 }, 0),
+    ] {
+        desk.preview(&tool, &target).unwrap_or_else(|e| panic!("{tool:?}: {e}"));
+        desk.apply(&target).expect("applied");
+        let now = desk.labels().data().iter().filter(|l| **l == LEFT).count();
+        assert!(volume == 0 || now == volume, "{tool:?}: {now}");
+    }
+    while desk.undo() {}
+    assert!(desk.labels().data().iter().all(|l| *l == BRAIN));
+    let leak = Tool::Grow { seed: [5, 5, 5], range: 25..=60, neck_mm: 0.0, most_ml: 1.0 };
+    assert!(desk.preview(&leak, &target).expect("leak").stopped);
+    assert!(desk.discard() && !desk.discard());
+}
