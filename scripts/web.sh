@@ -44,8 +44,9 @@ test() {
   build
   browser
   # The whole workspace, so that features and hence dependencies are those of the tests, built already.
-  cargo build --locked --workspace --example serve_ellipsoid --example deformed_slice
+  cargo build --locked --workspace --bins --example serve_ellipsoid --example deformed_slice
   node web/tests/run.mjs "$target/debug/examples/serve_ellipsoid"
+  node web/tests/edit.mjs "$target/debug/monro"
 }
 
 "${1:?say setup, build or test}"

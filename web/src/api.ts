@@ -94,6 +94,14 @@ export class Api {
     return new Container(await (await this.#fetch(path)).arrayBuffer());
   }
 
+  async json<T>(path: string, method = "GET"): Promise<T> {
+    return (await this.#fetch(path, method)).json() as Promise<T>;
+  }
+
+  async bytes(path: string): Promise<ArrayBuffer> {
+    return (await this.#fetch(path)).arrayBuffer();
+  }
+
   /** A one-time ticket for the WebSocket: browsers cannot set headers there. */
   async ticket(): Promise<string> {
     const { ticket } = (await (await this.#fetch("/api/ticket", "POST")).json()) as { ticket: string };

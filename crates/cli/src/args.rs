@@ -27,6 +27,8 @@ pub(crate) enum Command {
     Phantom(PhantomArgs),
     /// Make a case from a head CT: labels, surfaces, tetrahedra, plan.
     Prepare(PrepareArgs),
+    /// Correct the labels of a scan or a case in the browser, and build the case again.
+    Edit(EditArgs),
     /// Simulate the insertion of a catheter along the plan of a case.
     Simulate(SimulateArgs),
     /// Show a live insertion in the browser.
@@ -129,6 +131,25 @@ pub(crate) struct PrepareArgs {
     /// Overwrite an existing case.
     #[arg(long)]
     pub(crate) force: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct EditArgs {
+    /// A case made by "monro prepare", or a scan as for it.
+    #[arg(value_name = "CASE|SCAN")]
+    pub(crate) path: PathBuf,
+    /// Folder of the case to be built from a scan.
+    #[arg(long, value_name = "CASE")]
+    pub(crate) out: Option<PathBuf>,
+    /// Begin with these labels instead of those of the case or the automatic ones.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) labels: Option<PathBuf>,
+    /// Take this DICOM series (see "monro inspect") instead of the best one.
+    #[arg(long, value_name = "UID")]
+    pub(crate) series: Option<String>,
+    /// Loopback address to listen on; port 0 takes any free port.
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
+    pub(crate) listen: SocketAddr,
 }
 
 #[derive(Debug, Args)]

@@ -4,6 +4,7 @@ mod args;
 mod bench;
 mod console;
 mod demo;
+mod edit;
 mod inspect;
 mod interrupt;
 mod mesh;
@@ -31,6 +32,7 @@ fn main() -> ExitCode {
         Command::Phantom(a) => phantom::run(a, &console),
         Command::Prepare(a) => prepare::run(a, &console),
         Command::Simulate(a) => simulate::run(a, &console),
+        Command::Edit(a) => edit::run(a, &console),
         Command::Serve(a) => serve::run(a, &console),
         Command::Mesh(a) => mesh::run(a, &console),
         Command::Track(a) => trackers::track(a, cli.json),

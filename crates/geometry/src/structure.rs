@@ -59,6 +59,20 @@ impl Structure {
         }
     }
 
+    /// Colour on the screen and in files of other programs, told apart by brightness too (red, green, blue).
+    pub const fn colour(self) -> [u8; 3] {
+        match self {
+            Self::Outside => [0, 0, 0],
+            Self::Scalp => [150, 150, 150],
+            Self::Skull => [230, 220, 200],
+            Self::Csf => [86, 180, 233],
+            Self::Brain => [240, 228, 66],
+            Self::LeftLateralVentricle => [0, 158, 115],
+            Self::RightLateralVentricle => [213, 94, 0],
+            Self::ThirdVentricle => [204, 121, 167],
+        }
+    }
+
     /// Whether this is one of the ventricles.
     pub const fn is_ventricle(self) -> bool {
         matches!(self, Self::LeftLateralVentricle | Self::RightLateralVentricle | Self::ThirdVentricle)

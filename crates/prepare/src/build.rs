@@ -7,7 +7,6 @@ use monro_anatomy::surface::{self, Surface, SurfaceOptions};
 use monro_anatomy::tetra::{self, MeshOptions, MeshReport};
 use monro_case::{Case, Manifest, SCHEMA, Source};
 use monro_geometry::{Structure, TetMesh, TriangleMesh, Volume};
-use monro_guidance::Side;
 use monro_scan::Scan;
 
 /// Everything that preparing a scan gives.
@@ -63,23 +62,23 @@ pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<P
     Ok(Prepared { scan, segmentation, case, mesh, volumes_ml })
 }
 
-/// Builds a case again from its own CT and from corrected labels. Identity, source and side are those of the case;
-/// landmarks, plan, surfaces and tetrahedra are made anew.
+/// Builds a case again from its own CT and from corrected labels. Identity, source, side and the wanted number of
+/// tetrahedra are those of the case; landmarks, plan, surfaces and tetrahedra are made anew.
 ///
 /// # Errors
 /// As [`build`].
 pub fn rebuild(
-    manifest: &Manifest,
+    case: &Case,
     scan: Scan,
     labels: Volume<u16>,
     observer: &dyn Observer,
 ) -> Result<Prepared, PrepareError> {
-    let side = [Side::Left, Side::Right].into_iter().find(|s| s.name() == manifest.side);
-    let request = Request { side, labels: Some(labels), ..Request::default() };
+    let request =
+        Request { elements: case.tets.tets.len(), side: Some(case.plan.side()), labels: Some(labels), path: None };
     let mut prepared = build(scan, &request, observer)?;
     let made = &mut prepared.case.manifest;
-    made.pseudonym.clone_from(&manifest.pseudonym);
-    made.source = manifest.source.clone();
+    made.pseudonym.clone_from(&case.manifest.pseudonym);
+    made.source = case.manifest.source.clone();
     Ok(prepared)
 }
 

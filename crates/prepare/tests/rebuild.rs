@@ -2,6 +2,7 @@
 
 use monro_anatomy::phantom::{HeadOptions, Phantom, head};
 use monro_geometry::{Structure, Volume};
+use monro_guidance::Side;
 use monro_prepare::{Observer, PrepareError, Prepared, Request, Silent, Stage, build, rebuild};
 use monro_scan::{ReadOptions, Scan, nifti};
 use std::cell::RefCell;
@@ -49,11 +50,11 @@ impl Observer for Diary {
 fn a_corrected_ventricle_is_in_the_rebuilt_case_and_its_identity_stays() {
     let (made, scan) = phantom();
     let diary = Diary::default();
-    let mut first = build(scan.clone(), &given(&made.labels), &diary).expect("case");
+    let request = Request { side: Some(Side::Left), ..given(&made.labels) };
+    let mut first = build(scan.clone(), &request, &diary).expect("case");
     assert_eq!(*diary.begun.borrow(), &Stage::ALL[..4]);
     assert_eq!(*diary.begun.borrow(), *diary.ended.borrow());
     first.case.manifest.pseudonym = "kept".into();
-    first.case.manifest.side = "left".into();
     // The part of the left ventricle that lies behind its middle is taken for brain.
     let left = Structure::LeftLateralVentricle.label();
     let rows: Vec<usize> = (0..made.labels.data().len()).filter(|&n| made.labels.data()[n] == left).collect();
@@ -63,7 +64,7 @@ fn a_corrected_ventricle_is_in_the_rebuilt_case_and_its_identity_stays() {
     for n in rows.into_iter().filter(|&n| grid.voxel(n)[1] > middle) {
         corrected.data_mut()[n] = Structure::Brain.label();
     }
-    let second = rebuild(&first.case.manifest, scan, corrected.map(u16::from), &Silent).expect("rebuilt");
+    let second = rebuild(&first.case, scan, corrected.map(u16::from), &Silent).expect("rebuilt");
     let (before, after) = (ml(&first, Structure::LeftLateralVentricle), ml(&second, Structure::LeftLateralVentricle));
     assert!(after < 0.75 * before, "{after} of {before} ml");
     assert_eq!(second.case.manifest.pseudonym, "kept");

@@ -1,6 +1,6 @@
 //! The JSON API.
 
-use crate::door::refuse;
+use crate::door::{self, refuse};
 use crate::server::Shared;
 use axum::body::Bytes;
 use axum::extract::State;
@@ -52,10 +52,7 @@ async fn ct(State(shared): State<Arc<Shared>>) -> Response {
 }
 
 async fn ticket(State(shared): State<Arc<Shared>>) -> Response {
-    match shared.keys.ticket() {
-        Ok(ticket) => Json(json!({ "ticket": ticket })).into_response(),
-        Err(e) => refuse(StatusCode::INTERNAL_SERVER_ERROR, &format!("no random numbers: {e}")),
-    }
+    door::ticket(&shared.keys)
 }
 
 async fn status(State(shared): State<Arc<Shared>>) -> Json<Value> {

@@ -84,6 +84,14 @@ pub(crate) fn refuse(status: StatusCode, message: &str) -> Response {
     (status, axum::Json(json!({ "error": message }))).into_response()
 }
 
+/// The answer to `POST /api/ticket`.
+pub(crate) fn ticket(keys: &Keys) -> Response {
+    match keys.ticket() {
+        Ok(ticket) => axum::Json(json!({ "ticket": ticket })).into_response(),
+        Err(e) => refuse(StatusCode::INTERNAL_SERVER_ERROR, &format!("no random numbers: {e}")),
+    }
+}
+
 /// Only addresses and `localhost` are ours: a name that resolves to this machine is a DNS rebinding.
 fn is_own_host(host: &str) -> bool {
     let name = match host.strip_prefix('[').and_then(|h| h.split_once(']')) {
@@ -108,7 +116,7 @@ pub(crate) async fn guard(State(keys): State<Arc<Keys>>, request: Request, next:
     }
     let path = request.uri().path();
     let allowed = match path {
-        "/live" => keys.has_token(headers) || keys.has_ticket(request.uri()),
+        "/live" | "/desk" => keys.has_token(headers) || keys.has_ticket(request.uri()),
         p if p == "/api" || p.starts_with("/api/") => keys.has_token(headers),
         _ => true,
     };

@@ -24,6 +24,12 @@ pub enum ServeError {
     /// A surface cannot be bound to the tetrahedra.
     #[error("a surface of the case cannot be bound to its tetrahedra: {0}")]
     Embedding(#[from] EmbeddingError),
+    /// Earlier edits do not fit, or edits cannot be kept.
+    #[error(transparent)]
+    Edit(#[from] crate::edit::StoreError),
+    /// Scan and labels do not fit.
+    #[error(transparent)]
+    Desk(#[from] monro_anatomy::desk::DeskError),
     /// The address is not on this machine alone.
     #[error("{0} can be reached by others, and there is no encryption yet; listen on 127.0.0.1 (or [::1])")]
     NotLoopback(SocketAddr),

@@ -17,6 +17,7 @@ mod clock;
 mod container;
 mod deformer;
 mod door;
+pub mod edit;
 mod error;
 mod guidance;
 mod half;

@@ -42,6 +42,11 @@ impl Ready {
     }
 }
 
+/// Where a server with these keys can be reached.
+pub(crate) fn ready_at(address: SocketAddr, keys: &Keys) -> Ready {
+    Ready { url: format!("http://{address}"), token: keys.token().to_owned(), has_web_app: web::IS_BUILT }
+}
+
 /// What all requests share.
 #[derive(Debug)]
 pub(crate) struct Shared {
@@ -121,8 +126,7 @@ pub async fn start(options: ServeOptions) -> Result<Running, ServeError> {
 }
 
 fn run(shared: Shared, listener: TcpListener, address: SocketAddr) -> Running {
-    let ready =
-        Ready { url: format!("http://{address}"), token: shared.keys.token().to_owned(), has_web_app: web::IS_BUILT };
+    let ready = ready_at(address, &shared.keys);
     let live = Arc::clone(&shared.live);
     let (stop, stopped) = oneshot::channel();
     let router = router(Arc::new(shared));

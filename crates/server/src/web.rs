@@ -14,14 +14,18 @@ const PLACEHOLDER: &str = include_str!("placeholder.html");
 /// Everything that is not the API.
 pub(crate) async fn file(uri: Uri) -> Response {
     let path = uri.path().trim_start_matches('/');
-    let path = if path.is_empty() { "index.html" } else { path };
+    page(if path.is_empty() { "index.html" } else { path })
+}
+
+/// A file of the app by its name; without the app, pages are the one that says how to build it.
+pub(crate) fn page(path: &str) -> Response {
     match FILES.iter().find(|(name, _)| *name == path) {
         Some((name, bytes)) => {
             // Vite puts a hash of the content into the names below assets/.
             let cache = if name.starts_with("assets/") { "max-age=31536000, immutable" } else { "no-cache" };
             ([(CONTENT_TYPE, content_type(name)), (CACHE_CONTROL, cache)], *bytes).into_response()
         }
-        None if !IS_BUILT && path == "index.html" => {
+        None if !IS_BUILT && !path.contains('/') && path.ends_with(".html") => {
             ([(CONTENT_TYPE, "text/html; charset=utf-8")], PLACEHOLDER).into_response()
         }
         None => (StatusCode::NOT_FOUND, "not found").into_response(),

@@ -148,6 +148,8 @@ impl Desk {
         if self.wire.as_mut().is_some_and(wire::Wire::undo) {
             return true;
         }
+        // Clicks that were taken back before an edit is, are gone: redo brings edits back in their own order.
+        self.wire = None;
         self.preview = None;
         self.editor.undo()
     }

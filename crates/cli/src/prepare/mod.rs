@@ -14,6 +14,7 @@ use monro_prepare::{PrepareError, Prepared, Request};
 use monro_scan::ReadOptions;
 use std::path::Path;
 
+pub(crate) use figures::report;
 pub(crate) use result::{summary_json, summary_text};
 
 impl From<SideArg> for Side {
@@ -63,7 +64,7 @@ fn named(error: PrepareError, labels: Option<&Path>) -> anyhow::Error {
 /// Writes the case and its report into a folder under construction.
 pub(crate) fn write(prepared: &Prepared, staging: &Staging, console: &Console) -> Result<()> {
     monro_prepare::write(prepared, staging, console)?;
-    let html = console.stage("report", || figures::report(prepared, &console.stages()));
+    let html = console.stage("report", || report(prepared, &console.stages()));
     staging.write("report.html", html?.as_bytes())?;
     Ok(())
 }

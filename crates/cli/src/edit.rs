@@ -1,0 +1,161 @@
+//! `monro edit`: correct the labels of a scan or a case in the browser, and build the case again.
+
+use crate::args::EditArgs;
+use crate::console::Console;
+use crate::interrupt::Guard;
+use crate::{NOTICE, prepare};
+use anyhow::{Context, Result, bail};
+use monro_anatomy::segment;
+use monro_case::{Case, Manifest, Staging};
+use monro_geometry::Volume;
+use monro_prepare::{Observer, Prepared, Request};
+use monro_scan::{ReadOptions, Scan};
+use monro_server::Ready;
+use monro_server::edit::{EditOptions, Rebuilt, StartLabels, Subject, serve_edit};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Runs the command until it is interrupted.
+pub(crate) fn run(args: &EditArgs, console: &Console) -> Result<()> {
+    let opened = if args.path.join("case.toml").is_file() { of_case(args, console)? } else { of_scan(args, console)? };
+    opened.scan.warnings.iter().for_each(|w| console.warn(w));
+    let Opened { scan, subject, start, out, findings, basis } = opened;
+    let mut folder = out.clone().into_os_string();
+    folder.push(".edit");
+    let kept = scan.clone();
+    let options = EditOptions {
+        ct: scan.volume,
+        subject,
+        folder: folder.into(),
+        start,
+        findings,
+        rebuild: Box::new(move |labels, observer| {
+            rebuild(&basis, &kept, &labels, &out, observer).map_err(|e| format!("{e:#}"))
+        }),
+        listen: args.listen,
+    };
+    serve_edit(options, |ready| announce(ready, console))?;
+    Ok(())
+}
+
+/// What is edited.
+struct Opened {
+    scan: Scan,
+    subject: Subject,
+    start: StartLabels,
+    out: PathBuf,
+    findings: Vec<String>,
+    basis: Basis,
+}
+
+/// What the case is built from.
+enum Basis {
+    Case(Box<Case>),
+    Scan,
+}
+
+fn of_case(args: &EditArgs, console: &Console) -> Result<Opened> {
+    if args.out.is_some() {
+        bail!("--out is for scans; a case is rebuilt in its own folder");
+    }
+    let case = console.stage("open case", || Case::open(&args.path))?;
+    let [ct, labels] = ["ct.nii.gz", "labels.nii.gz"].map(|n| args.path.join(n));
+    if !ct.is_file() || !labels.is_file() {
+        bail!("{} has no images or labels (it was shared without them), so it cannot be edited", args.path.display());
+    }
+    let options = ReadOptions { any_size: true, ..ReadOptions::default() };
+    let scan = console.stage("read", || monro_scan::read(&ct, &options))?;
+    let (origin, start) = match &args.labels {
+        Some(file) => given(file, &scan)?,
+        None => {
+            let volume = scan.volume.clone();
+            (origin(&case.manifest), Box::new(move || read_labels(&labels, &volume)) as StartLabels)
+        }
+    };
+    let subject = Subject { scan: case.manifest.pseudonym.clone(), origin };
+    let findings = case.manifest.findings.clone();
+    Ok(Opened { scan, subject, start, out: args.path.clone(), findings, basis: Basis::Case(Box::new(case)) })
+}
+
+fn of_scan(args: &EditArgs, console: &Console) -> Result<Opened> {
+    let out = args.out.clone().context("a scan needs --out CASE, the folder of the case that will be built")?;
+    if out.join("case.toml").is_file() {
+        bail!("{} is a case already; edit it with \"monro edit {0}\"", out.display());
+    }
+    if out.exists() {
+        bail!("{} exists already and is no case; give another --out", out.display());
+    }
+    let options = ReadOptions { series_uid: args.series.clone(), ..ReadOptions::default() };
+    let scan = console.stage("read", || monro_scan::read(&args.path, &options))?;
+    let (origin, start) = match &args.labels {
+        Some(file) => given(file, &scan)?,
+        None => ("segmented automatically".to_owned(), automatic(&scan)),
+    };
+    let findings = scan.warnings.iter().chain(&scan.resampled).cloned().collect();
+    let subject = Subject { scan: scan.pseudonym.clone(), origin };
+    Ok(Opened { scan, subject, start, out, findings, basis: Basis::Scan })
+}
+
+/// Starts with the automatic segmentation.
+fn automatic(scan: &Scan) -> StartLabels {
+    let volume = scan.volume.clone();
+    Box::new(move || Ok(segment::segment(&volume).map_err(|e| e.to_string())?.labels))
+}
+
+/// Starts with the labels of a file.
+fn given(file: &Path, scan: &Scan) -> Result<(String, StartLabels)> {
+    let bytes = std::fs::metadata(file).with_context(|| format!("cannot read {}", file.display()))?.len();
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let (path, volume) = (file.to_owned(), scan.volume.clone());
+    Ok((format!("{name}, {bytes} bytes"), Box::new(move || read_labels(&path, &volume))))
+}
+
+/// Labels of a file on the scan's grid, checked.
+fn read_labels(file: &Path, scan: &Volume<i16>) -> Result<Volume<u8>, String> {
+    let labels = monro_scan::read_labels(file).map_err(|e| e.to_string())?;
+    if let Some(bad) = labels.data().iter().find(|l| **l > 7) {
+        return Err(format!(
+            "{}: label {bad} is unknown; known are 0 (outside) to 7 (third ventricle)",
+            file.display()
+        ));
+    }
+    let labels = labels.map(|l| u8::try_from(l).unwrap_or(0));
+    let checked = segment::from_labels(scan, labels).map_err(|e| format!("{}: {e}", file.display()))?;
+    checked.findings.iter().for_each(|f| eprintln!("warning: {}: {f}", file.display()));
+    Ok(checked.labels)
+}
+
+fn rebuild(basis: &Basis, scan: &Scan, labels: &Volume<u8>, out: &Path, observer: &dyn Observer) -> Result<Rebuilt> {
+    let wide = labels.map(u16::from);
+    let prepared = match basis {
+        Basis::Case(case) => monro_prepare::rebuild(case, scan.clone(), wide, observer)?,
+        Basis::Scan => {
+            monro_prepare::build(scan.clone(), &Request { labels: Some(wide), ..Request::default() }, observer)?
+        }
+    };
+    write(&prepared, out, observer)
+}
+
+/// Writes the case over the earlier one, whole or not at all.
+fn write(prepared: &Prepared, out: &Path, observer: &dyn Observer) -> Result<Rebuilt> {
+    let staging = Staging::begin(out, true)?;
+    let guard = Guard::new(&staging);
+    monro_prepare::write(prepared, &staging, observer)?;
+    staging.write("report.html", prepare::report(prepared, &[])?.as_bytes())?;
+    let case = staging.finish()?;
+    drop(guard);
+    let manifest = Case::open(&case)?.manifest;
+    Ok(Rebuilt { origin: origin(&manifest), findings: manifest.findings, case })
+}
+
+/// The labels of a case, by their hash.
+fn origin(manifest: &Manifest) -> String {
+    let labels = manifest.files.iter().find(|f| f.name == "labels.nii.gz");
+    labels.map(|f| f.sha256.clone()).unwrap_or_default()
+}
+
+fn announce(ready: &Ready, console: &Console) {
+    let line = json!({ "url": ready.url, "token": ready.token, "open": ready.browser_url() });
+    let text = format!("Open {} in a browser on this machine (Ctrl-C ends it).\n{NOTICE}", ready.browser_url());
+    console.result(&line, &text);
+}

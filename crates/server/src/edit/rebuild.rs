@@ -1,0 +1,95 @@
+//! Rebuilding the case on a thread of its own, one at a time.
+
+use super::{Shared, Subject};
+use monro_geometry::Volume;
+use monro_prepare::{Observer, Stage};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// Makes the case again from labels, writes it, and tells the observer; errors are sentences for the user.
+pub type Rebuild = Box<dyn Fn(Volume<u8>, &dyn Observer) -> Result<Rebuilt, String> + Send + Sync>;
+
+/// A case that was made again.
+#[derive(Debug, Clone)]
+pub struct Rebuilt {
+    /// Its folder.
+    pub case: PathBuf,
+    /// What should not be missed about it.
+    pub findings: Vec<String>,
+    /// The new [`Subject::origin`].
+    pub origin: String,
+}
+
+/// How far it is.
+#[derive(Debug, Default)]
+pub(super) enum Progress {
+    #[default]
+    Never,
+    Running {
+        stage: &'static str,
+        since: Instant,
+    },
+    Done {
+        result: Result<Rebuilt, String>,
+        seconds: f64,
+    },
+}
+
+impl Progress {
+    pub(super) fn describe(&self) -> Value {
+        match self {
+            Self::Never => json!({ "state": "never" }),
+            Self::Running { stage, since } => {
+                json!({ "state": "running", "stage": stage, "seconds": since.elapsed().as_secs_f64() })
+            }
+            Self::Done { result: Ok(r), seconds } => {
+                json!({ "state": "done", "seconds": seconds, "case": r.case, "findings": r.findings })
+            }
+            Self::Done { result: Err(e), seconds } => json!({ "state": "failed", "seconds": seconds, "error": e }),
+        }
+    }
+}
+
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Writes the stage down.
+struct Teller<'a> {
+    progress: &'a Mutex<Progress>,
+    begun: Instant,
+}
+
+impl Observer for Teller<'_> {
+    fn begin(&self, stage: Stage) {
+        *lock(self.progress) = Progress::Running { stage: stage.name(), since: self.begun };
+    }
+}
+
+/// Starts rebuilding; false when it is running already.
+pub(super) fn start(shared: &Arc<Shared>) -> bool {
+    let begun = Instant::now();
+    {
+        let mut progress = lock(&shared.progress);
+        if matches!(*progress, Progress::Running { .. }) {
+            return false;
+        }
+        *progress = Progress::Running { stage: "begin", since: begun };
+    }
+    let shared = Arc::clone(shared);
+    // The thread ends by itself; its result is in `progress`.
+    std::thread::spawn(move || {
+        let labels = lock(&shared.work).desk.labels().clone();
+        let mut result = (shared.rebuild)(labels, &Teller { progress: &shared.progress, begun });
+        if let Ok(made) = &mut result {
+            let subject = Subject { origin: made.origin.clone(), ..shared.subject.clone() };
+            if let Err(error) = lock(&shared.work).store.describe(&subject) {
+                made.findings.push(format!("the next session will begin with the rebuilt labels: {error}"));
+            }
+        }
+        *lock(&shared.progress) = Progress::Done { result, seconds: begun.elapsed().as_secs_f64() };
+    });
+    true
+}

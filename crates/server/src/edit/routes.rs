@@ -1,0 +1,169 @@
+//! HTTP and WebSocket of the editor.
+
+use super::rebuild::{self, lock};
+use super::request::{self, Request};
+use super::{Shared, export};
+use crate::door::{self, refuse};
+use crate::listener::Limited;
+use crate::{headers, web};
+use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
+use axum::extract::{DefaultBodyLimit, Query, State};
+use axum::http::StatusCode;
+use axum::http::header::CONTENT_TYPE;
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use axum::{Json, Router, middleware};
+use monro_anatomy::desk::{View, views};
+use monro_geometry::Structure;
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::io;
+use std::sync::Arc;
+use tokio::net::TcpListener;
+
+/// A brush stroke of some thousand points fits.
+const MOST_MESSAGE_BYTES: usize = 256 << 10;
+
+pub(super) async fn run(shared: Arc<Shared>, listener: TcpListener) -> io::Result<()> {
+    axum::serve(Limited::new(listener), router(shared)).await
+}
+
+fn router(shared: Arc<Shared>) -> Router {
+    let keys = Arc::clone(&shared.keys);
+    Router::new()
+        .route("/", get(async || web::page("edit.html")))
+        .route("/api/desk", get(describe))
+        .route("/api/slice", get(slice))
+        .route("/api/ticket", post(ticket))
+        .route("/api/export", get(download))
+        .route(
+            "/api/rebuild",
+            get(async |State(s): State<Arc<Shared>>| Json(lock(&s.progress).describe())).post(rebuilding),
+        )
+        .route("/desk", get(upgrade))
+        .fallback(get(web::file))
+        .layer(DefaultBodyLimit::max(16 << 10))
+        .layer(middleware::from_fn_with_state(keys, door::guard))
+        .layer(middleware::from_fn(headers::add))
+        .with_state(shared)
+}
+
+async fn ticket(State(shared): State<Arc<Shared>>) -> Response {
+    door::ticket(&shared.keys)
+}
+
+async fn describe(State(shared): State<Arc<Shared>>) -> Json<Value> {
+    let work = lock(&shared.work);
+    let grid = work.desk.ct().grid();
+    Json(json!({
+        "scan": shared.subject.scan,
+        "notice": monro_prepare::NOTICE,
+        "dims": grid.dims(),
+        "spacing_mm": grid.spacing(),
+        "views": views(grid).map(|v| view_json(&v)),
+        "labels": Structure::ALL.map(|s| json!({ "label": s.label(), "name": s.name(), "colour": s.colour() })),
+        "findings": shared.findings,
+        "state": request::state(&work.desk),
+        "wire": request::wire(&work.desk),
+    }))
+}
+
+fn view_json(v: &View) -> Value {
+    json!({
+        "name": v.name, "axis": v.axis.number(), "slices": v.slices, "size": v.size, "spacing_mm": v.spacing,
+        "transpose": v.transpose, "flip": v.flip, "ascending": v.ascending,
+    })
+}
+
+/// Which slice, and of what.
+#[derive(Debug, Deserialize)]
+struct SliceQuery {
+    axis: usize,
+    index: usize,
+    #[serde(default)]
+    labels: bool,
+}
+
+/// 16-bit HU, little-endian, or one byte per label.
+async fn slice(State(shared): State<Arc<Shared>>, Query(q): Query<SliceQuery>) -> Response {
+    let axis = match request::axis(q.axis) {
+        Ok(axis) => axis,
+        Err(e) => return refuse(StatusCode::UNPROCESSABLE_ENTITY, &e),
+    };
+    let work = lock(&shared.work);
+    let bytes = if q.labels {
+        work.desk.slice_labels(axis, q.index)
+    } else {
+        work.desk.slice_hu(axis, q.index).map(|hu| hu.into_iter().flat_map(i16::to_le_bytes).collect())
+    };
+    match bytes {
+        Ok(bytes) => ([(CONTENT_TYPE, "application/octet-stream")], bytes).into_response(),
+        Err(e) => refuse(StatusCode::NOT_FOUND, &e.to_string()),
+    }
+}
+
+async fn rebuilding(State(shared): State<Arc<Shared>>) -> Response {
+    if rebuild::start(&shared) {
+        Json(json!({ "state": "running" })).into_response()
+    } else {
+        refuse(StatusCode::CONFLICT, "the case is being rebuilt already")
+    }
+}
+
+/// Which format.
+#[derive(Debug, Deserialize)]
+struct ExportQuery {
+    format: String,
+}
+
+async fn download(State(shared): State<Arc<Shared>>, Query(q): Query<ExportQuery>) -> Response {
+    // A copy, so that drawing goes on while it is compressed.
+    let labels = lock(&shared.work).desk.labels().clone();
+    let made = tokio::task::spawn_blocking(move || export::encode(&labels, &q.format)).await;
+    match made {
+        Ok(Ok(bytes)) => ([(CONTENT_TYPE, "application/octet-stream")], bytes).into_response(),
+        Ok(Err(e)) => refuse(StatusCode::UNPROCESSABLE_ENTITY, &e),
+        Err(e) => refuse(StatusCode::INTERNAL_SERVER_ERROR, &e.to_string()),
+    }
+}
+
+async fn upgrade(State(shared): State<Arc<Shared>>, ws: WebSocketUpgrade) -> Response {
+    ws.max_message_size(MOST_MESSAGE_BYTES)
+        .max_frame_size(MOST_MESSAGE_BYTES)
+        .on_upgrade(move |socket| talk(socket, shared))
+}
+
+/// Answers messages one after the other until the page goes.
+async fn talk(mut socket: WebSocket, shared: Arc<Shared>) {
+    while let Some(Ok(message)) = socket.recv().await {
+        let Message::Text(text) = message else { continue };
+        let shared = Arc::clone(&shared);
+        let Ok(answer) = tokio::task::spawn_blocking(move || answer(&shared, &text)).await else { break };
+        if socket.send(Message::Text(answer.to_string().into())).await.is_err() {
+            break;
+        }
+    }
+}
+
+/// Does what a message asks and appends it to the journal before the answer goes out.
+fn answer(shared: &Shared, text: &str) -> Value {
+    let request: Request = match serde_json::from_str(text) {
+        Ok(request) => request,
+        Err(e) => return json!({ "id": null, "error": format!("not understood: {e}") }),
+    };
+    let id = request.id;
+    let mut work = lock(&shared.work);
+    let said = request::answer(&mut work.desk, request);
+    let bytes = work.desk.take_journal();
+    let kept = if bytes.is_empty() { Ok(()) } else { work.store.append(&bytes) };
+    drop(work);
+    let mut out = match said {
+        Ok(value) => value,
+        Err(error) => json!({ "error": error }),
+    };
+    if let Err(error) = kept {
+        out["error"] = format!("the edit is not saved: {error}; export the labels now").into();
+    }
+    out["id"] = id.into();
+    out
+}

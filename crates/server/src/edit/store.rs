@@ -1,0 +1,196 @@
+//! Where the work is kept: a folder beside the case with the labels at the start and the journal of all edits. Both
+//! survive a killed browser and a killed server.
+//!
+//! ```text
+//! CASE.edit/base.nii.gz   labels at the start
+//!           journal       every edit since, appended as it happens
+//!           edit.json     which scan and which labels of the case this belongs to; written last
+//! ```
+
+use monro_anatomy::edit::{Editor, ReplayError};
+use monro_geometry::{Grid, Volume};
+use monro_scan::{ScanError, nifti};
+use serde::{Deserialize, Serialize};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Why the work cannot be opened or kept.
+#[derive(Debug, Error)]
+pub enum StoreError {
+    /// The file system refused.
+    #[error("{path}: {error}")]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// The reason.
+        error: io::Error,
+    },
+    /// The description does not parse.
+    #[error("{path}: {error}; move the folder away to begin anew")]
+    Description {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        error: serde_json::Error,
+    },
+    /// The folder holds edits of another scan.
+    #[error(
+        "{folder} holds edits of the scan {found}, this one is {wanted}; move the folder away, or choose another --out"
+    )]
+    OtherScan {
+        /// The folder.
+        folder: PathBuf,
+        /// The scan in it.
+        found: String,
+        /// The scan to be edited.
+        wanted: String,
+    },
+    /// The labels at the start cannot be read, or do not fit.
+    #[error("the labels in {folder} cannot be used: {reason}; move the folder away to begin anew")]
+    Base {
+        /// The folder.
+        folder: PathBuf,
+        /// The reason.
+        reason: String,
+    },
+    /// The journal cannot be replayed.
+    #[error("{path}: {error}")]
+    Journal {
+        /// The journal.
+        path: PathBuf,
+        /// The reason.
+        error: ReplayError,
+    },
+}
+
+/// Which scan and labels the work belongs to.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Subject {
+    /// Name of the scan (its pseudonym).
+    pub scan: String,
+    /// What the labels were at the start or at the last rebuilding: a hash of the case's labels, or how they were made.
+    pub origin: String,
+}
+
+/// The folder, open for appending.
+#[derive(Debug)]
+pub(crate) struct Store {
+    folder: PathBuf,
+    journal: File,
+}
+
+fn at(path: &Path) -> impl FnOnce(io::Error) -> StoreError + '_ {
+    |error| StoreError::Io { path: path.to_owned(), error }
+}
+
+impl Store {
+    /// Goes on with the work in a folder, or begins it with the labels of `start`. The third part says what happened.
+    ///
+    /// # Errors
+    /// [`StoreError`]; whatever `start` says, as [`StoreError::Base`].
+    pub(crate) fn open(
+        folder: &Path,
+        grid: &Grid,
+        subject: &Subject,
+        start: impl FnOnce() -> Result<Volume<u8>, String>,
+    ) -> Result<(Self, Editor, Vec<String>), StoreError> {
+        let description = folder.join("edit.json");
+        let mut notes = Vec::new();
+        if description.is_file() {
+            let text = fs::read_to_string(&description).map_err(at(&description))?;
+            let found: Subject = serde_json::from_str(&text)
+                .map_err(|error| StoreError::Description { path: description.clone(), error })?;
+            if found.scan != subject.scan {
+                let (folder, wanted) = (folder.to_owned(), subject.scan.clone());
+                return Err(StoreError::OtherScan { folder, found: found.scan, wanted });
+            }
+            if found.origin == subject.origin {
+                return Self::resume(folder, grid);
+            }
+            let aside = put_aside(folder)?;
+            notes.push(format!(
+                "the labels of the case are not those that were edited before; the earlier edits are in {}",
+                aside.display()
+            ));
+        }
+        let base = start().map_err(|reason| StoreError::Base { folder: folder.to_owned(), reason })?;
+        let (store, editor) = Self::begin(folder, base, subject)?;
+        Ok((store, editor, notes))
+    }
+
+    fn begin(folder: &Path, base: Volume<u8>, subject: &Subject) -> Result<(Self, Editor), StoreError> {
+        fs::create_dir_all(folder).map_err(at(folder))?;
+        let [labels, journal] = ["base.nii.gz", "journal"].map(|n| folder.join(n));
+        fs::write(&labels, nifti::encode_u8(&base)).map_err(at(&labels))?;
+        let file = File::create(&journal).map_err(at(&journal))?;
+        let mut editor = Editor::new(base);
+        let mut store = Self { folder: folder.to_owned(), journal: file };
+        store.append(&editor.take_journal())?;
+        store.describe(subject)?;
+        Ok((store, editor))
+    }
+
+    fn resume(folder: &Path, grid: &Grid) -> Result<(Self, Editor, Vec<String>), StoreError> {
+        let [labels, journal] = ["base.nii.gz", "journal"].map(|n| folder.join(n));
+        let base = base(&labels, grid).map_err(|reason| StoreError::Base { folder: folder.to_owned(), reason })?;
+        let bytes = fs::read(&journal).map_err(at(&journal))?;
+        let (mut editor, recovery) =
+            Editor::replay(base, &bytes).map_err(|error| StoreError::Journal { path: journal.clone(), error })?;
+        let file = OpenOptions::new().append(true).open(&journal).map_err(at(&journal))?;
+        file.set_len(recovery.valid_bytes as u64).map_err(at(&journal))?;
+        let mut store = Self { folder: folder.to_owned(), journal: file };
+        store.append(&editor.take_journal())?;
+        let mut notes = vec![format!("{} edits of an earlier session were restored", recovery.events)];
+        if recovery.torn_bytes > 0 {
+            notes.push("the last edit was torn off in the middle and is lost".into());
+        }
+        Ok((store, editor, notes))
+    }
+
+    /// Appends to the journal; on return the system has the bytes, so that a killed process loses nothing.
+    ///
+    /// # Errors
+    /// When the file system refuses.
+    pub(crate) fn append(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
+        let path = self.folder.join("journal");
+        self.journal.write_all(bytes).and_then(|()| self.journal.flush()).map_err(at(&path))
+    }
+
+    /// Says what the work belongs to, whole or not at all.
+    ///
+    /// # Errors
+    /// When the file system refuses.
+    pub(crate) fn describe(&self, subject: &Subject) -> Result<(), StoreError> {
+        let [target, aside] = ["edit.json", ".edit.json.partial"].map(|n| self.folder.join(n));
+        let text = serde_json::to_string_pretty(subject).unwrap_or_default();
+        fs::write(&aside, text).map_err(at(&aside))?;
+        fs::rename(&aside, &target).map_err(at(&target))
+    }
+}
+
+fn base(path: &Path, grid: &Grid) -> Result<Volume<u8>, String> {
+    let found = monro_scan::read_labels(path).map_err(|e: ScanError| e.to_string())?;
+    if found.grid().dims() != grid.dims() {
+        return Err(format!("they have {:?} voxels, the scan {:?}", found.grid().dims(), grid.dims()));
+    }
+    // NIfTI rounds the placement to single precision; the scan's own is exact.
+    let labels = found.map(|l| u8::try_from(l).unwrap_or(u8::MAX)).into_data();
+    Volume::new(*grid, labels).map_err(|e| e.to_string())
+}
+
+/// Renames a folder to the first free of `NAME.1`, `NAME.2`, ...
+fn put_aside(folder: &Path) -> Result<PathBuf, StoreError> {
+    let mut number = 1;
+    loop {
+        let mut name = folder.file_name().unwrap_or_default().to_owned();
+        name.push(format!(".{number}"));
+        let aside = folder.with_file_name(name);
+        if !aside.exists() {
+            fs::rename(folder, &aside).map_err(at(folder))?;
+            return Ok(aside);
+        }
+        number += 1;
+    }
+}

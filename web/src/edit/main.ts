@@ -1,0 +1,480 @@
+// The editor of labels. Rules live in the server; here are mouse, keys and drawing.
+
+import { Api, Unauthorized } from "../api";
+import { askForToken, tokenAtHand } from "../token";
+import { Desk, type Answer, type Description, type Rebuilding, type State, type Target } from "./desk";
+import { Pane, type Hand, type Look } from "./pane";
+import { Options, request, TOOLS, type ToolName } from "./tools";
+
+const WINDOWS: [string, number, number][] = [["Brain", 0, 80], ["Ventricles", -10, 50], ["Subdural", -20, 180], ["Bone", -200, 1500]];
+/** Labels that one draws; the others are there to be seen. */
+const FIRST_LABEL = 6;
+
+function element<T extends HTMLElement>(selector: string): T {
+  const found = document.querySelector<T>(selector);
+  if (!found) throw new Error(`The page has no ${selector}.`);
+  return found;
+}
+
+async function open(): Promise<{ api: Api; description: Description }> {
+  let token = tokenAtHand() ?? (await askForToken("Open this page with the address that Monro printed, or enter its token."));
+  for (;;) {
+    try {
+      const api = new Api(token);
+      return { api, description: await api.json<Description>("/api/desk") };
+    } catch (error) {
+      if (!(error instanceof Unauthorized)) throw error;
+      token = await askForToken(error.message);
+    }
+  }
+}
+
+class Editor {
+  readonly #api: Api;
+  readonly #desk: Desk;
+  readonly #about: Description;
+  readonly #look: Look;
+  readonly #panes: Pane[];
+  readonly #options: Options;
+  #tool: ToolName = "wire";
+  #label = FIRST_LABEL;
+  #current: Pane;
+  #painting: { last: [number, number]; erase: boolean } | undefined;
+  #moving: number | undefined;
+  #hovering = false;
+  #hoverNext: Hand | undefined;
+  #before = 0.45;
+  #busy: Promise<unknown> = Promise.resolve();
+
+  constructor(api: Api, about: Description) {
+    [this.#api, this.#about] = [api, about];
+    this.#desk = new Desk(api, (connected) => {
+      element("#saved").textContent = connected ? "every step is saved" : "no connection to the server";
+      if (connected) void this.#sendOptions();
+    });
+    this.#look = { low: 0, high: 80, opacity: 0.3, colours: about.labels.map((l) => l.colour) };
+    this.#panes = about.views.map((v) => new Pane(v, this.#desk, this.#look, (kind, hand) => this.#mouse(kind, hand), (p) => this.#scrolled(p)));
+    this.#current = this.#panes[0] as Pane;
+    const names = about.labels.slice(1).map((l): [string, string] => [String(l.label), l.name.replaceAll("_", " ")]);
+    this.#options = new Options(element("#options"), names, (id) => void this.#option(id));
+    this.#panel(names);
+    addEventListener("keydown", (event) => this.#key(event));
+  }
+
+  async start(): Promise<void> {
+    await this.#desk.connect();
+    this.#take({ id: 0, state: this.#about.state, wire: this.#about.wire });
+    this.#scrolled(this.#current);
+    await Promise.all(this.#panes.map((p) => p.load()));
+    document.body.dataset["ready"] = "yes";
+  }
+
+  #panel(names: [string, string][]): void {
+    element("#patient").textContent = this.#about.scan;
+    document.title = `${this.#about.scan} · Labels · Monro`;
+    for (const tool of TOOLS) {
+      const button = document.createElement("button");
+      button.textContent = tool.title;
+      button.title = `${tool.hint} (${tool.key})`;
+      button.dataset["tool"] = tool.name;
+      button.onclick = () => this.#choose(tool.name);
+      element("#tools").append(button);
+    }
+    for (const [text, low, high] of WINDOWS) {
+      const button = document.createElement("button");
+      button.textContent = text;
+      button.onclick = () => this.#window(low, high);
+      element("#window").append(button);
+    }
+    const opacity = document.createElement("input");
+    Object.assign(opacity, { type: "range", min: "0", max: "1", step: "0.05", value: "0.3", id: "opacity" });
+    opacity.setAttribute("aria-label", "Opacity of the labels");
+    opacity.oninput = () => this.#opacity(Number(opacity.value));
+    element("#window").append(opacity);
+    for (const { label, name, colour } of this.#about.labels.slice(1)) {
+      const swatch = document.createElement("i");
+      swatch.style.background = `rgb(${colour.join(" ")})`;
+      const button = document.createElement("button");
+      [button.textContent, button.dataset["label"]] = [name.replaceAll("_", " "), String(label)];
+      button.title = `key ${label}`;
+      button.onclick = () => this.#pick(label);
+      const [ml, sure] = [document.createElement("output"), document.createElement("output")];
+      [ml.id, sure.id] = [`ml-${label}`, `sure-${label}`];
+      sure.title = "how far the labels agree with the scan";
+      element("#labels").append(swatch, button, ml, sure);
+    }
+    const over = element<HTMLSelectElement>("#over");
+    over.add(new Option("every label", "any"));
+    over.add(new Option("CSF, brain and ventricles", "3,4,5,6,7"));
+    for (const [value, text] of names) over.add(new Option(`only ${text}`, value));
+    over.value = "3,4,5,6,7";
+    element("#undo").onclick = () => void this.#edit("undo");
+    element("#redo").onclick = () => void this.#edit("redo");
+    element("#help").onclick = () => this.#help();
+    element("#export").onclick = () => void this.#export();
+    element("#rebuild").onclick = () => void this.#rebuild();
+    const list = element("#findings ul");
+    for (const finding of this.#about.findings) list.append(Object.assign(document.createElement("li"), { textContent: finding }));
+    element("#findings").hidden = this.#about.findings.length === 0;
+    this.#choose("wire");
+    this.#pick(FIRST_LABEL);
+  }
+
+  #choose(name: ToolName): void {
+    this.#tool = name;
+    const tool = TOOLS.find((t) => t.name === name);
+    if (tool) this.#options.show(tool);
+    for (const b of document.querySelectorAll<HTMLElement>("[data-tool]")) b.setAttribute("aria-pressed", String(b.dataset["tool"] === name));
+    for (const p of this.#panes) [p.path, p.snapped, p.brush] = [[], null, null];
+    this.#redraw();
+  }
+
+  #pick(label: number): void {
+    this.#label = label;
+    for (const b of document.querySelectorAll<HTMLElement>("[data-label]")) b.setAttribute("aria-pressed", String(b.dataset["label"] === String(label)));
+  }
+
+  #window(low: number, high: number): void {
+    [this.#look.low, this.#look.high] = [low, high];
+    this.#panes.forEach((p) => p.paint());
+    void this.#sendOptions();
+  }
+
+  #opacity(value: number): void {
+    this.#look.opacity = value;
+    element<HTMLInputElement>("#opacity").value = String(value);
+    this.#panes.forEach((p) => p.paint());
+  }
+
+  #range(): [number, number] {
+    return [Math.round(Number(element<HTMLInputElement>("#low").value)), Math.round(Number(element<HTMLInputElement>("#high").value))];
+  }
+
+  #target(): Target {
+    const over = element<HTMLSelectElement>("#over").value;
+    const masked = element<HTMLInputElement>("#masked").checked;
+    return { label: this.#label, over: over === "any" ? null : over.split(",").map(Number), range: masked ? this.#range() : null };
+  }
+
+  #sendOptions(): Promise<Answer> {
+    const { low, high } = this.#look;
+    // The options of the wire are in the panel only while it is chosen.
+    const wire = this.#tool === "wire";
+    return this.#desk.ask("wire_options", {
+      window: [low, high],
+      snap_radius: wire ? this.#options.number("snap") : 4,
+      cooling: wire && this.#options.checked("cooling"),
+      training: wire ? this.#options.checked("training") : true,
+    });
+  }
+
+  #redraw(): void {
+    this.#panes.forEach((p) => p.draw());
+  }
+
+  #scrolled(pane: Pane): void {
+    this.#current = pane;
+    this.#hoverNext = undefined;
+    [pane.path, pane.snapped] = [[], null];
+    for (const p of this.#panes) {
+      p.element.classList.toggle("current", p === pane);
+      const inPlane = [0, 1, 2].filter((a) => a !== p.view.axis);
+      p.cross = inPlane.map((a) => this.#panes.find((q) => q.view.axis === a)?.index ?? 0) as [number, number];
+      p.draw();
+    }
+    void pane.load();
+  }
+
+  /** Shows what an answer brought. */
+  #take(answer: Answer): void {
+    element("#message").textContent = answer.error ?? "";
+    if (answer.wire !== undefined) {
+      for (const p of this.#panes) {
+        p.wire = answer.wire;
+        if (!answer.wire) p.path = [];
+      }
+    }
+    if (answer.state) this.#state(answer.state);
+    this.#redraw();
+  }
+
+  #state(state: State): void {
+    for (const { label } of this.#about.labels.slice(1)) {
+      element(`#ml-${label}`).textContent = `${(state.volumes_ml[label] ?? 0).toFixed(1)} ml`;
+      const sure = state.confidence?.[label];
+      if (state.confidence) element(`#sure-${label}`).textContent = typeof sure === "number" ? `${Math.round(100 * sure)} %` : "–";
+    }
+    element<HTMLButtonElement>("#undo").disabled = state.past === 0;
+    element<HTMLButtonElement>("#redo").disabled = state.future === 0;
+    document.body.dataset["steps"] = String(state.past);
+  }
+
+  /** One edit after the other; all slices are shown again afterwards. */
+  #edit(op: string, fields: object = {}): Promise<Answer> {
+    const done = this.#busy.then(async () => {
+      const answer = await this.#desk.ask(op, fields);
+      this.#take(answer);
+      await Promise.all(this.#panes.map((p) => p.load()));
+      return answer;
+    });
+    this.#busy = done.catch(() => undefined);
+    return done;
+  }
+
+  #mouse(kind: "move" | "down" | "up" | "leave" | "double", hand: Hand): void {
+    if (kind === "leave") {
+      [hand.pane.snapped, hand.pane.brush] = [null, null];
+      if (!hand.pane.wire) hand.pane.path = [];
+      this.#stopPainting();
+      hand.pane.draw();
+    } else if (this.#tool === "wire") this.#wire(kind, hand);
+    else if (this.#tool === "brush" || this.#tool === "eraser") this.#brush(kind, hand);
+    else if (this.#tool === "grow" && kind === "down") this.#grow(hand);
+    else if (kind === "down") this.#scrollTo(hand);
+  }
+
+  #place(hand: Hand): { axis: number; slice: number; at: [number, number] } {
+    return { axis: hand.pane.view.axis, slice: hand.pane.index, at: hand.at };
+  }
+
+  #wire(kind: "move" | "down" | "up" | "double", hand: Hand): void {
+    if (kind === "move") {
+      if (this.#moving !== undefined) return;
+      this.#hoverNext = hand;
+      void this.#hover();
+    } else if (kind === "down" && hand.event.button === 2) {
+      void this.#edit("undo");
+    } else if (kind === "down" && hand.event.button === 0 && hand.event.detail < 2) {
+      const anchors = hand.pane.wire?.slice === hand.pane.index && hand.pane.wire.axis === hand.pane.view.axis ? hand.pane.wire.anchors : [];
+      const [x, y] = hand.pane.screenAt(hand.at);
+      const grabbed = anchors.findIndex((a, i) => {
+        const [u, v] = hand.pane.screenAt(a);
+        // The first one closes, unless it is dragged with Shift.
+        return Math.hypot(u - x, v - y) < 7 && (i > 0 || hand.event.shiftKey);
+      });
+      if (grabbed >= 0 && grabbed < anchors.length - 1) this.#moving = grabbed;
+      else if (hand.pane.closes) void this.#close();
+      else void this.#click(hand);
+    } else if (kind === "up" && this.#moving !== undefined) {
+      const anchor = this.#moving;
+      this.#moving = undefined;
+      void this.#desk.ask("move_anchor", { anchor, at: hand.at }).then((a) => this.#take(a));
+    } else if (kind === "double") {
+      void this.#close();
+    }
+  }
+
+  async #click(hand: Hand): Promise<void> {
+    this.#current = hand.pane;
+    this.#take(await this.#desk.ask("click", this.#place(hand)));
+    this.#hoverNext = hand;
+    void this.#hover();
+  }
+
+  #close(): Promise<Answer> {
+    for (const p of this.#panes) [p.path, p.closes, p.snapped] = [[], false, null];
+    return this.#edit("close", { target: this.#target(), mode: this.#options.choice("mode"), interpolate: this.#options.checked("interpolate") });
+  }
+
+  /** The wire under the mouse: one question at a time, the newest place wins. */
+  async #hover(): Promise<void> {
+    if (this.#hovering) return;
+    this.#hovering = true;
+    while (this.#hoverNext) {
+      const hand = this.#hoverNext;
+      this.#hoverNext = undefined;
+      const begun = performance.now();
+      const answer = await this.#desk.ask("hover", { ...this.#place(hand), time: begun / 1000 });
+      document.body.dataset["hoverMs"] = (performance.now() - begun).toFixed(2);
+      if (this.#tool !== "wire" || hand.pane.index !== this.#place(hand).slice) continue;
+      hand.pane.snapped = answer.snapped ?? null;
+      hand.pane.path = answer.path ?? [];
+      hand.pane.closes = answer.closes ?? false;
+      if (answer.wire !== undefined) this.#take(answer);
+      hand.pane.draw();
+    }
+    this.#hovering = false;
+  }
+
+  #brush(kind: "move" | "down" | "up" | "double", hand: Hand): void {
+    hand.pane.brush = { at: hand.at, radius: this.#options.number("radius") };
+    if (kind === "down" && hand.event.button !== 1) {
+      this.#painting = { last: hand.at, erase: this.#tool === "eraser" || hand.event.button === 2 };
+      this.#dab(hand, [hand.at]);
+    } else if (kind === "move" && this.#painting) {
+      this.#dab(hand, [this.#painting.last, hand.at]);
+      this.#painting.last = hand.at;
+    } else if (kind === "up") {
+      this.#stopPainting();
+    }
+    hand.pane.draw();
+  }
+
+  #dab(hand: Hand, points: [number, number][]): void {
+    const erase = this.#painting?.erase ?? false;
+    const { axis, slice } = this.#place(hand);
+    const fields = { target: this.#target(), axis, slice, points, radius_mm: this.#options.number("radius"), flat: !this.#options.checked("ball"), erase };
+    this.#busy = this.#busy.then(async () => {
+      const answer = await this.#desk.ask("brush", fields);
+      if (answer.error) this.#take(answer);
+      if (answer.changed) await hand.pane.load();
+    });
+  }
+
+  #stopPainting(): void {
+    if (!this.#painting) return;
+    this.#painting = undefined;
+    void this.#edit("end_stroke");
+  }
+
+  /** The voxel under the mouse. */
+  #voxel(hand: Hand): [number, number, number] {
+    const voxel: [number, number, number] = [0, 0, 0];
+    const [c, r] = [0, 1, 2].filter((a) => a !== hand.pane.view.axis) as [0 | 1 | 2, 0 | 1 | 2];
+    voxel[hand.pane.view.axis] = hand.pane.index;
+    voxel[c] = Math.round(hand.at[0]);
+    voxel[r] = Math.round(hand.at[1]);
+    return voxel;
+  }
+
+  #grow(hand: Hand): void {
+    const tool = { name: "grow", seed: this.#voxel(hand), range: this.#range(), neck_mm: this.#options.number("neck"), most_ml: this.#options.number("most") };
+    void this.#preview(tool);
+  }
+
+  /** The other slices go through the clicked place. */
+  #scrollTo(hand: Hand): void {
+    const voxel = this.#voxel(hand);
+    for (const p of this.#panes.filter((q) => q !== hand.pane)) {
+      p.index = Math.min(p.view.slices - 1, Math.max(0, voxel[p.view.axis] ?? 0));
+      void p.load();
+    }
+    this.#scrolled(hand.pane);
+  }
+
+  async #preview(tool: object): Promise<void> {
+    const answer = await this.#edit("preview", { tool, target: this.#target() });
+    if (!answer.preview) return;
+    const { ml, stopped } = answer.preview;
+    element("#message").textContent = stopped
+      ? `Stopped at ${ml.toFixed(1)} ml: this is a leak. Narrow the values or widen the neck.`
+      : `${ml.toFixed(2)} ml; Apply (Enter) takes it, Escape drops it.`;
+  }
+
+  async #option(id: string): Promise<void> {
+    if (id === "preview") {
+      const tool = request(this.#tool, this.#options, this.#range(), this.#current.view.axis);
+      if (tool) await this.#preview(tool);
+    } else if (id === "apply") {
+      await this.#apply();
+    } else if (id === "fill-between") {
+      await this.#edit("interpolate", { axis: this.#current.view.axis, target: this.#target() });
+    } else if (this.#tool === "wire") {
+      await this.#sendOptions();
+    }
+  }
+
+  async #apply(): Promise<void> {
+    const answer = await this.#edit("apply", { target: this.#target() });
+    if (!answer.error) element("#message").textContent = `${answer.changed ?? 0} voxels changed`;
+  }
+
+  readonly #keys: [string, string, () => void][] = [
+    ["Enter", "close the wire, or apply the preview", () => void (this.#tool === "wire" ? this.#close() : this.#apply())],
+    ["Escape", "give the wire or the preview up", () => void this.#edit("drop_wire").then(() => this.#edit("discard"))],
+    ["Backspace", "take the last click back", () => void this.#edit("undo")],
+    ["[", "smaller brush", () => this.#options.scale("radius", 1 / 1.25)],
+    ["]", "larger brush", () => this.#options.scale("radius", 1.25)],
+    ["+", "zoom in", () => this.#current.zoom(1.2)],
+    ["-", "zoom out", () => this.#current.zoom(1 / 1.2)],
+    ["l", "show and hide the labels", () => this.#toggle()],
+    ["f", "fill between drawn slices", () => void this.#option("fill-between")],
+    ["?", "this list", () => this.#help()],
+  ];
+
+  #toggle(): void {
+    const now = this.#look.opacity;
+    if (now > 0) this.#before = now;
+    this.#opacity(now > 0 ? 0 : this.#before);
+  }
+
+  #key(event: KeyboardEvent): void {
+    const target = event.target as HTMLElement;
+    if (document.querySelector("dialog[open]") || (target.matches("input[type=number], select") && event.key !== "Escape")) return;
+    if (event.ctrlKey || event.metaKey) {
+      const key = event.key.toLowerCase();
+      if (key === "z") void this.#edit(event.shiftKey ? "redo" : "undo");
+      else if (key === "y") void this.#edit("redo");
+      else return;
+      event.preventDefault();
+      return;
+    }
+    const tool = TOOLS.find((t) => t.key === event.key);
+    const own = this.#keys.find(([key]) => key === event.key);
+    const label = Number(event.key);
+    if (target.matches("button") && event.key === "Enter") return;
+    if (tool) this.#choose(tool.name);
+    else if (own) own[2]();
+    else if (event.key !== " " && label >= 1 && label < this.#about.labels.length) this.#pick(label);
+    else return;
+    event.preventDefault();
+  }
+
+  #help(): void {
+    const rows: [string, string][] = [
+      ...TOOLS.map((t): [string, string] => [t.key, t.title]),
+      ["1 – 7", "choose the label"], ["Ctrl+Z, Ctrl+Y", "undo, redo"], ["wheel, Page Up and Down", "next slice"],
+      ["Ctrl+wheel", "zoom"], ["Alt+drag", "move the picture"],
+      ...this.#keys.map(([key, what]): [string, string] => [key, what]),
+    ];
+    element("#key-list").replaceChildren(...rows.flatMap(([key, what]) => {
+      const [dt, dd] = [document.createElement("dt"), document.createElement("dd")];
+      dt.append(Object.assign(document.createElement("kbd"), { textContent: key }));
+      dd.textContent = what;
+      return [dt, dd];
+    }));
+    element<HTMLDialogElement>("#keys").showModal();
+  }
+
+  async #export(): Promise<void> {
+    const format = element<HTMLSelectElement>("#format").value;
+    try {
+      const bytes = await this.#api.bytes(`/api/export?format=${format}`);
+      const link = document.createElement("a");
+      link.href = URL.createObjectURL(new Blob([bytes]));
+      link.download = `labels.${{ nifti: "nii.gz", dicom: "dcm" }[format] ?? format}`;
+      link.click();
+      URL.revokeObjectURL(link.href);
+    } catch (error) {
+      element("#message").textContent = String(error);
+    }
+  }
+
+  async #rebuild(): Promise<void> {
+    const button = element<HTMLButtonElement>("#rebuild");
+    button.disabled = true;
+    try {
+      await this.#api.json("/api/rebuild", "POST");
+      for (;;) {
+        const now = await this.#api.json<Rebuilding>("/api/rebuild");
+        element("#progress").textContent = this.#progress(now);
+        if (now.state !== "running") break;
+        await new Promise((r) => setTimeout(r, 250));
+      }
+    } catch (error) {
+      element("#message").textContent = String(error);
+    }
+    button.disabled = false;
+  }
+
+  #progress(now: Rebuilding): string {
+    switch (now.state) {
+      case "running": return `Rebuilding: ${now.stage ?? ""} (${(now.seconds ?? 0).toFixed(0)} s)`;
+      case "done": return `Case ${now.case ?? ""} rebuilt in ${(now.seconds ?? 0).toFixed(1)} s; ${now.findings?.length ?? 0} remarks, see its report.`;
+      case "failed": return `Not rebuilt: ${now.error ?? "unknown reason"}`;
+      default: return "";
+    }
+  }
+}
+
+void open().then(({ api, description }) => new Editor(api, description).start());
