@@ -246,7 +246,8 @@ const tests = {
     // The rebuilt case opens with the same labels and the same history.
     await start(out);
     const now = await describe();
-    assert.deepEqual(now.state.volumes_ml, wanted);
+    // NIfTI keeps the placement in single precision.
+    now.state.volumes_ml.forEach((ml, n) => assert.ok(Math.abs(ml - wanted[n]) <= 1e-5 * wanted[n], `label ${n}: ${ml} ml`));
     assert.equal(now.state.past, 2);
   },
 };

@@ -9,6 +9,7 @@ import { Options, request, TOOLS, type ToolName } from "./tools";
 const WINDOWS: [string, number, number][] = [["Brain", 0, 80], ["Ventricles", -10, 50], ["Subdural", -20, 180], ["Bone", -200, 1500]];
 /** Labels that one draws; the others are there to be seen. */
 const FIRST_LABEL = 6;
+const VENTRICLES = [5, 6, 7];
 
 function element<T extends HTMLElement>(selector: string): T {
   const found = document.querySelector<T>(selector);
@@ -52,7 +53,7 @@ class Editor {
       element("#saved").textContent = connected ? "every step is saved" : "no connection to the server";
       if (connected) void this.#sendOptions();
     });
-    this.#look = { low: 0, high: 80, opacity: 0.3, colours: about.labels.map((l) => l.colour) };
+    this.#look = { low: 0, high: 80, opacity: 0.3, colours: about.labels.map((l) => l.colour), filled: new Set(VENTRICLES) };
     this.#panes = about.views.map((v) => new Pane(v, this.#desk, this.#look, (kind, hand) => this.#mouse(kind, hand), (p) => this.#scrolled(p)));
     this.#current = this.#panes[0] as Pane;
     const names = about.labels.slice(1).map((l): [string, string] => [String(l.label), l.name.replaceAll("_", " ")]);
@@ -131,6 +132,8 @@ class Editor {
 
   #pick(label: number): void {
     this.#label = label;
+    this.#look.filled = new Set([...VENTRICLES, label]);
+    this.#panes.forEach((p) => p.paint());
     for (const b of document.querySelectorAll<HTMLElement>("[data-label]")) b.setAttribute("aria-pressed", String(b.dataset["label"] === String(label)));
   }
 

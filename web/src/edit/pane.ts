@@ -7,6 +7,8 @@ export interface Look {
   high: number;
   opacity: number;
   colours: [number, number, number][];
+  /** Labels that are filled; the others are outlines, so that the image stays visible. */
+  filled: Set<number>;
 }
 
 /** What the mouse did, at a continuous pixel index of the slice. */
@@ -173,7 +175,7 @@ export class Pane {
   paint(): void {
     const context = this.#image.getContext("2d");
     if (!context || !this.#hu || !this.#labels) return;
-    const { low, high, opacity, colours } = this.#look;
+    const { low, high, opacity, colours, filled } = this.#look;
     const out = context.createImageData(this.#image.width, this.#image.height);
     const scale = 255 / Math.max(1, high - low);
     const w = this.#image.width;
@@ -181,7 +183,7 @@ export class Pane {
       const grey = Math.min(255, Math.max(0, ((this.#hu[n] ?? 0) - low) * scale));
       const code = this.#labels[n] ?? 0;
       const label = code & 127;
-      let mix = label ? opacity : 0;
+      let mix = filled.has(label) ? opacity : 0;
       let colour = colours[label] ?? [0, 0, 0];
       // Outlines stay when the filling is faint.
       if (label && (this.#labels[n - 1] !== code || this.#labels[n + 1] !== code || this.#labels[n - w] !== code || this.#labels[n + w] !== code)) {
