@@ -65,6 +65,29 @@ export interface Status {
   displays: number;
 }
 
+export interface LandmarkState {
+  name: string;
+  marked_lps_mm: Point;
+  added: boolean;
+  touched: boolean;
+  spread_mm: number | null;
+  residual_mm: number | null;
+  left_out_mm: number | null;
+  expected_mm: number | null;
+  outlier: boolean;
+}
+
+export interface Registration {
+  landmarks: LandmarkState[];
+  predicted_tre_mm: number | null;
+  why_not: string | null;
+  phase: Guidance["phase"];
+  checked: { name: string; distance_mm: number; limit_mm: number; holds: boolean } | null;
+}
+
+/** The server says why not. */
+export class Refused extends Error {}
+
 /** The token is missing or wrong. */
 export class Unauthorized extends Error {}
 
@@ -75,9 +98,11 @@ export class Api {
     this.#token = token;
   }
 
-  async #fetch(path: string, method = "GET"): Promise<Response> {
-    const response = await fetch(path, { method, headers: { Authorization: `Bearer ${this.#token}` } });
+  async #fetch(path: string, method = "GET", body?: unknown): Promise<Response> {
+    const headers = { Authorization: `Bearer ${this.#token}`, ...(body === undefined ? {} : { "Content-Type": "application/json" }) };
+    const response = await fetch(path, { method, headers, ...(body === undefined ? {} : { body: JSON.stringify(body) }) });
     if (response.status === 401) throw new Unauthorized("The access token is missing or wrong.");
+    if (response.status === 409 || response.status === 422) throw new Refused(((await response.json()) as { error: string }).error);
     if (!response.ok) throw new Error(`${path}: ${response.status} ${await response.text()}`);
     return response;
   }
@@ -88,6 +113,20 @@ export class Api {
 
   async status(): Promise<Status> {
     return (await this.#fetch("/api/status")).json() as Promise<Status>;
+  }
+
+  async registration(): Promise<Registration> {
+    return (await this.#fetch("/api/registration")).json() as Promise<Registration>;
+  }
+
+  /** Touches, forgets, marks, accepts or checks. */
+  async register(action: string, more: { name?: string; position_lps_mm?: Point } = {}): Promise<Registration> {
+    return (await this.#fetch("/api/registration", "POST", { action, ...more })).json() as Promise<Registration>;
+  }
+
+  /** An event of the procedure. */
+  async event(event: string): Promise<void> {
+    await this.#fetch("/api/session", "POST", { event });
   }
 
   async container(path: "/api/scene" | "/api/ct"): Promise<Container> {

@@ -5,6 +5,7 @@ import { Budget, Counter, type Stages } from "./budget";
 import { controls } from "./controls";
 import { element } from "./dom";
 import { Panel } from "./panel";
+import { Register } from "./register";
 import type { Snapshot } from "./snapshot";
 import { Stream } from "./stream";
 import { askForToken, tokenAtHand } from "./token";
@@ -41,6 +42,7 @@ async function main(): Promise<void> {
   const images = opened.has_ct ? await api.container("/api/ct") : null;
   const stage = new Stage(await api.container("/api/scene"), images);
   controls(stage);
+  new Register(api, stage);
   const stages: Stages = { take: new Counter(), draw: new Counter() };
   const budget = new Budget();
   let waiting: Snapshot | undefined;

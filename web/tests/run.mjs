@@ -16,20 +16,28 @@ if (!command) {
   process.exit(2);
 }
 
-const server = spawn(command, args, { stdio: ["ignore", "pipe", "inherit"] });
-const served = JSON.parse(await new Promise((resolve, reject) => {
-  createInterface(server.stdout).once("line", resolve);
-  server.once("exit", (code) => reject(new Error(`the server ended with ${code}`)));
-}));
-const { url, token } = served;
-const browser = await launch();
+const servers = [];
 
-async function api(path, body) {
-  const headers = { Authorization: `Bearer ${token}`, "Content-Type": "application/json" };
-  const response = await fetch(url + path, body ? { method: "POST", headers, body: JSON.stringify(body) } : { headers });
-  assert.equal(response.status, 200, path);
-  return response.json();
+/** Starts a server; what it prints first, its process, and its API. */
+async function serve(...more) {
+  const child = spawn(command, [...args, ...more], { stdio: ["pipe", "pipe", "inherit"] });
+  servers.push(child);
+  const told = JSON.parse(await new Promise((resolve, reject) => {
+    createInterface(child.stdout).once("line", resolve);
+    child.once("exit", (code) => reject(new Error(`the server ended with ${code}`)));
+  }));
+  const api = async (path, body) => {
+    const headers = { Authorization: `Bearer ${told.token}`, "Content-Type": "application/json" };
+    const response = await fetch(told.url + path, body ? { method: "POST", headers, body: JSON.stringify(body) } : { headers });
+    assert.equal(response.status, 200, path);
+    return response.json();
+  };
+  return { ...told, child, api };
 }
+
+const served = await serve();
+const { url, token, api } = served;
+const browser = await launch();
 
 let opened;
 
@@ -40,7 +48,7 @@ async function watched(address, prepare) {
   p.faults = [];
   p.on("console", (m) => ["error", "warning"].includes(m.type()) && !/GPU stall|swiftshader/i.test(m.text()) && p.faults.push(m.text()));
   p.on("pageerror", (e) => p.faults.push(String(e)));
-  p.on("request", (r) => r.url().startsWith(url) || r.url().startsWith("data:") || p.faults.push(`asked ${r.url()}`));
+  p.on("request", (r) => r.url().startsWith(new URL(address).origin) || r.url().startsWith("data:") || p.faults.push(`asked ${r.url()}`));
   await p.goto(address);
   return p;
 }
@@ -195,6 +203,47 @@ const tests = {
     assert.deepEqual(p.faults, []);
   },
 
+  async "landmarks are touched, accepted and checked, and the catheter is then where the hand holds it"() {
+    const held = await serve("--hand");
+    await held.api("/api/session", { event: "calibrated", tip_mm: [0, 0, -20], axis: [0, 0, -1] });
+    const p = await page(`${held.url}/#token=${held.token}`);
+    const move = async (place) => {
+      held.child.stdin.write(`${place.join(" ")}\n`);
+      await p.waitForTimeout(100);
+    };
+    const button = (name) => p.getByRole("button", { name, exact: true });
+    await button("Register").click();
+    const { landmarks } = await held.api("/api/registration");
+    assert.deepEqual(landmarks.map((l) => l.name), ["nasion", "Kocher left", "Kocher right", "vertex"]);
+    for (const { name, marked_lps_mm } of landmarks) {
+      await move(marked_lps_mm);
+      await button(`Touch ${name}`).click();
+      await button(`Forget ${name}`).waitFor();
+    }
+    const solved = await held.api("/api/registration");
+    assert.equal(await text(p, "#register-tre"), `${solved.predicted_tre_mm.toFixed(1)} mm`);
+    await shot(p, "register");
+    await button("Accept").click();
+    await move(landmarks[0].marked_lps_mm);
+    await button("Check nasion").click();
+    await until("a passed check", async () => /registration holds/.test(await text(p, "#register-said")));
+    await button("Start navigation").click();
+    await until("navigation", async () => (await held.api("/api/guidance")).phase === "navigating");
+    const { target_lps_mm } = (await held.api("/api/case")).plan;
+    await move(target_lps_mm);
+    // It trembles by 0.1 mm, and so did the touches.
+    await until("the tip at the target", async () => (await held.api("/api/guidance")).distance_to_target_rigid_mm < 0.25);
+    assert.equal(await text(p, "#n-tre"), `${solved.predicted_tre_mm.toFixed(1)} mm`);
+    const [x, y, z] = landmarks[3].marked_lps_mm;
+    await move([x, y + 9, z]);
+    await button("Check vertex").click();
+    await until("a failed check", async () => /Register again/.test(await text(p, "#register-said")));
+    assert.equal((await held.api("/api/guidance")).phase, "registered");
+    await shot(p, "register-failed");
+    assert.deepEqual(p.faults, []);
+    held.child.kill();
+  },
+
   async "a bad token is refused and the right one opens"() {
     const p = await page(`${url}/#token=0123`);
     await p.locator("#login").waitFor({ state: "visible" });
@@ -223,6 +272,6 @@ for (const [name, test] of chosen) {
   }
 }
 await browser.close();
-server.kill();
+servers.forEach((s) => s.kill());
 console.log(`${chosen.length - failed} passed, ${failed} failed`);
 process.exit(failed ? 1 : 0);

@@ -1,6 +1,7 @@
 //! The JSON API.
 
 use crate::door::{self, refuse};
+use crate::register;
 use crate::server::Shared;
 use axum::body::Bytes;
 use axum::extract::State;
@@ -32,6 +33,7 @@ pub(crate) fn routes() -> Router<Arc<Shared>> {
         .route("/api/ticket", post(ticket))
         .route("/api/session", post(event))
         .route("/api/glasses", post(glasses))
+        .route("/api/registration", get(register::get).post(register::post))
         .route("/api/tracker", post(tracker))
         .route("/api/{*rest}", get(unknown).post(unknown))
 }

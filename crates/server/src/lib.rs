@@ -26,6 +26,7 @@ mod listener;
 mod live;
 mod options;
 mod rate;
+mod register;
 mod server;
 mod snapshot;
 mod socket;

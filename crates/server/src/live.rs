@@ -98,6 +98,16 @@ impl Live {
         Some((session.needle(now)?, now - session.age(now)?))
     }
 
+    /// How far the procedure has come.
+    pub(crate) fn phase(&self) -> Phase {
+        lock(&self.session).phase()
+    }
+
+    /// When the tip was seen (s), and where, in the frame of the reference.
+    pub(crate) fn tip(&self) -> Option<(f64, Point<Tool>)> {
+        lock(&self.session).tip_in_reference(self.clock.now())
+    }
+
     /// Publishes a deformation that took `duration` (s).
     pub(crate) fn publish(&self, deformed: Deformed, duration: f64) {
         let deformed = Arc::new(deformed);

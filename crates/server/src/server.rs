@@ -5,18 +5,18 @@ use crate::listener::Limited;
 use crate::live::Live;
 use crate::options::ServeOptions;
 use crate::tracker::Tracker;
-use crate::{ServeError, api, case_data, deformer, headers, socket, web};
+use crate::{ServeError, api, case_data, deformer, headers, register, socket, web};
 use axum::body::Bytes;
 use axum::extract::DefaultBodyLimit;
 use axum::routing::get;
 use axum::{Router, middleware};
 use monro_case::Case;
 use monro_guidance::Plan;
-use monro_session::live::{Deformation, Expiry, Session, SessionEvent, ToolNames};
+use monro_session::live::{Deformation, Expiry, Registering, Session, SessionEvent, ToolNames};
 use serde_json::{Value, json};
 use std::io;
 use std::net::SocketAddr;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
@@ -57,6 +57,7 @@ pub(crate) struct Shared {
     pub(crate) ct: Option<Bytes>,
     pub(crate) tracker: String,
     pub(crate) simulated: bool,
+    pub(crate) registering: Mutex<Registering>,
 }
 
 /// A running server; it stops when this is dropped.
@@ -169,6 +170,7 @@ fn prepare(options: ServeOptions) -> Result<(Shared, Deformation, Plan, Tracker)
         ct: ct.map(Bytes::from),
         tracker: options.tracker.name().to_owned(),
         simulated: matches!(options.tracker, Tracker::Sim),
+        registering: Mutex::new(register::landmarks(&case)),
     };
     Ok((shared, deformation, case.plan, options.tracker))
 }

@@ -2,7 +2,7 @@
 // and through glasses.
 
 import {
-  type Camera, CylinderGeometry, Group, type Matrix4, Mesh, MeshBasicMaterial, PerspectiveCamera, Quaternion, Scene, SphereGeometry, TorusGeometry, Vector3,
+  type Camera, CylinderGeometry, Group, type Matrix4, Mesh, MeshBasicMaterial, PerspectiveCamera, Quaternion, Raycaster, Scene, SphereGeometry, TorusGeometry, Vector2, Vector3,
   type WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
@@ -39,6 +39,7 @@ export class World {
   readonly #surfaces: Surface[];
   readonly #catheter = rod(CATHETER_RADIUS_MM, "#ffffff");
   readonly #target = new Mesh(new SphereGeometry(1.5, 16, 12), new MeshBasicMaterial({ color: "#f0e442" }));
+  readonly #marks = new Group();
   readonly #controls: OrbitControls;
   #tip: Vector3;
   #axis: Vector3;
@@ -56,13 +57,13 @@ export class World {
     this.#tip = entry.clone();
     this.#target.position.copy(target);
     this.#catheter.visible = this.#target.visible = false;
-    this.patient.add(path, this.#catheter, this.#target, this.#ring(entry), this.#ring(target));
+    this.patient.add(this.#marks, path, this.#catheter, this.#target, this.#ring(entry), this.#ring(target));
     this.#controls = this.#look(pane, target, header.plan.side);
     this.#controls.addEventListener("change", onChange);
   }
 
-  #ring(at: Vector3): Mesh {
-    const ring = new Mesh(new TorusGeometry(4, 0.5, 8, 48), new MeshBasicMaterial({ color: "#00d98c" }));
+  #ring(at: Vector3, color = "#00d98c"): Mesh {
+    const ring = new Mesh(new TorusGeometry(4, 0.5, 8, 48), new MeshBasicMaterial({ color }));
     ring.position.copy(at);
     ring.quaternion.copy(new Quaternion().setFromUnitVectors(new Vector3(0, 0, 1), this.#axis));
     return ring;
@@ -85,6 +86,25 @@ export class World {
   place(sceneFromPatient: Matrix4): void {
     this.patient.matrix.copy(sceneFromPatient);
     this.patient.matrixWorldNeedsUpdate = true;
+  }
+
+  /** Shows landmarks: touched ones filled, the others as rings. */
+  mark(landmarks: { at: Vector3; touched: boolean }[]): void {
+    this.#marks.clear();
+    for (const { at, touched } of landmarks) {
+      const mark = touched ? new Mesh(new SphereGeometry(3, 16, 12), new MeshBasicMaterial({ color: "#56b4e9" })) : this.#ring(at, "#f0e442");
+      mark.position.copy(at);
+      this.#marks.add(mark);
+    }
+  }
+
+  /** The point of the skin that is seen at a place of the view (-1 to 1, right and up). */
+  skinAt(x: number, y: number): Vector3 | null {
+    const skin = this.#surfaces.find((s) => s.name === "skin");
+    if (!skin) return null;
+    const ray = new Raycaster();
+    ray.setFromCamera(new Vector2(x, y), this.camera);
+    return ray.intersectObject(skin.mesh)[0]?.point ?? null;
   }
 
   /** Shows or hides a surface. */

@@ -2,6 +2,7 @@
 
 #![allow(dead_code, unreachable_pub, reason = "each test and example uses its own part")]
 
+use monro_case::markups::NamedPoint;
 use monro_case::{Case, CaseFiles, Manifest, SCHEMA, Source, Staging};
 use monro_geometry::{Grid, Patient, Point, TetMesh, TriangleMesh, Vector, Volume};
 use monro_guidance::{Plan, Side};
@@ -98,10 +99,27 @@ fn plan() -> Plan {
     Plan::new(Side::Right, target + up * length, target).expect("plan")
 }
 
+/// Places on the skin, and one inside, which cannot be touched.
+fn landmarks(skin: &TriangleMesh) -> Vec<NamedPoint> {
+    let farthest = |towards: [f64; 3]| {
+        let along = |p: &Point<Patient>| (*p - Point::ORIGIN).dot(Vector::from_array(towards));
+        *skin.vertices.iter().max_by(|a, b| along(a).total_cmp(&along(b))).expect("a skin")
+    };
+    let places = [
+        ("nasion", farthest([0.0, -1.0, 0.0])),
+        ("Kocher left", farthest([0.3, -0.6, 0.74])),
+        ("Kocher right", farthest([-0.3, -0.6, 0.74])),
+        ("vertex", farthest([0.0, 0.1, 1.0])),
+        ("Monro right", plan().target()),
+    ];
+    places.map(|(label, position)| NamedPoint { label: label.into(), position }).to_vec()
+}
+
 pub fn case() -> Case {
     let tets = brain();
     tets.validate().expect("a valid mesh");
     let surface = tets.surface(|_| true);
+    let skin = scaled(&surface, SKIN);
     let (format, series) = ("phantom".into(), "made up".into());
     let manifest = Manifest {
         schema: SCHEMA,
@@ -117,8 +135,8 @@ pub fn case() -> Case {
     Case {
         manifest,
         plan: plan(),
-        landmarks: Vec::new(),
-        skin: scaled(&surface, SKIN),
+        landmarks: landmarks(&skin),
+        skin,
         ventricles: tets.surface(|l| l != 4),
         brain: surface,
         tets,

@@ -13,6 +13,7 @@
 
 mod deformation;
 mod phase;
+mod registering;
 mod script;
 mod session;
 mod signal;
@@ -21,6 +22,7 @@ mod tracking;
 
 pub use deformation::{Deformation, Deformed};
 pub use phase::{Event, Phase, Refusal, ToFirst};
+pub use registering::{Registering, Touch, TouchError, TouchMark};
 pub use script::{Script, ScriptTruth};
 pub use session::{Calibration, PlainEvent, Registration, Session, SessionEvent, ToolNames};
 pub use signal::{Expiry, Signal};

@@ -187,6 +187,17 @@ impl Session {
         Some(self.display_from_glasses?.after(&glasses_from_reference.after(&reference_from_patient)))
     }
 
+    /// When the calibrated tip was seen (s), and where, in the frame of the reference body; `None` unless it is live.
+    pub fn tip_in_reference(&self, now: f64) -> Option<(f64, Point<Tool>)> {
+        if self.signal(now) != Signal::Live {
+            return None;
+        }
+        let (seen_s, tracker_from_catheter) = self.tracking.latest(&self.tools.catheter)?;
+        let (_, tracker_from_reference) = self.tracking.latest(&self.tools.reference)?;
+        let reference_from_tracker = tracker_from_reference.inverse();
+        Some((seen_s, reference_from_tracker.point(tracker_from_catheter.point(self.calibration?.tip))))
+    }
+
     /// The catheter in the patient, relative to the tracked reference: `None` before registration or when lost.
     pub fn needle(&self, now: f64) -> Option<NeedlePose> {
         if self.signal(now) == Signal::Lost {

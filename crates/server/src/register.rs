@@ -1,0 +1,155 @@
+//! `/api/registration`: landmarks are touched, solved for, accepted and checked. The rules are those of
+//! `monro_session::live::Registering`; here the tip is watched while it rests.
+
+use crate::door::refuse;
+use crate::live::Live;
+use crate::server::Shared;
+use axum::Json;
+use axum::extract::State;
+use axum::extract::rejection::JsonRejection;
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use monro_case::Case;
+use monro_geometry::{Patient, Point, Tool};
+use monro_session::live::{PlainEvent, Refusal, Registering, SessionEvent, Touch, TouchError, TouchMark};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::sync::{Arc, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::time::sleep;
+
+/// How long the tip is watched.
+const WATCHED: Duration = Duration::from_millis(500);
+/// How often it is looked at: more often than trackers give poses; one that was seen already is not taken twice.
+const LOOK: Duration = Duration::from_millis(4);
+/// Landmarks of a case farther than this from the skin cannot be touched, mm.
+const ON_SKIN_MM: f64 = 3.0;
+
+/// The landmarks of a case that can be touched: those on the skin.
+pub(crate) fn landmarks(case: &Case) -> Registering {
+    let skin = monro_geometry::Bvh::new(&case.skin);
+    let on_skin = |p: Point<Patient>| skin.nearest(p).is_some_and(|n| n.distance <= ON_SKIN_MM);
+    let touchable = case.landmarks.iter().filter(|l| on_skin(l.position));
+    Registering::new(touchable.map(|l| (l.label.clone(), l.position)), case.plan.target())
+}
+
+/// What to do.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "action", rename_all = "snake_case", deny_unknown_fields)]
+pub(crate) enum Action {
+    Touch { name: String },
+    Forget { name: String },
+    Mark { name: String, position_lps_mm: [f64; 3] },
+    Unmark { name: String },
+    Accept,
+    Check { name: String },
+}
+
+/// Why it was not done.
+enum Why {
+    Touch(TouchError),
+    Phase(Refusal),
+}
+
+impl From<TouchError> for Why {
+    fn from(e: TouchError) -> Self {
+        Self::Touch(e)
+    }
+}
+
+impl From<Refusal> for Why {
+    fn from(e: Refusal) -> Self {
+        Self::Phase(e)
+    }
+}
+
+/// `GET /api/registration`.
+pub(crate) async fn get(State(shared): State<Arc<Shared>>) -> Json<Value> {
+    Json(describe(&shared, None))
+}
+
+/// `POST /api/registration`.
+pub(crate) async fn post(State(shared): State<Arc<Shared>>, body: Result<Json<Action>, JsonRejection>) -> Response {
+    let Json(action) = match body {
+        Ok(json) => json,
+        Err(e) => return refuse(e.status(), &e.body_text()),
+    };
+    match act(&shared, action).await {
+        Ok(checked) => Json(describe(&shared, checked)).into_response(),
+        Err(Why::Phase(e)) => refuse(StatusCode::CONFLICT, &e.to_string()),
+        Err(Why::Touch(e)) => refuse(StatusCode::UNPROCESSABLE_ENTITY, &e.to_string()),
+    }
+}
+
+fn lock(shared: &Shared) -> MutexGuard<'_, Registering> {
+    shared.registering.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Does it; a check tells what it found.
+async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
+    match action {
+        Action::Touch { name } => {
+            let touch = watch(&shared.live).await?;
+            lock(shared).touch(&name, touch)?;
+        }
+        Action::Forget { name } => lock(shared).forget(&name)?,
+        Action::Mark { name, position_lps_mm } => lock(shared).mark(&name, Point::from_array(position_lps_mm))?,
+        Action::Unmark { name } => lock(shared).unmark(&name)?,
+        Action::Accept => {
+            // The phase may refuse: only then is the old registration still the one that is checked.
+            let mut tried = lock(shared).clone();
+            shared.live.apply(SessionEvent::Registered(tried.accept()?))?;
+            *lock(shared) = tried;
+        }
+        Action::Check { name } => {
+            let touch = watch(&shared.live).await?;
+            let found = lock(shared).check(&name, &touch)?;
+            let event = if found.holds() { PlainEvent::CheckPassed } else { PlainEvent::CheckFailed };
+            shared.live.apply(SessionEvent::Plain(event))?;
+            return Ok(Some(json!({
+                "name": name, "distance_mm": found.distance, "limit_mm": found.limit, "holds": found.holds(),
+            })));
+        }
+    }
+    Ok(None)
+}
+
+/// Watches the tip while it rests.
+async fn watch(live: &Live) -> Result<Touch, TouchError> {
+    let mut samples: Vec<Point<Tool>> = Vec::new();
+    let (mut last, end) = (f64::NEG_INFINITY, live.clock.now() + WATCHED.as_secs_f64());
+    while live.clock.now() < end {
+        if let Some((time, tip)) = live.tip().filter(|(time, _)| *time > last) {
+            last = time;
+            samples.push(tip);
+        }
+        sleep(LOOK).await;
+    }
+    Touch::new(&samples)
+}
+
+fn describe(shared: &Shared, checked: Option<Value>) -> Value {
+    let registering = lock(shared).clone();
+    let solved = registering.solve();
+    let residual = |mark: &TouchMark| {
+        let solved = solved.as_ref().ok()?;
+        let index = solved.residuals.iter().position(|r| r.name == mark.name)?;
+        Some((&solved.residuals[index], solved.outlier == Some(index)))
+    };
+    let landmark = |mark: &TouchMark| {
+        let found = residual(mark);
+        json!({
+            "name": mark.name, "marked_lps_mm": mark.marked.to_array(), "added": mark.added,
+            "touched": mark.touched.is_some(), "spread_mm": mark.touched.map(|t| t.spread_mm),
+            "residual_mm": found.map(|(r, _)| r.distance), "left_out_mm": found.and_then(|(r, _)| r.left_out),
+            "expected_mm": found.and_then(|(r, _)| r.expected), "outlier": found.is_some_and(|(_, outlier)| outlier),
+        })
+    };
+    json!({
+        "landmarks": registering.marks().iter().map(landmark).collect::<Vec<_>>(),
+        "predicted_tre_mm": solved.as_ref().ok().map(|s| registering.predicted_tre_mm(s)),
+        "why_not": solved.as_ref().err().map(ToString::to_string),
+        "phase": shared.live.phase().name(),
+        "checked": checked,
+    })
+}

@@ -1,0 +1,305 @@
+//! Registering the patient: landmarks are touched, solved for, accepted, and touched again.
+//!
+//! A touch is the mean of the tip's places while it rests. Positions are in the frame of the tracked reference body, so
+//! that the patient may be moved between two touches as long as the reference goes along.
+
+use super::Registration;
+use monro_geometry::{Patient, Point, Tool, Vector};
+use monro_guidance::Covariance;
+use monro_guidance::registration::{
+    Landmark, LandmarkRegistration, Recheck, RegistrationError, recheck, register_landmarks,
+};
+use thiserror::Error;
+
+/// What a hand adds to each touch, mm per axis: as in the simulated trials of `monro_guidance::simulation`.
+const HAND_MM: f64 = 1.0;
+/// Poses that a touch is made of at least.
+const LEAST_SAMPLES: usize = 10;
+/// Farthest that they stray from their mean, root mean square, mm: a tip that slides is not resting.
+const MOST_SPREAD_MM: f64 = 1.0;
+/// Landmarks at most.
+const MOST_MARKS: usize = 32;
+
+/// Why something was refused.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum TouchError {
+    /// No such landmark.
+    #[error("there is no landmark \"{0}\"")]
+    Unknown(String),
+    /// The name is taken, empty or too long, the place is not finite, or there are too many.
+    #[error("a landmark needs a place and a name of its own of at most 40 letters; {MOST_MARKS} landmarks at most")]
+    BadMark,
+    /// A landmark of the case was to be removed.
+    #[error("\"{0}\" belongs to the case; forget its touch instead")]
+    OfTheCase(String),
+    /// The tracker saw the tip too seldom.
+    #[error(
+        "the tip was seen {found} times, {needed} are needed: hold it still where the tracker sees it and the reference"
+    )]
+    TooFew {
+        /// Poses taken.
+        found: usize,
+        /// Poses needed.
+        needed: usize,
+    },
+    /// The tip moved.
+    #[error("the tip strayed by {found:.1} mm, {allowed:.1} mm are allowed: hold it still")]
+    Unsteady {
+        /// Root mean square distance from the mean, mm.
+        found: f64,
+        /// Allowed, mm.
+        allowed: f64,
+    },
+    /// Nothing to check against.
+    #[error("there is no accepted registration to check: touch three landmarks and accept")]
+    NotAccepted,
+    /// The landmarks touched make no registration.
+    #[error(transparent)]
+    Registration(#[from] RegistrationError),
+}
+
+/// A landmark and what was touched of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TouchMark {
+    /// Its name.
+    pub name: String,
+    /// Where it is in the image.
+    pub marked: Point<Patient>,
+    /// Whether somebody added it in this session.
+    pub added: bool,
+    /// Where it was touched.
+    pub touched: Option<Touch>,
+}
+
+/// A tip that rested somewhere.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Touch {
+    /// Mean place in the frame of the reference body, mm.
+    pub at: Point<Tool>,
+    /// Root mean square distance of single poses from it, mm.
+    pub spread_mm: f64,
+    /// Poses.
+    pub samples: usize,
+}
+
+impl Touch {
+    /// From the places of the tip while it rested.
+    ///
+    /// # Errors
+    /// Too few of them, or too far apart.
+    pub fn new(samples: &[Point<Tool>]) -> Result<Self, TouchError> {
+        let found = samples.len();
+        if found < LEAST_SAMPLES {
+            return Err(TouchError::TooFew { found, needed: LEAST_SAMPLES });
+        }
+        let sum = samples.iter().fold(Vector::ZERO, |s, p| s + (*p - Point::ORIGIN));
+        let at = Point::ORIGIN + sum / found as f64;
+        let spread_mm = (samples.iter().map(|p| p.distance(at).powi(2)).sum::<f64>() / found as f64).sqrt();
+        if spread_mm.is_nan() || spread_mm > MOST_SPREAD_MM {
+            return Err(TouchError::Unsteady { found: spread_mm, allowed: MOST_SPREAD_MM });
+        }
+        Ok(Self { at, spread_mm, samples: found })
+    }
+
+    /// Hand and tracker together. The tracker's error hardly changes while the tip rests: its spread is not averaged out.
+    fn noise<F>(&self) -> Covariance<F> {
+        Covariance::isotropic(HAND_MM).plus(&Covariance::isotropic(self.spread_mm / 3f64.sqrt()))
+    }
+}
+
+/// The landmarks of one session.
+#[derive(Debug, Clone)]
+pub struct Registering {
+    marks: Vec<TouchMark>,
+    target: Point<Patient>,
+    accepted: Option<LandmarkRegistration<Patient, Tool>>,
+}
+
+impl Registering {
+    /// With the landmarks of the case that can be touched; the predicted error is that at `target`.
+    pub fn new(landmarks: impl IntoIterator<Item = (String, Point<Patient>)>, target: Point<Patient>) -> Self {
+        let mark = |(name, marked)| TouchMark { name, marked, added: false, touched: None };
+        Self { marks: landmarks.into_iter().map(mark).collect(), target, accepted: None }
+    }
+
+    /// All landmarks.
+    pub fn marks(&self) -> &[TouchMark] {
+        &self.marks
+    }
+
+    fn index(&self, name: &str) -> Result<usize, TouchError> {
+        self.marks.iter().position(|m| m.name == name).ok_or_else(|| TouchError::Unknown(name.to_owned()))
+    }
+
+    /// Adds a landmark that can be seen in the image and found on the patient.
+    ///
+    /// # Errors
+    /// [`TouchError::BadMark`].
+    pub fn mark(&mut self, name: &str, marked: Point<Patient>) -> Result<(), TouchError> {
+        let (name, full) = (name.trim(), self.marks.len() >= MOST_MARKS);
+        if full || name.is_empty() || name.chars().count() > 40 || !marked.is_finite() || self.index(name).is_ok() {
+            return Err(TouchError::BadMark);
+        }
+        self.marks.push(TouchMark { name: name.to_owned(), marked, added: true, touched: None });
+        Ok(())
+    }
+
+    /// Removes a landmark that was added.
+    ///
+    /// # Errors
+    /// No such landmark, or one of the case.
+    pub fn unmark(&mut self, name: &str) -> Result<(), TouchError> {
+        let index = self.index(name)?;
+        if !self.marks[index].added {
+            return Err(TouchError::OfTheCase(name.to_owned()));
+        }
+        self.marks.remove(index);
+        Ok(())
+    }
+
+    /// Takes the touch of a landmark, in place of an earlier one.
+    ///
+    /// # Errors
+    /// No such landmark.
+    pub fn touch(&mut self, name: &str, touch: Touch) -> Result<(), TouchError> {
+        let index = self.index(name)?;
+        self.marks[index].touched = Some(touch);
+        Ok(())
+    }
+
+    /// Forgets the touch of a landmark.
+    ///
+    /// # Errors
+    /// No such landmark.
+    pub fn forget(&mut self, name: &str) -> Result<(), TouchError> {
+        let index = self.index(name)?;
+        self.marks[index].touched = None;
+        Ok(())
+    }
+
+    /// The registration by the landmarks touched so far.
+    ///
+    /// # Errors
+    /// Fewer than three, or on a line.
+    pub fn solve(&self) -> Result<LandmarkRegistration<Patient, Tool>, RegistrationError> {
+        let landmark = |m: &TouchMark| {
+            let touch = m.touched?;
+            Some(Landmark { name: m.name.clone(), touched: touch.at, marked: m.marked, noise: touch.noise() })
+        };
+        register_landmarks(&self.marks.iter().filter_map(landmark).collect::<Vec<_>>())
+    }
+
+    /// Predicted error of a registration at the target, root mean square, mm.
+    pub fn predicted_tre_mm(&self, registration: &LandmarkRegistration<Patient, Tool>) -> f64 {
+        registration.tre(self.target).rms()
+    }
+
+    /// Takes the present solution as the registration against which landmarks are checked.
+    ///
+    /// # Errors
+    /// As [`Registering::solve`].
+    pub fn accept(&mut self) -> Result<Registration, TouchError> {
+        let solved = self.solve()?;
+        let predicted_tre_mm = Some(self.predicted_tre_mm(&solved));
+        let registration = Registration { patient_from_reference: solved.to_from, predicted_tre_mm };
+        self.accepted = Some(solved);
+        Ok(registration)
+    }
+
+    /// Compares a new touch of a landmark with the accepted registration.
+    ///
+    /// # Errors
+    /// No such landmark, or nothing accepted.
+    pub fn check(&self, name: &str, touch: &Touch) -> Result<Recheck, TouchError> {
+        let mark = &self.marks[self.index(name)?];
+        let accepted = self.accepted.as_ref().ok_or(TouchError::NotAccepted)?;
+        Ok(recheck(mark.marked, accepted.to_from.point(touch.at), &accepted.tre(mark.marked), &touch.noise()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_geometry::Rigid;
+
+    const PLACES: [(&str, [f64; 3]); 4] = [
+        ("nasion", [0.0, -95.0, 0.0]),
+        ("left ear", [75.0, 0.0, -5.0]),
+        ("right ear", [-75.0, 2.0, -5.0]),
+        ("vertex", [0.0, 5.0, 100.0]),
+    ];
+
+    fn truth() -> Rigid<Patient, Tool> {
+        Rigid::from_axis_angle(Vector::new(1.0, 2.0, -0.5), 1.1, Vector::new(30.0, -50.0, 80.0)).expect("axis")
+    }
+
+    fn registering() -> Registering {
+        let marks = PLACES.map(|(n, p)| (n.to_owned(), Point::from_array(p)));
+        Registering::new(marks, Point::new(5.0, -10.0, 40.0))
+    }
+
+    /// The tip at a patient point, shaking by `shake` mm along x.
+    fn resting(p: Point<Patient>, shake: f64) -> Vec<Point<Tool>> {
+        let at = truth().inverse().point(p);
+        (0..20).map(|i| at + Vector::new(if i % 2 == 0 { shake } else { -shake }, 0.0, 0.0)).collect()
+    }
+
+    fn touched() -> Registering {
+        let mut r = registering();
+        for (name, p) in PLACES {
+            let touch = Touch::new(&resting(Point::from_array(p), 0.2)).expect("resting");
+            r.touch(name, touch).expect("known");
+        }
+        r
+    }
+
+    #[test]
+    fn exact_touches_register_exactly_and_predict_the_noise_of_the_hand() {
+        let mut r = touched();
+        let got = r.accept().expect("registered");
+        let target = Point::new(5.0, -10.0, 40.0);
+        assert!(got.patient_from_reference.point(truth().inverse().point(target)).distance(target) < 1e-9);
+        let tre = got.predicted_tre_mm.expect("predicted");
+        assert!((0.5..1.5).contains(&tre), "{tre}");
+    }
+
+    #[test]
+    fn a_check_holds_where_the_landmark_is_and_fails_where_it_is_not() {
+        let mut r = touched();
+        let nasion = Point::from_array(PLACES[0].1);
+        let at = |p| Touch::new(&resting(p, 0.0)).expect("resting");
+        assert_eq!(r.check("nasion", &at(nasion)), Err(TouchError::NotAccepted));
+        r.accept().expect("registered");
+        assert!(r.check("nasion", &at(nasion)).expect("check").holds());
+        let moved = r.check("nasion", &at(nasion + Vector::new(0.0, 0.0, 6.0))).expect("check");
+        assert!(!moved.holds() && (moved.distance - 6.0).abs() < 1e-9, "{moved:?}");
+    }
+
+    #[test]
+    fn a_sliding_tip_and_a_hidden_one_are_refused() {
+        let slid = Touch::new(&resting(Point::ORIGIN, 1.5));
+        assert!(matches!(slid, Err(TouchError::Unsteady { found, .. }) if (found - 1.5).abs() < 1e-9));
+        assert_eq!(Touch::new(&[Point::ORIGIN; 9]), Err(TouchError::TooFew { found: 9, needed: 10 }));
+    }
+
+    #[test]
+    fn own_landmarks_come_and_go_and_those_of_the_case_stay() {
+        let mut r = registering();
+        assert_eq!(r.mark("nasion", Point::ORIGIN), Err(TouchError::BadMark));
+        assert_eq!(r.mark(" ", Point::ORIGIN), Err(TouchError::BadMark));
+        r.mark("scar", Point::ORIGIN).expect("new");
+        assert!(r.marks()[4].added);
+        r.unmark("scar").expect("own");
+        assert_eq!(r.unmark("scar"), Err(TouchError::Unknown("scar".into())));
+        assert_eq!(r.unmark("nasion"), Err(TouchError::OfTheCase("nasion".into())));
+    }
+
+    #[test]
+    fn a_forgotten_touch_does_not_count() {
+        let mut r = touched();
+        r.forget("nasion").expect("known");
+        assert_eq!(r.solve().expect("three").residuals.len(), 3);
+        r.forget("vertex").expect("known");
+        assert_eq!(r.solve().err(), Some(RegistrationError::TooFew { found: 2, needed: 3 }));
+    }
+}
