@@ -1,11 +1,12 @@
 # Two commands do everything; both install what they need and say so.
-#   make demo   build, simulate an insertion into the built-in phantom, write a report, say where to look
+#   make demo   build, simulate an insertion into the built-in phantom, write a report, show it live until Ctrl-C
+#               (HEADLESS=1, or no terminal: end with the report)
 #   make test   everything that CI runs
 OUT ?= out/demo
 CARGO_TARGET_DIR ?= target
 export CARGO_TARGET_DIR
 
-.PHONY: demo test build setup bench
+.PHONY: demo test build setup bench web
 
 setup:
 	@scripts/setup.sh
@@ -13,8 +14,14 @@ setup:
 build: setup
 	cargo build --release --locked
 
-demo: build
-	"$(CARGO_TARGET_DIR)/release/monro" demo --out "$(OUT)" --force
+# The live view is built into the program where there is Node.js; without it a page says so.
+web: setup
+ifeq ($(HEADLESS),)
+	@if command -v npm >/dev/null; then scripts/web.sh build; else echo "No Node.js 20: the program is built without the live view."; fi
+endif
+
+demo: web build
+	"$(CARGO_TARGET_DIR)/release/monro" demo --out "$(OUT)" --force $(if $(HEADLESS),--headless)
 
 bench: build
 	scripts/bench.sh $(SCANS)

@@ -8,7 +8,7 @@ import { Panel } from "./panel";
 import { Register } from "./register";
 import type { Snapshot } from "./snapshot";
 import { Stream } from "./stream";
-import { askForToken, tokenAtHand } from "./token";
+import { askForToken, tokenAtHand, tokenByPairing } from "./token";
 import { Stage } from "./view/stage";
 import { Glasses } from "./xr/glasses";
 
@@ -16,7 +16,7 @@ import { Glasses } from "./xr/glasses";
 const BUDGET_MS = 1000;
 
 async function open(): Promise<{ api: Api; opened: Case }> {
-  let token = tokenAtHand() ?? (await askForToken("Open this page with the address that Monro printed, or enter its token."));
+  let token = (await tokenByPairing()) ?? tokenAtHand() ?? (await askForToken("Open this page with the address that Monro printed, or enter its token."));
   for (;;) {
     try {
       const api = new Api(token);

@@ -33,6 +33,8 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     /// Show a live insertion in the browser.
     Serve(ServeArgs),
+    /// Play a recorded session again and compare its snapshots with those that were shown.
+    Replay(ReplayArgs),
     /// Make graded tetrahedra from a label volume, or again from a case.
     Mesh(MeshArgs),
     /// Print live poses with their age and quality.
@@ -42,6 +44,11 @@ pub(crate) enum Command {
     FakeTracker(FakeTrackerCommand),
     /// Say why there are no poses.
     Doctor(DoctorArgs),
+    /// Find tips, shafts, cameras and see-through displays.
+    #[command(subcommand)]
+    Calibrate(CalibrateCommand),
+    /// Register the patient by touched landmarks and a traced skin.
+    Register(RegisterArgs),
     /// Measure speed and memory on this machine.
     #[command(subcommand)]
     Bench(BenchCommand),
@@ -52,9 +59,12 @@ pub(crate) struct DemoArgs {
     /// Folder for everything the demo makes.
     #[arg(long, value_name = "DIR", default_value = "monro-demo")]
     pub(crate) out: PathBuf,
-    /// Do not open a live view (there is none yet; accepted so that scripts stay valid).
+    /// End with the report instead of the live view. Without a terminal this goes without saying.
     #[arg(long)]
     pub(crate) headless: bool,
+    /// End in the live view also without a terminal.
+    #[arg(long, conflicts_with = "headless")]
+    pub(crate) live: bool,
     /// Overwrite an existing output folder.
     #[arg(long)]
     pub(crate) force: bool,
@@ -177,12 +187,115 @@ pub(crate) struct ServeArgs {
     /// Where poses come from: "sim:" plays an insertion along the plan; else as for "monro track".
     #[arg(long, value_name = "URL", default_value = "sim:")]
     pub(crate) tracker: String,
-    /// Loopback address to listen on; port 0 takes any free port.
+    /// Address to listen on; port 0 takes any free port. What others can reach (0.0.0.0:8443) is encrypted, and other
+    /// devices come in by the QR code or the pairing code that is printed.
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
     pub(crate) listen: SocketAddr,
+    /// Certificate to encrypt with (PEM), instead of one made at start.
+    #[arg(long, value_name = "FILE.pem", requires = "key")]
+    pub(crate) cert: Option<PathBuf>,
+    /// Its private key (PEM).
+    #[arg(long, value_name = "FILE.pem", requires = "cert")]
+    pub(crate) key: Option<PathBuf>,
+    /// Encrypt with a certificate made at start also when only this machine can reach the address.
+    #[arg(long)]
+    pub(crate) tls: bool,
+    /// A name under which this machine may be reached, beside its addresses; may be given again.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) host: Vec<String>,
+    /// Loopback address on which 3D Slicer is served (OpenIGTLink); when it is taken, any free port.
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:18945")]
+    pub(crate) igtl: SocketAddr,
+    /// Serve no OpenIGTLink.
+    #[arg(long)]
+    pub(crate) no_igtl: bool,
+    /// New file for the recording of the session (default: CASE-sessions/DATE.mnrs beside the case).
+    #[arg(long, value_name = "FILE", conflicts_with = "no_record")]
+    pub(crate) record: Option<PathBuf>,
+    /// Record nothing.
+    #[arg(long)]
+    pub(crate) no_record: bool,
     /// Which soft body.
     #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
     pub(crate) mode: ModeArg,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PosesArgs {
+    /// As for "monro track"; a recording is taken whole.
+    pub(crate) url: String,
+    /// The tool, with or without the `ToTracker` that PLUS adds.
+    #[arg(long, value_name = "NAME", default_value = "Stylus")]
+    pub(crate) tool: String,
+    /// How long to collect, s.
+    #[arg(long, value_name = "S", default_value_t = 15.0)]
+    pub(crate) seconds: f64,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum CalibrateCommand {
+    /// Tip of a tool that swings in a cone about its resting tip.
+    Pivot(PosesArgs),
+    /// Shaft of a tool that is turned about it in a guide.
+    Axis {
+        #[command(flatten)]
+        poses: PosesArgs,
+        /// The tip in the tool's frame, mm: towards it the axis points.
+        #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+        tip: String,
+    },
+    /// Lens and place of a camera from corners: lines "x y z u v" (mm in the tracker, pixels).
+    Camera {
+        /// The lines.
+        corners: PathBuf,
+        /// Size of the picture, pixels.
+        #[arg(long, value_name = "WIDTHxHEIGHT")]
+        size: String,
+    },
+    /// Optical see-through glasses from alignments (SPAAM): lines "x y z u v" (mm in the tracked body on the head, pixels).
+    Display {
+        /// The lines.
+        alignments: PathBuf,
+    },
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct RegisterArgs {
+    /// A case made by "monro prepare".
+    pub(crate) case: PathBuf,
+    /// Touched landmarks: lines "NAME,X,Y,Z", mm in the frame of the reference body.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) landmarks: PathBuf,
+    /// Where the landmarks are marked (3D Slicer markups), instead of the case's own.
+    #[arg(long, value_name = "FILE.mrk.json")]
+    pub(crate) marked: Option<PathBuf>,
+    /// Points traced on the skin: lines "X Y Z", mm in the frame of the reference body.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) surface: Option<PathBuf>,
+    /// A landmark touched again, as a check.
+    #[arg(long, value_name = "NAME,X,Y,Z", allow_hyphen_values = true)]
+    pub(crate) check: Option<String>,
+    /// Standard deviation of a touch along each axis, mm.
+    #[arg(long, value_name = "MM", default_value_t = 1.0)]
+    pub(crate) touch_sigma: f64,
+    /// Standard deviation of a traced point along each axis, mm.
+    #[arg(long, value_name = "MM", default_value_t = 0.5)]
+    pub(crate) trace_sigma: f64,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ReplayArgs {
+    /// A recording of "monro serve".
+    pub(crate) recording: PathBuf,
+    /// The case, where it is not where it was.
+    #[arg(long, value_name = "CASE")]
+    pub(crate) case: Option<PathBuf>,
+    /// Write the numbers of each snapshot to this new file, one JSON object a line.
+    #[arg(long, value_name = "FILE.jsonl")]
+    pub(crate) out: Option<PathBuf>,
+    /// Overwrite an existing file.
+    #[arg(long)]
+    pub(crate) force: bool,
 }
 
 #[derive(Debug, Args)]
@@ -210,6 +323,27 @@ pub(crate) struct MeshArgs {
     pub(crate) force: bool,
 }
 
+#[derive(Debug, Args)]
+pub(crate) struct LiveBenchArgs {
+    /// A case made by "monro prepare"; without it the built-in phantom.
+    pub(crate) case: Option<PathBuf>,
+    /// Wanted number of tetrahedra of the phantom: the paper's largest model.
+    #[arg(long, value_name = "N", default_value_t = 65_691)]
+    pub(crate) elements: usize,
+    /// Seconds measured.
+    #[arg(long, value_name = "S", default_value_t = 10.0)]
+    pub(crate) seconds: f64,
+    /// Frames of the tracker per second.
+    #[arg(long, value_name = "HZ", default_value_t = 240.0)]
+    pub(crate) rate: f64,
+    /// Snapshots that each display asks for per second.
+    #[arg(long, value_name = "HZ", default_value_t = 90.0)]
+    pub(crate) display_rate: f64,
+    /// Which soft body.
+    #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
+    pub(crate) mode: ModeArg,
+}
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum BenchCommand {
     /// Time and peak memory of preparing a scan (default: the phantom) and of simulating an insertion.
@@ -226,6 +360,8 @@ pub(crate) enum BenchCommand {
         #[arg(long, value_name = "N", default_value_t = 300)]
         trials: usize,
     },
+    /// The live session under load: a camera system at 240 Hz, three displays at 90 Hz, one that has stalled.
+    Live(LiveBenchArgs),
     /// How long a pose takes from datagram to our hands (NatNet, loopback).
     Latency {
         /// Frames.

@@ -2,6 +2,7 @@
 
 mod ball;
 mod frame;
+mod live;
 mod samples;
 
 use crate::args::{BenchCommand, ModeArg};
@@ -22,6 +23,7 @@ pub(crate) fn run(command: &BenchCommand, console: &Console) -> Result<()> {
         BenchCommand::Prepare { scan, elements } => prepare_and_insert(scan.as_deref(), *elements, console),
         BenchCommand::Registration { trials } => registration(*trials, console),
         BenchCommand::Latency { frames, rate } => latency(*frames, *rate, console),
+        BenchCommand::Live(args) => live::run(args, console),
         BenchCommand::Frame(args) => frame::run(args, console),
     }
 }

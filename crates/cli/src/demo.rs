@@ -1,17 +1,19 @@
-//! `monro demo`: the whole chain on the built-in phantom.
+//! `monro demo`: the whole chain on the built-in phantom, and at its end the live view.
 
 use crate::args::{DemoArgs, ModeArg, PhantomKind};
 use crate::console::{Console, seconds_json};
 use crate::interrupt::Guard;
 use crate::prepare;
-use crate::{NOTICE, phantom, simulate};
+use crate::{NOTICE, phantom, serve, simulate};
 use anyhow::Result;
 use monro_case::{Case, Staging};
 use monro_prepare::{Prepared, Request};
 use monro_scan::{ReadOptions, Scan};
 use serde_json::json;
 use std::fs;
+use std::io::IsTerminal;
 use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Speed of the demo's catheter, mm/s.
 const SPEED_MM_S: f64 = 10.0;
@@ -33,7 +35,18 @@ pub(crate) fn run(args: &DemoArgs, console: &Console) -> Result<()> {
     let out = staging.finish()?;
     drop(guard);
     report(&prepared, &preparing, &done, &out, console);
-    Ok(())
+    if !wants_live_view(args) {
+        return Ok(());
+    }
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+    let recording = out.join("sessions").join(format!("{}.mnrs", serve::date(now)));
+    serve::demo(&out.join("case"), recording, console)
+}
+
+/// The live view runs until somebody ends it, so there must be somebody, or it must be asked for.
+fn wants_live_view(args: &DemoArgs) -> bool {
+    let somebody = std::io::stdin().is_terminal() && std::io::stderr().is_terminal();
+    args.live || (somebody && !args.headless)
 }
 
 /// Makes a folder inside another one that is itself still under construction.
@@ -58,11 +71,12 @@ fn report(prepared: &Prepared, preparing: &[(String, f64)], done: &simulate::Run
         "simulate": simulate::summary_json(done, &insertion),
     });
     let text = format!(
-        "{}\n{}\n\nOpen {} in a browser, {} in ParaView, and {} in 3D Slicer.\n{NOTICE}",
+        "{}\n{}\n\nOpen {} in a browser, {} in ParaView, and {} in 3D Slicer; \"monro serve {}\" shows it live.\n{NOTICE}",
         prepare::summary_text(prepared, &case, preparing),
         simulate::summary_text(done, &insertion),
         insertion.join("report.html").display(),
         insertion.join("insertion.pvd").display(),
+        case.display(),
         case.display()
     );
     console.result(&json, &text);

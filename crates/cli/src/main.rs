@@ -2,6 +2,7 @@
 
 mod args;
 mod bench;
+mod calibrate;
 mod console;
 mod demo;
 mod edit;
@@ -12,6 +13,8 @@ mod phantom;
 
 mod prepare;
 
+mod register;
+mod replay;
 mod serve;
 mod simulate;
 mod trackers;
@@ -34,10 +37,13 @@ fn main() -> ExitCode {
         Command::Simulate(a) => simulate::run(a, &console),
         Command::Edit(a) => edit::run(a, &console),
         Command::Serve(a) => serve::run(a, &console),
+        Command::Replay(a) => replay::run(a, &console),
         Command::Mesh(a) => mesh::run(a, &console),
         Command::Track(a) => trackers::track(a, cli.json),
         Command::FakeTracker(a) => trackers::fake(a),
         Command::Doctor(a) => trackers::doctor(a, &console),
+        Command::Calibrate(a) => calibrate::run(a, &console),
+        Command::Register(a) => register::run(a, &console),
         Command::Bench(a) => bench::run(a, &console),
     };
     console.finish();

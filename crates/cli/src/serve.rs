@@ -1,27 +1,134 @@
 //! `monro serve`: a live insertion in the browser.
 
 use crate::NOTICE;
-use crate::args::ServeArgs;
+use crate::args::{ModeArg, ServeArgs};
 use crate::console::Console;
 use crate::simulate;
-use anyhow::Result;
-use monro_server::{Ready, ServeOptions};
+use anyhow::{Context, Result};
+use clap::ValueEnum;
+use monro_server::{Certificate, Invitation, Ready, Recording, ServeOptions, Tracker};
+use qrcode::QrCode;
+use qrcode::render::unicode::Dense1x2;
 use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Runs the command until it is interrupted.
 pub(crate) fn run(args: &ServeArgs, console: &Console) -> Result<()> {
+    let path = match &args.record {
+        Some(path) => Some(path.clone()),
+        None if args.no_record => None,
+        None => Some(beside(&args.case)?),
+    };
     let options = ServeOptions {
         case_dir: args.case.clone(),
         listen: args.listen,
+        certificate: certificate(args),
+        names: args.host.clone(),
         tracker: args.tracker.parse()?,
         model: simulate::settings(args.mode, 1.0).model,
+        recording: path.map(|path| Recording { path, settings: name(args.mode) }),
+        igtl: (!args.no_igtl).then_some(args.igtl),
     };
     monro_server::serve(options, |ready| announce(ready, console))?;
     Ok(())
 }
 
+/// Serves the case that the demo has made, until it is interrupted.
+pub(crate) fn demo(case: &Path, recording: PathBuf, console: &Console) -> Result<()> {
+    let options = ServeOptions {
+        case_dir: case.to_owned(),
+        listen: ([127, 0, 0, 1], 0).into(),
+        certificate: None,
+        names: Vec::new(),
+        tracker: Tracker::Sim,
+        model: simulate::settings(ModeArg::Physical, 1.0).model,
+        recording: Some(Recording { path: recording, settings: name(ModeArg::Physical) }),
+        igtl: Some(([127, 0, 0, 1], 18945).into()),
+    };
+    monro_server::serve(options, |ready| announce(ready, console))?;
+    Ok(())
+}
+
+fn certificate(args: &ServeArgs) -> Option<Certificate> {
+    match (&args.cert, &args.key) {
+        (Some(cert), Some(key)) => Some(Certificate::Files { cert: cert.clone(), key: key.clone() }),
+        _ => args.tls.then_some(Certificate::SelfSigned),
+    }
+}
+
+/// The name under which a recording knows a soft body, as on the command line.
+fn name(mode: ModeArg) -> String {
+    mode.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned())
+}
+
+/// A new file in a folder beside the case, named by the present (UTC).
+fn beside(case: &Path) -> Result<PathBuf> {
+    let case = std::path::absolute(case)?;
+    let name = case.file_name().with_context(|| format!("{} is no folder", case.display()))?.to_string_lossy();
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+    Ok(case.with_file_name(format!("{name}-sessions")).join(format!("{}.mnrs", date(now))))
+}
+
+/// Seconds since 1970 as `20261121T123456Z` (days to civil: Hinnant, "chrono-compatible low-level date algorithms").
+pub(crate) fn date(seconds: u64) -> String {
+    let (days, second) = (seconds / 86_400, seconds % 86_400);
+    let z = days + 719_468;
+    let (era, doe) = (z / 146_097, z % 146_097);
+    let yoe = (doe - doe / 1460 + doe / 36_524 - doe / 146_096) / 365;
+    let doy = doe - (365 * yoe + yoe / 4 - yoe / 100);
+    let shifted = (5 * doy + 2) / 153;
+    let (day, month) = (doy - (153 * shifted + 2) / 5 + 1, if shifted < 10 { shifted + 3 } else { shifted - 9 });
+    let year = yoe + era * 400 + u64::from(month <= 2);
+    let (hour, minute) = (second / 3600, second / 60 % 60);
+    format!("{year:04}{month:02}{day:02}T{hour:02}{minute:02}{:02}Z", second % 60)
+}
+
 fn announce(ready: &Ready, console: &Console) {
-    let line = json!({ "url": ready.url, "token": ready.token, "open": ready.browser_url() });
-    let text = format!("Open {} in a browser on this machine (Ctrl-C ends it).\n{NOTICE}", ready.browser_url());
-    console.result(&line, &text);
+    let line = json!({
+        "url": ready.url, "token": ready.token, "open": ready.browser_url(),
+        "igtl": ready.igtl.map(|a| a.to_string()), "recording": ready.recording,
+        "pairing_code": ready.invitation.as_ref().map(|i| &i.code), "pairing_url": ready.invitation.as_ref().map(|i| &i.url),
+        "certificate_sha256": ready.invitation.as_ref().map(|i| &i.fingerprint),
+    });
+    let mut text = format!("Open {} in a browser on this machine (Ctrl-C ends it).", ready.browser_url());
+    if let Some(invitation) = &ready.invitation {
+        text += &invite(invitation);
+    }
+    if let Some(address) = ready.igtl {
+        text += &format!("\n3D Slicer: OpenIGTLink client to {address}.");
+    }
+    if let Some(path) = &ready.recording {
+        text += &format!("\nRecorded in {}; \"monro replay\" plays it again.", path.display());
+    }
+    console.result(&line, &format!("{text}\n{NOTICE}"));
+}
+
+/// How another device comes in, with a QR code to be read from the screen.
+fn invite(invitation: &Invitation) -> String {
+    let code = QrCode::new(invitation.url.as_bytes()).map(|c| c.render::<Dense1x2>().quiet_zone(true).build());
+    format!(
+        "\nAnother device: scan this, or open {} and enter the pairing code {} (good once, for ten minutes, to look).\n{}\nThe browser warns of the certificate unless it knows it; its SHA-256 is {}",
+        invitation.url.split('#').next().unwrap_or_default(),
+        invitation.code,
+        code.unwrap_or_default(),
+        invitation.fingerprint
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        for (seconds, wanted) in [
+            (0, "19700101T000000Z"),
+            (951_827_696, "20000229T123456Z"),
+            (1_709_251_199, "20240229T235959Z"),
+            (4_102_444_800, "21000101T000000Z"),
+        ] {
+            assert_eq!(date(seconds), wanted);
+        }
+    }
 }

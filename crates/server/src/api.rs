@@ -1,6 +1,8 @@
 //! The JSON API.
 
-use crate::door::{self, refuse};
+use crate::door::{self, Role, refuse};
+use crate::pairing;
+use crate::record::Log;
 use crate::register;
 use crate::server::Shared;
 use axum::body::Bytes;
@@ -17,6 +19,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 /// The description that `/api/openapi.json` gives; a test compares it with the routes.
 pub(crate) const OPENAPI: &str = include_str!("openapi.json");
@@ -35,6 +38,8 @@ pub(crate) fn routes() -> Router<Arc<Shared>> {
         .route("/api/glasses", post(glasses))
         .route("/api/registration", get(register::get).post(register::post))
         .route("/api/tracker", post(tracker))
+        .route("/api/pair", post(pair))
+        .route("/api/pairing", post(offer))
         .route("/api/{*rest}", get(unknown).post(unknown))
 }
 
@@ -69,6 +74,12 @@ async fn status(State(shared): State<Arc<Shared>>) -> Json<Value> {
         "tracking_hz": rates.tracking.hz(now),
         "deformation_hz": rates.deformation.hz(now),
         "deformation_ms": rates.deformation.ms(),
+        "tracking_ms": rates.tracking.ms(),
+        "snapshot_hz": rates.snapshot.hz(now),
+        "snapshot_ms": rates.snapshot.ms(),
+        "recording": live.recording().map(|log| log.path().display().to_string()),
+        "recording_trouble": live.recording().and_then(Log::trouble),
+        "igtl": shared.igtl.map(|a| a.to_string()),
         "displays": live.displays.load(Ordering::Relaxed),
         "uptime_s": now,
     }))
@@ -168,5 +179,49 @@ async fn tracker(State(shared): State<Arc<Shared>>, body: Result<Json<TrackerReq
             Json(json!({ "paused": request.paused })).into_response()
         }
         Err(e) => refuse(e.status(), &e.body_text()),
+    }
+}
+
+/// A code that somebody has read from the operator's screen.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PairRequest {
+    code: String,
+}
+
+async fn pair(State(shared): State<Arc<Shared>>, body: Result<Json<PairRequest>, JsonRejection>) -> Response {
+    let Json(request) = match body {
+        Ok(json) => json,
+        Err(e) => return refuse(e.status(), &e.body_text()),
+    };
+    let redeemed = shared.keys.pairing().redeem(&request.code, Instant::now());
+    match redeemed {
+        Ok(role) => Json(json!({ "token": shared.keys.token(role), "role": role })).into_response(),
+        Err(pairing::Refused::Wrong) => refuse(
+            StatusCode::UNAUTHORIZED,
+            "this pairing code is wrong, used or too old; ask the operator for a new one",
+        ),
+        Err(pairing::Refused::Wait) => {
+            refuse(StatusCode::TOO_MANY_REQUESTS, "too many wrong pairing codes; wait a minute")
+        }
+    }
+}
+
+/// What a new device shall be allowed.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PairingRequest {
+    role: Role,
+}
+
+async fn offer(State(shared): State<Arc<Shared>>, body: Result<Json<PairingRequest>, JsonRejection>) -> Response {
+    let Json(PairingRequest { role }) = match body {
+        Ok(json) => json,
+        Err(e) => return refuse(e.status(), &e.body_text()),
+    };
+    let offered = shared.keys.pairing().offer(role, Instant::now());
+    match offered {
+        Ok(code) => Json(json!({ "code": code, "role": role, "seconds": pairing::LIFE.as_secs() })).into_response(),
+        Err(e) => refuse(StatusCode::INTERNAL_SERVER_ERROR, &format!("no random numbers: {e}")),
     }
 }

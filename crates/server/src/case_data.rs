@@ -69,18 +69,22 @@ fn floats(p: &Point<Patient>) -> [[u8; 4]; 3] {
     p.to_array().map(|v| (v as f32).to_le_bytes())
 }
 
-/// The CT of a case folder as half-precision HU with its placement; `None` for a case without images.
+/// The CT of a case folder; `None` for a case without images.
 ///
 /// # Errors
 /// When there is one that cannot be read.
-pub(crate) fn ct(case_dir: &Path) -> Result<Option<Vec<u8>>, ServeError> {
+pub(crate) fn ct(case_dir: &Path) -> Result<Option<Volume<i16>>, ServeError> {
     let path = case_dir.join("ct.nii.gz");
     if !path.is_file() {
         return Ok(None);
     }
     let options = ReadOptions { any_size: true, ..ReadOptions::default() };
-    let volume = monro_scan::read(&path, &options)?.volume;
-    Ok(Some(encode_volume(&volume, MOST_VOXELS)))
+    Ok(Some(monro_scan::read(&path, &options)?.volume))
+}
+
+/// A CT as half-precision HU with its placement.
+pub(crate) fn ct_for_displays(volume: &Volume<i16>) -> Vec<u8> {
+    encode_volume(volume, MOST_VOXELS)
 }
 
 fn encode_volume(volume: &Volume<i16>, most: usize) -> Vec<u8> {
@@ -102,7 +106,7 @@ fn encode_volume(volume: &Volume<i16>, most: usize) -> Vec<u8> {
 }
 
 /// Every how many voxels are sent along each axis: the finest axis is thinned first.
-fn strides(grid: &Grid, most: usize) -> [usize; 3] {
+pub(crate) fn strides(grid: &Grid, most: usize) -> [usize; 3] {
     let (dims, spacing) = (grid.dims(), grid.spacing());
     let mut stride = [1; 3];
     while (0..3).map(|a| dims[a].div_ceil(stride[a])).product::<usize>() > most {

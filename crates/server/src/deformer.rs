@@ -21,8 +21,9 @@ fn run(live: &Live, mut deformation: Deformation) {
     while !live.is_stopping() {
         let start = live.clock.now();
         // A lost catheter leaves the tissue as it is.
-        if let Some((needle, seen_at)) = live.needle(start) {
-            let deformed = deformation.advance(&needle, seen_at, start - last);
+        let dt = start - last;
+        if let Some((needle, seen_at)) = live.needle_for_step(start, dt) {
+            let deformed = deformation.advance(&needle, seen_at, dt);
             live.publish(deformed, live.clock.now() - start);
         }
         last = start;

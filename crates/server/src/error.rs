@@ -5,8 +5,11 @@ use monro_case::CaseError;
 use monro_geometry::EmbeddingError;
 use monro_scan::ScanError;
 use monro_session::SessionError;
+use monro_session::live::PlaybackError;
+use monro_session::live::log::LogError;
 use std::io;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use thiserror::Error;
 
 /// Why a case cannot be served.
@@ -31,8 +34,11 @@ pub enum ServeError {
     #[error(transparent)]
     Desk(#[from] monro_anatomy::desk::DeskError),
     /// The address is not on this machine alone.
-    #[error("{0} can be reached by others, and there is no encryption yet; listen on 127.0.0.1 (or [::1])")]
+    #[error("{0} can be reached by others, and the editor is not encrypted; listen on 127.0.0.1 (or [::1])")]
     NotLoopback(SocketAddr),
+    /// No certificate, no encryption.
+    #[error("the certificate cannot be used: {0}")]
+    Certificate(String),
     /// The address cannot be had.
     #[error("cannot listen on {address}: {error}; choose another with --listen, or 127.0.0.1:0 for any free port")]
     Listen {
@@ -44,6 +50,34 @@ pub enum ServeError {
     /// The tracker cannot be started.
     #[error("the tracker cannot be started: {0}")]
     Tracker(String),
+    /// The recording cannot be made or read.
+    #[error("the recording {path}: {error}", path = path.display())]
+    Recording {
+        /// Its path.
+        path: PathBuf,
+        /// The reason.
+        error: io::Error,
+    },
+    /// The recording is damaged.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// The recording does not say of what it is.
+    #[error("the recording does not begin with the case that was opened")]
+    NoOpening,
+    /// The recording was made with a soft body that is not known.
+    #[error("the recording was made with the soft body \"{0}\", which this version does not know")]
+    Settings(String),
+    /// The case has changed.
+    #[error("{0} is not the case of this recording, or has changed since; give the folder with --case")]
+    OtherCase(PathBuf),
+    /// The recording does not follow from its case.
+    #[error(transparent)]
+    Playback(#[from] PlaybackError),
+    /// OpenIGTLink for others.
+    #[error(
+        "{0} can be reached by others, and OpenIGTLink has neither encryption nor passwords; listen on 127.0.0.1 and let others in by a tunnel (ssh -L)"
+    )]
+    OpenIgtLink(SocketAddr),
     /// No randomness for the token.
     #[error("the system gives no random numbers for the access token: {0}")]
     Random(getrandom::Error),

@@ -53,6 +53,11 @@ pub(crate) struct Guidance {
     target_shift_mm: f64,
     largest_displacement_mm: f64,
     solver_fault: bool,
+    /// Steps of the soft body so far that had one.
+    solver_faults: u64,
+    /// How far the patient's reference has moved since registration or the last check; `None` while it has not.
+    reference_moved_mm: Option<f64>,
+    reference_turned_deg: Option<f64>,
     /// Clock of the server, s.
     time_s: f64,
 }
@@ -89,7 +94,26 @@ impl Guidance {
             target_shift_mm: s.deformed.target.distance(planned),
             largest_displacement_mm: s.deformed.largest_mm,
             solver_fault: s.deformed.fault,
+            solver_faults: s.deformed.faults,
+            reference_moved_mm: s.reference_alarm.map(|b| b.shift),
+            reference_turned_deg: s.reference_alarm.map(|b| b.turn.to_degrees()),
             time_s: s.time_s,
         }
+    }
+
+    /// The numbers as a line for people; those that there are.
+    pub(crate) fn in_words(&self) -> String {
+        let mm = |name: &str, v: Option<f64>| v.map(|v| format!("{name} {v:.1} mm"));
+        let mut words = vec![format!("{}, {}", self.state, self.phase)];
+        words.extend(mm("to target", self.distance_to_target_mm));
+        words.extend(mm("rigid", self.distance_to_target_rigid_mm));
+        words.extend(self.entry_angle_error_deg.map(|a| format!("angle {a:.1} deg")));
+        words.extend(mm("depth", self.depth_mm));
+        words.extend(self.tip_in.map(|t| format!("tip in {t}")));
+        words.extend(self.kakarla_grade.map(|g| format!("grade {g}")));
+        words.extend(mm("predicted error", self.predicted_tre_mm));
+        words.extend(mm("REFERENCE MOVED", self.reference_moved_mm));
+        words.extend(self.solver_fault.then(|| "solver fault".to_owned()));
+        words.join("; ")
     }
 }

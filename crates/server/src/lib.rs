@@ -6,8 +6,9 @@
 //!
 //! - **Nobody waits for anybody.** The newest pose and the newest deformation are shared as immutable values. A display
 //!   asks for one snapshot at a time and gets the newest then; one that does not ask gets nothing and delays nobody.
-//! - **Loopback only**, until there is TLS: any other address is refused. The API wants a bearer token that is made anew at
-//!   every start, the WebSocket a one-time ticket; `Host` and `Origin` are checked against DNS rebinding and foreign pages.
+//! - **Encrypted beyond this machine**: what others can reach speaks TLS only. The API wants a bearer token that is made anew
+//!   at every start (a viewer's or an operator's; other devices get theirs for a one-time code), the WebSocket a one-time
+//!   ticket; `Host` and `Origin` are checked against DNS rebinding and foreign pages; sizes, rates and connections are bounded.
 //! - **The web app is in the binary** when `web/dist` was there at build time (`scripts/web.sh build`); without it a small
 //!   page says how to build it.
 
@@ -22,18 +23,25 @@ mod error;
 mod guidance;
 mod half;
 mod headers;
+mod limit;
 mod listener;
 mod live;
 mod options;
+mod pairing;
 mod rate;
+mod record;
 mod register;
+mod replay;
 mod server;
+mod slicer;
 mod snapshot;
 mod socket;
+mod tls;
 mod tracker;
 mod web;
 
 pub use error::ServeError;
-pub use options::ServeOptions;
-pub use server::{Ready, Running, serve, start};
+pub use options::{Certificate, Recording, ServeOptions};
+pub use replay::{Replayed, replay};
+pub use server::{Invitation, Ready, Running, serve, start};
 pub use tracker::Tracker;

@@ -3,10 +3,12 @@
 use crate::clock::Clock;
 use crate::guidance::Guidance;
 use crate::rate::Rate;
+use crate::record::Log;
 use monro_geometry::{Display, Patient, Point, Rigid, Tool};
 use monro_guidance::NeedlePose;
+use monro_session::live::log::Entry;
 use monro_session::live::{Deformed, Observation, Phase, Refusal, Session, SessionEvent, Snapshot};
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::watch;
 
@@ -14,6 +16,7 @@ use tokio::sync::watch;
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Rates {
     pub(crate) tracking: Rate,
+    pub(crate) snapshot: Rate,
     pub(crate) deformation: Rate,
 }
 
@@ -34,6 +37,16 @@ pub(crate) struct Live {
     stopping: AtomicBool,
     /// How the tracker is, for people.
     tracker: Mutex<String>,
+    log: Option<Log>,
+    /// Snapshots taken for displays.
+    taken: AtomicU64,
+}
+
+/// An entry's bytes, and the entry as they say it: a replay, which has only the bytes, takes in the same.
+fn through_the_log(entry: Entry) -> (Vec<u8>, Entry) {
+    let bytes = entry.encode();
+    let read = Entry::decode(&bytes).unwrap_or(entry);
+    (bytes, read)
 }
 
 /// A panic in another thread does not take the session away from this one: values are replaced whole.
@@ -43,7 +56,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Live {
     /// A session before its first pose.
-    pub(crate) fn new(session: Session, at_rest: Deformed) -> Self {
+    pub(crate) fn new(session: Session, at_rest: Deformed, log: Option<Log>) -> Self {
         Self {
             clock: Clock::start(),
             planned_target: at_rest.target,
@@ -55,6 +68,8 @@ impl Live {
             paused: AtomicBool::new(false),
             stopping: AtomicBool::new(false),
             tracker: Mutex::default(),
+            log,
+            taken: AtomicU64::new(0),
         }
     }
 
@@ -67,35 +82,74 @@ impl Live {
         self.news.subscribe()
     }
 
+    /// Writes an entry of the log. What follows from it must happen under the same lock of the session, so that the log
+    /// has the order in which things took effect.
+    fn log(&self, entry: &[u8]) {
+        self.log.iter().for_each(|log| log.write(entry));
+    }
+
+    /// The log, while there is one.
+    pub(crate) const fn recording(&self) -> Option<&Log> {
+        self.log.as_ref()
+    }
+
     /// Takes what one frame of the tracker showed.
-    pub(crate) fn observe(&self, seen: &[Observation]) {
+    pub(crate) fn observe(&self, seen: Vec<Observation>) {
+        let start = self.clock.now();
+        let (bytes, seen) = through_the_log(Entry::Seen(seen));
+        let Entry::Seen(seen) = seen else { return };
         let new = {
             let mut session = lock(&self.session);
+            self.log(&bytes);
             seen.iter().fold(false, |new, o| session.observe(o) | new)
         };
         if new {
-            lock(&self.rates).tracking.tick(self.clock.now(), 0.0);
+            let now = self.clock.now();
+            lock(&self.rates).tracking.tick(now, now - start);
             self.tell();
         }
     }
 
     /// Takes an event of the procedure.
     pub(crate) fn apply(&self, event: SessionEvent) -> Result<Phase, Refusal> {
-        let result = lock(&self.session).apply(event);
+        let (bytes, event) = through_the_log(Entry::Event(event));
+        let Entry::Event(event) = event else { unreachable!("an event stays an event") };
+        let result = {
+            let mut session = lock(&self.session);
+            let result = session.apply(event);
+            if result.is_ok() {
+                self.log(&bytes);
+            }
+            result
+        };
         self.tell();
         result
     }
 
     /// Takes the calibration of glasses.
     pub(crate) fn wear(&self, display_from_glasses: Rigid<Display, Tool>) {
-        lock(&self.session).wear(display_from_glasses);
+        let (bytes, worn) = through_the_log(Entry::Worn(display_from_glasses));
+        let Entry::Worn(display_from_glasses) = worn else { unreachable!("a calibration stays one") };
+        {
+            let mut session = lock(&self.session);
+            self.log(&bytes);
+            session.wear(display_from_glasses);
+        }
         self.tell();
     }
 
-    /// The catheter, and when it was seen.
-    pub(crate) fn needle(&self, now: f64) -> Option<(NeedlePose, f64)> {
+    /// The catheter and when it was seen, for a step of the soft body by `dt` (s) that is sure to follow.
+    pub(crate) fn needle_for_step(&self, now: f64, dt: f64) -> Option<(NeedlePose, f64)> {
         let session = lock(&self.session);
-        Some((session.needle(now)?, now - session.age(now)?))
+        let needle = session.needle_and_time(now)?;
+        self.log(&Entry::Step { now_s: now, dt_s: dt }.encode());
+        Some(needle)
+    }
+
+    /// Takes note that a snapshot went to a display, and of how long it took to make (s).
+    pub(crate) fn shown(&self, id: u64, digest: u64, duration: f64) {
+        self.log(&Entry::Shown { id, digest }.encode());
+        lock(&self.rates).snapshot.tick(self.clock.now(), duration);
     }
 
     /// How far the procedure has come.
@@ -118,9 +172,28 @@ impl Live {
 
     /// The newest of everything, now.
     pub(crate) fn snapshot(&self) -> (Snapshot, Guidance, u32) {
+        self.take_snapshot(|_, _| ())
+    }
+
+    /// The same for a display, with its number in the log.
+    pub(crate) fn snapshot_for_display(&self) -> (u64, (Snapshot, Guidance, u32)) {
+        let id = self.taken.fetch_add(1, Ordering::Relaxed);
+        let write = |s: &Snapshot, sequence| {
+            let (time_s, step) = (s.time_s, s.deformed.step);
+            self.log(&Entry::Taken { id, time_s, step, sequence }.encode());
+        };
+        (id, self.take_snapshot(write))
+    }
+
+    fn take_snapshot(&self, under_the_lock: impl FnOnce(&Snapshot, u32)) -> (Snapshot, Guidance, u32) {
         let sequence = *self.news.borrow();
         let deformed = Arc::clone(&lock(&self.deformed));
-        let snapshot = lock(&self.session).snapshot(self.clock.now(), &deformed);
+        let snapshot = {
+            let session = lock(&self.session);
+            let snapshot = session.snapshot(self.clock.now(), &deformed);
+            under_the_lock(&snapshot, sequence);
+            snapshot
+        };
         let guidance = Guidance::new(&snapshot, self.planned_target);
         (snapshot, guidance, sequence)
     }

@@ -10,10 +10,41 @@ use std::path::PathBuf;
 pub struct ServeOptions {
     /// The folder of the case.
     pub case_dir: PathBuf,
-    /// A loopback address; port 0 takes any free port.
+    /// Port 0 takes any free port. What others can reach is encrypted.
     pub listen: SocketAddr,
+    /// Encrypts loopback too; for other addresses one is made when there is none.
+    pub certificate: Option<Certificate>,
+    /// Names of this machine under which it may be reached, beside its addresses.
+    pub names: Vec<String>,
     /// Where poses come from.
     pub tracker: Tracker,
     /// The soft body.
     pub model: ModelSettings,
+    /// Where the session is recorded, if it is.
+    pub recording: Option<Recording>,
+    /// Where OpenIGTLink is served, if it is; a loopback address.
+    pub igtl: Option<SocketAddr>,
+}
+
+/// Where the certificate comes from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Certificate {
+    /// Made at start; browsers warn, and its fingerprint can be compared.
+    SelfSigned,
+    /// Two PEM files.
+    Files {
+        /// The certificate, with those between it and the root.
+        cert: PathBuf,
+        /// Its private key.
+        key: PathBuf,
+    },
+}
+
+/// A recording to be made.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Recording {
+    /// The new file; its folder is made.
+    pub path: PathBuf,
+    /// A name for the soft body's settings, by which a replay knows them again.
+    pub settings: String,
 }

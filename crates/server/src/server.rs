@@ -1,9 +1,12 @@
 //! Puts everything together: case, session, threads, routes.
 
-use crate::door::{self, Keys};
-use crate::listener::Limited;
+use crate::door::{self, Door, Keys, Role};
+use crate::listener::{Limited, Peer};
 use crate::live::Live;
-use crate::options::ServeOptions;
+use crate::options::{Certificate, Recording, ServeOptions};
+use crate::record::{Log, identity};
+use crate::slicer;
+use crate::tls::{self, Tls};
 use crate::tracker::Tracker;
 use crate::{ServeError, api, case_data, deformer, headers, register, socket, web};
 use axum::body::Bytes;
@@ -12,11 +15,14 @@ use axum::routing::get;
 use axum::{Router, middleware};
 use monro_case::Case;
 use monro_guidance::Plan;
+use monro_session::live::log::Opened;
 use monro_session::live::{Deformation, Expiry, Registering, Session, SessionEvent, ToolNames};
 use serde_json::{Value, json};
 use std::io;
 use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
+use std::time::Instant;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
@@ -24,15 +30,34 @@ use tokio::task::JoinHandle;
 /// Bodies that are taken: events of the procedure.
 const MOST_BODY_BYTES: usize = 16 << 10;
 
+/// How another device comes in.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Invitation {
+    /// The address with the code behind the `#`, for a QR code.
+    pub url: String,
+    /// A code that is good once, for a viewer.
+    pub code: String,
+    /// SHA-256 of the certificate, to be compared.
+    pub fingerprint: String,
+    /// The certificate, DER.
+    pub certificate: Vec<u8>,
+}
+
 /// Where the server can be reached.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Ready {
-    /// `http://ADDRESS:PORT`.
+    /// `http://ADDRESS:PORT` or `https://ADDRESS:PORT`.
     pub url: String,
+    /// For other devices, where there is encryption.
+    pub invitation: Option<Invitation>,
     /// For `Authorization: Bearer`.
     pub token: String,
     /// Whether the web app is in this binary.
     pub has_web_app: bool,
+    /// Where OpenIGTLink is served.
+    pub igtl: Option<SocketAddr>,
+    /// Where the session is recorded.
+    pub recording: Option<PathBuf>,
 }
 
 impl Ready {
@@ -42,9 +67,10 @@ impl Ready {
     }
 }
 
-/// Where a server with these keys can be reached.
+/// Where a server with these keys can be reached, by this machine only.
 pub(crate) fn ready_at(address: SocketAddr, keys: &Keys) -> Ready {
-    Ready { url: format!("http://{address}"), token: keys.token().to_owned(), has_web_app: web::IS_BUILT }
+    let (url, token) = (format!("http://{address}"), keys.token(Role::Operator).to_owned());
+    Ready { url, token, invitation: None, has_web_app: web::IS_BUILT, igtl: None, recording: None }
 }
 
 /// What all requests share.
@@ -58,6 +84,7 @@ pub(crate) struct Shared {
     pub(crate) tracker: String,
     pub(crate) simulated: bool,
     pub(crate) registering: Mutex<Registering>,
+    pub(crate) igtl: Option<SocketAddr>,
 }
 
 /// A running server; it stops when this is dropped.
@@ -98,7 +125,7 @@ impl Drop for Running {
 /// Serves a case until the process ends. `ready` is called once, when the port is open.
 ///
 /// # Errors
-/// A faulty case, an address that cannot be had or is not loopback, a socket that fails.
+/// A faulty case, an address or a certificate that cannot be had, a socket that fails.
 pub fn serve(options: ServeOptions, ready: impl FnOnce(&Ready)) -> Result<(), ServeError> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
     runtime.block_on(async {
@@ -114,46 +141,87 @@ pub fn serve(options: ServeOptions, ready: impl FnOnce(&Ready)) -> Result<(), Se
 /// As [`serve`].
 pub async fn start(options: ServeOptions) -> Result<Running, ServeError> {
     let address = options.listen;
-    if !address.ip().is_loopback() {
-        return Err(ServeError::NotLoopback(address));
-    }
+    let tls = encryption(&options)?;
+    let names = options.names.clone();
     let listener = TcpListener::bind(address).await.map_err(|error| ServeError::Listen { address, error })?;
     let address = listener.local_addr()?;
-    let (shared, deformation, plan, tracker) =
+    let igtl = match options.igtl {
+        Some(wanted) => Some(slicer::listen(wanted).await?),
+        None => None,
+    };
+    let igtl_address = igtl.as_ref().map(TcpListener::local_addr).transpose()?;
+    let (mut shared, deformation, plan, tracker, peers) =
         tokio::task::spawn_blocking(move || prepare(options)).await.map_err(io::Error::other)??;
+    shared.igtl = igtl_address;
+    if let Some(listener) = igtl {
+        tokio::spawn(slicer::serve(listener, Arc::clone(&shared.live), Arc::new(peers)));
+    }
     deformer::spawn(Arc::clone(&shared.live), deformation)?;
     tracker.start(&shared.live, plan)?;
-    Ok(run(shared, listener, address))
+    run(shared, listener, (address, names), tls)
 }
 
-fn run(shared: Shared, listener: TcpListener, address: SocketAddr) -> Running {
-    let ready = ready_at(address, &shared.keys);
+/// What others can reach is encrypted, and so is what the user has a certificate for.
+fn encryption(options: &ServeOptions) -> Result<Option<Tls>, ServeError> {
+    let ip = options.listen.ip();
+    let certificate = match &options.certificate {
+        None if ip.is_loopback() => return Ok(None),
+        certificate => certificate.as_ref().unwrap_or(&Certificate::SelfSigned),
+    };
+    let own = [tls::outward(ip).to_string(), "127.0.0.1".into(), "localhost".into()];
+    let mut names: Vec<String> = options.names.iter().cloned().chain(own).collect();
+    names.sort();
+    names.dedup();
+    Tls::new(certificate, names).map(Some)
+}
+
+fn run(
+    shared: Shared,
+    listener: TcpListener,
+    (address, names): (SocketAddr, Vec<String>),
+    tls: Option<Tls>,
+) -> Result<Running, ServeError> {
+    let scheme = if tls.is_some() { "https" } else { "http" };
+    let url = format!("{scheme}://{}", SocketAddr::new(tls::outward(address.ip()), address.port()));
+    let invitation = tls.as_ref().map(|tls| invite(&url, &shared.keys, tls)).transpose()?;
+    let recording = shared.live.recording().map(|log| log.path().to_owned());
+    let igtl = shared.igtl;
+    let ready = Ready { url, invitation, igtl, recording, ..ready_at(address, &shared.keys) };
     let live = Arc::clone(&shared.live);
     let (stop, stopped) = oneshot::channel();
-    let router = router(Arc::new(shared));
+    let door = Door { scheme, names, ..Door::on_loopback(Arc::clone(&shared.keys)) };
+    let router = router(Arc::new(shared), Arc::new(door)).into_make_service_with_connect_info::<Peer>();
+    let listener = Limited::new(listener, tls.map(|t| t.acceptor))?;
     let task = tokio::spawn(async move {
         // WebSockets would hold a graceful shutdown up for as long as they live, so it is an abrupt one.
         tokio::select! {
-            result = axum::serve(Limited::new(listener), router).into_future() => result,
+            result = axum::serve(listener, router).into_future() => result,
             _ = stopped => Ok(()),
         }
     });
-    Running { ready, live, task, stop: Some(stop) }
+    Ok(Running { ready, live, task, stop: Some(stop) })
 }
 
-fn router(shared: Arc<Shared>) -> Router {
-    let keys = Arc::clone(&shared.keys);
+fn invite(url: &str, keys: &Keys, tls: &Tls) -> Result<Invitation, ServeError> {
+    let code = keys.pairing().offer(Role::Viewer, Instant::now()).map_err(ServeError::Random)?;
+    let (fingerprint, certificate) = (tls.fingerprint.clone(), tls.certificate.clone());
+    Ok(Invitation { url: format!("{url}/#pair={code}"), code, fingerprint, certificate })
+}
+
+fn router(shared: Arc<Shared>, door: Arc<Door>) -> Router {
     api::routes()
         .route("/live", get(socket::upgrade))
         .fallback(get(web::file))
         .layer(DefaultBodyLimit::max(MOST_BODY_BYTES))
-        .layer(middleware::from_fn_with_state(keys, door::guard))
+        .layer(middleware::from_fn_with_state(door, door::guard))
         .layer(middleware::from_fn(headers::add))
         .with_state(shared)
 }
 
+type Prepared = (Shared, Deformation, Plan, Tracker, slicer::Scene);
+
 /// Everything that takes a while: files, meshes, the soft body.
-fn prepare(options: ServeOptions) -> Result<(Shared, Deformation, Plan, Tracker), ServeError> {
+fn prepare(options: ServeOptions) -> Result<Prepared, ServeError> {
     let case = Case::open(&options.case_dir)?;
     let deformation = Deformation::new(&case, &options.model)?;
     let scene = case_data::scene(&case)?;
@@ -162,17 +230,32 @@ fn prepare(options: ServeOptions) -> Result<(Shared, Deformation, Plan, Tracker)
     // A new session takes any case.
     let opened = session.apply(SessionEvent::CaseOpened(case.plan));
     debug_assert!(opened.is_ok(), "{opened:?}");
+    let log = options.recording.as_ref().map(|r| open_log(r, &options.case_dir, &case)).transpose()?;
+    let image = ct.as_ref().and_then(|ct| slicer::image(ct, case_data::strides(ct.grid(), slicer::MOST_VOXELS)));
+    let peers = slicer::Scene::new(&case, image)?;
     let shared = Shared {
-        live: Arc::new(Live::new(session, deformation.at_rest())),
+        live: Arc::new(Live::new(session, deformation.at_rest(), log)),
         keys: Arc::new(Keys::new().map_err(ServeError::Random)?),
         case: describe(&case, ct.is_some()),
         scene: scene.into(),
-        ct: ct.map(Bytes::from),
+        ct: ct.as_ref().map(case_data::ct_for_displays).map(Bytes::from),
         tracker: options.tracker.name().to_owned(),
         simulated: matches!(options.tracker, Tracker::Sim),
         registering: Mutex::new(register::landmarks(&case)),
+        igtl: None,
     };
-    Ok((shared, deformation, case.plan, options.tracker))
+    Ok((shared, deformation, case.plan, options.tracker, peers))
+}
+
+fn open_log(recording: &Recording, case_dir: &Path, case: &Case) -> Result<Log, ServeError> {
+    let case_dir = std::path::absolute(case_dir)?;
+    let opened = Opened {
+        generator: format!("monro {}", env!("CARGO_PKG_VERSION")),
+        case_dir: case_dir.display().to_string(),
+        identity: identity(case),
+        settings: recording.settings.clone(),
+    };
+    Log::create(&recording.path, opened)
 }
 
 fn describe(case: &Case, has_ct: bool) -> Value {

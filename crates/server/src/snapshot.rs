@@ -49,6 +49,14 @@ pub(crate) fn encode(snapshot: &Snapshot, guidance: &Guidance, sequence: u32) ->
     out
 }
 
+/// A digest of a snapshot's bytes, by which a replay knows it again: FNV-1a over words of eight bytes.
+pub(crate) fn digest(bytes: &[u8]) -> u64 {
+    let mix = |h: u64, w: u64| (h ^ w).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(29);
+    let (words, rest) = bytes.as_chunks::<8>();
+    let h = words.iter().fold(0xcbf2_9ce4_8422_2325, |h, w| mix(h, u64::from_le_bytes(*w)));
+    rest.iter().fold(h ^ bytes.len() as u64, |h, b| mix(h, u64::from(*b)))
+}
+
 /// The largest component fills 16 bits: the error is at most half of this.
 fn quantum(deformed: &Deformed) -> f32 {
     let largest = deformed.displacements.as_flattened().iter().fold(0f32, |m, d| m.max(d.abs()));
@@ -61,6 +69,17 @@ mod tests {
     use monro_geometry::Point;
     use monro_session::live::{Expiry, Session, ToolNames};
     use std::sync::Arc;
+
+    #[test]
+    fn a_digest_tells_any_changed_byte() {
+        let bytes: Vec<u8> = (0..100).collect();
+        for i in 0..100 {
+            let mut other = bytes.clone();
+            other[i] ^= 1;
+            assert_ne!(digest(&other), digest(&bytes), "{i}");
+        }
+        assert_ne!(digest(&bytes[..99]), digest(&bytes));
+    }
 
     #[test]
     fn displacements_come_back_within_half_a_quantum() {

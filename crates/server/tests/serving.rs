@@ -7,11 +7,11 @@ use monro_geometry::{Rigid, Vector};
 use monro_server::{Running, ServeError, Tracker, start};
 use monro_tracking::{Batch, Source, TrackingError};
 use monro_wire::TimedPose;
-use monro_wire::openigtlink::{Message, ToolStatus};
+use monro_wire::openigtlink::{Content, Message, Parser, ToolStatus, Verb};
 use serde_json::Value;
 use std::time::Duration;
-use tokio::io::AsyncWriteExt;
-use tokio::net::TcpListener;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
 
 struct Served {
     running: Running,
@@ -186,12 +186,9 @@ async fn a_case_without_images_says_so() {
 }
 
 #[tokio::test]
-async fn an_address_that_others_can_reach_and_a_folder_that_is_no_case_are_refused() {
+async fn a_folder_that_is_no_case_is_refused() {
     let dir = tempfile::tempdir().expect("temp");
     assert!(matches!(start(options(dir.path().to_owned())).await, Err(ServeError::Case(_))));
-    let mut o = options(dir.path().to_owned());
-    o.listen = "0.0.0.0:0".parse().expect("address");
-    assert!(matches!(start(o).await, Err(ServeError::NotLoopback(_))));
 }
 
 /// The same poses again and again, each 2 ms old.
@@ -275,4 +272,66 @@ async fn an_openigtlink_server_feeds_the_session_and_is_found_again_when_it_come
     let served = Served { running: start(o).await.expect("start"), _dir: dir };
     served.until(|g| g["state"] == "live").await;
     assert_eq!(served.get("/api/status").await["tools"], serde_json::json!(["Catheter", "Reference"]));
+}
+
+/// Reads messages until one of each kind has come; names and contents.
+async fn until_all(stream: &mut TcpStream, wanted: &[&str]) -> Vec<Message> {
+    let (mut parser, mut buffer, mut all) = (Parser::new(64 << 20), vec![0; 1 << 16], Vec::<Message>::new());
+    while !wanted.iter().all(|w| all.iter().any(|m| m.device == *w)) {
+        let count = stream.read(&mut buffer).await.expect("read");
+        assert!(count > 0, "closed after {} messages", all.len());
+        parser.push(&buffer[..count]);
+        while let Some(message) = parser.next_message() {
+            all.push(message.expect("message"));
+        }
+    }
+    all
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn slicer_gets_catheter_deformed_ventricles_plan_numbers_and_ct() {
+    let dir = tempfile::tempdir().expect("temp");
+    let mut o = options(write_case(dir.path(), true));
+    o.igtl = Some("127.0.0.1:0".parse().expect("address"));
+    let served = Served { running: start(o).await.expect("start"), _dir: dir };
+    let address = served.running.ready().igtl.expect("served");
+    assert_eq!(served.get("/api/status").await["igtl"], address.to_string());
+    served.until(|g| g["state"] == "live" && g["largest_displacement_mm"].as_f64().is_some_and(|d| d > 0.05)).await;
+    let mut stream = TcpStream::connect(address).await.expect("connect");
+    let all = until_all(&mut stream, &["CT", "Catheter", "Ventricles", "Plan", "Guidance", "Monro"]).await;
+    let of = |device: &str| all.iter().find(|m| m.device == device).expect("sent");
+    assert_eq!(of("Catheter").meta("TransformStatus"), Some("OK"));
+    let (case, g) = (common::case(), served.get("/api/guidance").await);
+    let Content::Transform(m) = &of("Catheter").content else { panic!("transform") };
+    let tip = numbers(&g["tip_lps_mm"]);
+    let off = f64::from(m.columns[3][0] + tip[0] as f32).hypot(f64::from(m.columns[3][2] - tip[2] as f32));
+    // The hand moves on at no more than 20 mm/s while we ask.
+    assert!(off < 20.0, "{off}");
+    let Content::PolyData(mesh) = &of("Ventricles").content else { panic!("polydata") };
+    assert_eq!(
+        (mesh.points.len(), mesh.polygons.len()),
+        (case.ventricles.vertices.len(), case.ventricles.triangles.len())
+    );
+    let moved =
+        mesh.to_mesh().vertices.iter().zip(&case.ventricles.vertices).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    assert!(moved > 0.001 && moved < 30.0, "{moved}");
+    let Content::Points(points) = &of("Plan").content else { panic!("point") };
+    assert_eq!(points.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["Entry", "Target", "Target deformed"]);
+    let Content::Text(text) = &of("Guidance").content else { panic!("string") };
+    assert!(text.text.contains("live, navigating; to target"), "{}", text.text);
+    let Content::Image(ct) = &of("CT").content else { panic!("image") };
+    assert_eq!(ct.size, [64, 80, 60]);
+
+    // Asked again, it comes again; a stalled peer has not delayed anybody.
+    let query = Content::Query { verb: Verb::Get, of: "IMAGE".into(), stream: None };
+    stream.write_all(&Message::v1("Slicer", None, query).encode().expect("query")).await.expect("ask");
+    until_all(&mut stream, &["CT"]).await;
+}
+
+#[tokio::test]
+async fn openigtlink_for_others_is_refused() {
+    let dir = tempfile::tempdir().expect("temp");
+    let mut o = options(write_case(dir.path(), false));
+    o.igtl = Some("0.0.0.0:0".parse().expect("address"));
+    assert!(matches!(start(o).await, Err(ServeError::OpenIgtLink(_))));
 }

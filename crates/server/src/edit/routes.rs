@@ -3,8 +3,8 @@
 use super::rebuild::{self, lock};
 use super::request::{self, Request};
 use super::{Shared, export};
-use crate::door::{self, refuse};
-use crate::listener::Limited;
+use crate::door::{self, Door, refuse};
+use crate::listener::{Limited, Peer};
 use crate::{headers, web};
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{DefaultBodyLimit, Query, State};
@@ -25,11 +25,12 @@ use tokio::net::TcpListener;
 const MOST_MESSAGE_BYTES: usize = 256 << 10;
 
 pub(super) async fn run(shared: Arc<Shared>, listener: TcpListener) -> io::Result<()> {
-    axum::serve(Limited::new(listener), router(shared)).await
+    let service = router(shared).into_make_service_with_connect_info::<Peer>();
+    axum::serve(Limited::new(listener, None)?, service).await
 }
 
 fn router(shared: Arc<Shared>) -> Router {
-    let keys = Arc::clone(&shared.keys);
+    let door = Arc::new(Door::on_loopback(Arc::clone(&shared.keys)));
     Router::new()
         .route("/", get(async || web::page("edit.html")))
         .route("/api/desk", get(describe))
@@ -43,7 +44,7 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/desk", get(upgrade))
         .fallback(get(web::file))
         .layer(DefaultBodyLimit::max(16 << 10))
-        .layer(middleware::from_fn_with_state(keys, door::guard))
+        .layer(middleware::from_fn_with_state(door, door::guard))
         .layer(middleware::from_fn(headers::add))
         .with_state(shared)
 }

@@ -92,7 +92,7 @@ fn pump(mut source: Box<dyn Source>, live: &Live) {
     let mut asked = f64::NEG_INFINITY;
     while !live.is_stopping() {
         match source.next(WAIT) {
-            Ok(Some(batch)) => live.observe(&observations(&batch, source.now(), live.clock.now())),
+            Ok(Some(batch)) => live.observe(observations(&batch, source.now(), live.clock.now())),
             Ok(None) => {
                 live.note_tracker("the recording has ended".to_owned());
                 return;

@@ -7,8 +7,10 @@ use monro_geometry::{Embedding, Patient, Point, Structure, Vector};
 use monro_guidance::NeedlePose;
 use monro_tissue::{Event, FrameSettings, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose};
 
-/// Length of the catheter behind its tip, mm.
-const CATHETER_LENGTH_MM: f64 = 250.0;
+/// Shortest piece of the catheter that is simulated, mm; the rest of it is in the air and touches nothing.
+const SHORTEST_MM: f64 = 20.0;
+/// How far from its place at rest tissue may be and still be reached by that piece, mm.
+const MARGIN_MM: f64 = 15.0;
 /// Outer diameter of the catheter, mm (9 Fr).
 const DIAMETER_MM: f64 = 3.0;
 /// Longest time step: after a pause the tissue is slow for a moment instead of unstable, s.
@@ -36,13 +38,16 @@ pub struct Deformed {
     pub largest_mm: f64,
     /// Whether the solver had to take this step back and hold or retry: shown, not hidden.
     pub fault: bool,
+    /// Steps so far that had one.
+    pub faults: u64,
 }
 
 impl Deformed {
     /// Tissue at rest.
     pub fn at_rest(target: Point<Patient>, nodes: usize) -> Self {
         let displacements = vec![[0.0; 3]; nodes];
-        Self { step: 0, pose_time_s: None, displacements, target, at_tip: None, largest_mm: 0.0, fault: false }
+        let (step, faults, fault) = (0, 0, false);
+        Self { step, pose_time_s: None, displacements, target, at_tip: None, largest_mm: 0.0, fault, faults }
     }
 }
 
@@ -59,6 +64,9 @@ pub struct Deformation {
     /// Pose of the tool in the tissue, and the time at which it was seen there.
     last: Option<(ToolPose, f64)>,
     steps: u64,
+    faults: u64,
+    /// Corners of the box that holds the tissue.
+    room: [Point<Patient>; 2],
 }
 
 impl Deformation {
@@ -81,6 +89,8 @@ impl Deformation {
             state,
             last: None,
             steps: 0,
+            faults: 0,
+            room: room(&case.tets.vertices),
         })
     }
 
@@ -93,7 +103,8 @@ impl Deformation {
     /// far as one step can take it; the result tells the time of the pose that was reached. A time step that is no number
     /// counts as the shortest.
     pub fn advance(&mut self, needle: &NeedlePose, pose_time_s: f64, dt_s: f64) -> Deformed {
-        let wanted = ToolPose { tip: needle.tip(), tail: needle.tip() - needle.axis() * CATHETER_LENGTH_MM };
+        let length = way_out(&self.room, needle.tip(), -needle.axis()).max(SHORTEST_MM);
+        let wanted = ToolPose { tip: needle.tip(), tail: needle.tip() - needle.axis() * length };
         let (from, from_time) = self.last.unwrap_or((wanted, pose_time_s));
         let way = from.tip.distance(wanted.tip).max(from.tail.distance(wanted.tail));
         let share = if way > FARTHEST_MM { FARTHEST_MM / way } else { 1.0 };
@@ -113,6 +124,8 @@ impl Deformation {
         let displacements: Vec<[f32; 3]> = (0..self.nodes.len())
             .map(|v| self.model.displacement(&self.state, v).to_array().map(|d| d as f32))
             .collect();
+        let fault = report.events.iter().any(|e| matches!(e, Event::Held | Event::RolledBack { .. }));
+        self.faults += u64::from(fault);
         let label = report.tools.first().and_then(|t| t.label);
         Deformed {
             step: self.steps,
@@ -121,7 +134,8 @@ impl Deformation {
             target: self.target_now(),
             at_tip: label.and_then(|l| u8::try_from(l).ok()).and_then(Structure::from_label),
             largest_mm: report.max_displacement_mm,
-            fault: report.events.iter().any(|e| matches!(e, Event::Held | Event::RolledBack { .. })),
+            fault,
+            faults: self.faults,
         }
     }
 
@@ -138,8 +152,34 @@ impl Deformation {
     }
 }
 
+/// The box of the tissue with room to move, as its lowest and its highest corner.
+fn room(nodes: &[Point<Patient>]) -> [Point<Patient>; 2] {
+    let bound = |pick: fn(f64, f64) -> f64, start: f64, margin: f64| {
+        Point::from_array(core::array::from_fn(|a| nodes.iter().fold(start, |m, p| pick(m, p.to_array()[a])) + margin))
+    };
+    [bound(f64::min, f64::INFINITY, -MARGIN_MM), bound(f64::max, f64::NEG_INFINITY, MARGIN_MM)]
+}
+
+/// How far it is from `start` along the unit vector `direction` until the box is left for good, mm; 0 when it is not met
+/// (slabs, Kay and Kajiya 1986).
+fn way_out(room: &[Point<Patient>; 2], start: Point<Patient>, direction: Vector<Patient>) -> f64 {
+    let [low, high, at, way] = [room[0].to_array(), room[1].to_array(), start.to_array(), direction.to_array()];
+    let (mut enter, mut leave) = (0f64, f64::INFINITY);
+    for a in 0..3 {
+        if way[a].abs() < 1e-12 {
+            if at[a] < low[a] || at[a] > high[a] {
+                return 0.0;
+            }
+            continue;
+        }
+        let (s, t) = ((low[a] - at[a]) / way[a], (high[a] - at[a]) / way[a]);
+        (enter, leave) = (enter.max(s.min(t)), leave.min(s.max(t)));
+    }
+    if leave > enter && leave.is_finite() { leave } else { 0.0 }
+}
+
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::Mode;
     use monro_case::{Manifest, SCHEMA, Source};
@@ -181,7 +221,7 @@ mod tests {
         mesh
     }
 
-    fn case() -> Case {
+    pub(crate) fn case() -> Case {
         let source = Source { format: "test".into(), series: "".into(), dims: [1; 3], spacing_mm: [1.0; 3] };
         let manifest = Manifest {
             schema: SCHEMA,
@@ -241,6 +281,33 @@ mod tests {
         let times: Vec<f64> = (0..5).filter_map(|_| d.advance(&needle(15.0), 1.0, 1.0 / 60.0).pose_time_s).collect();
         assert!((times[0] - 0.4).abs() < 1e-9 && times[0] < times[1] && times[1] < times[2], "{times:?}");
         assert!((times[2] - 1.0).abs() < 1e-12 && (times[4] - 1.0).abs() < 1e-12, "{times:?}");
+    }
+
+    #[test]
+    fn the_simulated_piece_reaches_out_of_the_tissue_and_no_further() {
+        let room = room(&tets().vertices);
+        let up = Vector::new(0.0, 0.0, 1.0);
+        // The tissue ends at 60 mm.
+        assert!((way_out(&room, Point::new(30.0, 30.0, 20.0), up) - 55.0).abs() < 1e-9);
+        assert!(way_out(&room, Point::new(30.0, 30.0, 90.0), up) <= 0.0);
+        assert!(way_out(&room, Point::new(300.0, 30.0, 20.0), up) <= 0.0);
+        let aslant = Vector::new(0.6, 0.0, 0.8);
+        assert!((way_out(&room, Point::new(30.0, 30.0, 20.0), aslant) - 55.0 / 0.8).abs() < 1e-9);
+    }
+
+    /// A tracker's noise of half a degree moves the far end of a catheter by more than a step may take; what is in the
+    /// tissue hardly moves, and the soft body keeps up with it.
+    #[test]
+    fn a_hand_that_trembles_does_not_hold_the_tissue_up() {
+        let mut d = deformation();
+        let tilted = |angle: f64| {
+            let direction = case().plan.direction() + Vector::new(angle, 0.0, 0.0);
+            NeedlePose::new(case().plan.at_depth(30.0), direction).expect("needle")
+        };
+        for i in 0..20 {
+            let (time, angle) = (f64::from(i) / 60.0, if i % 2 == 0 { 0.025 } else { -0.025 });
+            assert_eq!(d.advance(&tilted(angle), time, 1.0 / 60.0).pose_time_s, Some(time), "{i}");
+        }
     }
 
     #[test]

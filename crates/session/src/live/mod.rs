@@ -12,7 +12,9 @@
 //! tracker. Guidance numbers exist only while navigating, and not when the signal is lost.
 
 mod deformation;
+pub mod log;
 mod phase;
+mod playback;
 mod registering;
 mod script;
 mod session;
@@ -22,6 +24,7 @@ mod tracking;
 
 pub use deformation::{Deformation, Deformed};
 pub use phase::{Event, Phase, Refusal, ToFirst};
+pub use playback::{Playback, PlaybackError};
 pub use registering::{Registering, Touch, TouchError, TouchMark};
 pub use script::{Script, ScriptTruth};
 pub use session::{Calibration, PlainEvent, Registration, Session, SessionEvent, ToolNames};

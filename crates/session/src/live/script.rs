@@ -127,11 +127,11 @@ fn display_from_glasses() -> Rigid<Display, Tool> {
     askew.unwrap_or(Rigid::IDENTITY)
 }
 
-/// The patient's reference drifts a little, as on a table that is leant against.
+/// The patient's reference sways a little, far less than what counts as moved.
 fn reference(time_s: f64) -> Rigid<Tracker, Tool> {
-    let sway = Vector::new(2.0 * (time_s * TAU / 7.0).sin(), (time_s * TAU / 5.0).cos(), 0.0);
+    let sway = Vector::new(0.2 * (time_s * TAU / 7.0).sin(), 0.1 * (time_s * TAU / 5.0).cos(), 0.0);
     let at = Vector::new(150.0, 900.0, -1200.0) + sway;
-    let turn = 0.4 + 0.01 * (time_s * TAU / 11.0).sin();
+    let turn = 0.4 + 0.001 * (time_s * TAU / 11.0).sin();
     Rigid::from_axis_angle(Vector::new(0.1, 1.0, 0.2), turn, at).unwrap_or(Rigid::IDENTITY)
 }
 

@@ -2,6 +2,7 @@
 
 use super::{Event, Expiry, Observation, Phase, Refusal, Signal, Tracking};
 use monro_geometry::{Display, Patient, Point, Rigid, Tool, Vector};
+use monro_guidance::reference::{Bump, GuardOptions, ReferenceGuard};
 use monro_guidance::{NeedlePose, Plan};
 
 /// The catheter in the frame of its tracked body.
@@ -46,6 +47,19 @@ pub enum PlainEvent {
     CheckFailed,
     Started,
     Stopped,
+}
+
+impl PlainEvent {
+    /// All of them; the order is that of their numbers in a log.
+    pub const ALL: [Self; 7] = [
+        Self::CaseClosed,
+        Self::ToolChanged,
+        Self::ReferenceMoved,
+        Self::CheckPassed,
+        Self::CheckFailed,
+        Self::Started,
+        Self::Stopped,
+    ];
 }
 
 impl SessionEvent {
@@ -93,14 +107,16 @@ pub struct Session {
     tracking: Tracking,
     tools: ToolNames,
     expiry: Expiry,
+    guard: ReferenceGuard,
 }
 
 impl Session {
     /// A session in which nothing has happened.
     pub fn new(tools: ToolNames, expiry: Expiry) -> Self {
         let (plan, calibration, registration) = (None, None, None);
-        let (display_from_glasses, tracking) = (None, Tracking::default());
-        Self { phase: Phase::NoCase, plan, calibration, registration, display_from_glasses, tracking, tools, expiry }
+        let (display_from_glasses, guard) = (None, ReferenceGuard::new(GuardOptions::default()));
+        let (phase, tracking) = (Phase::NoCase, Tracking::default());
+        Self { phase, plan, calibration, registration, display_from_glasses, tracking, tools, expiry, guard }
     }
 
     /// Takes an event of the procedure.
@@ -109,6 +125,10 @@ impl Session {
     /// When it does not fit the phase; nothing changes then.
     pub fn apply(&mut self, event: SessionEvent) -> Result<Phase, Refusal> {
         self.phase = self.phase.after(event.event())?;
+        // A registration, or a landmark found in its place again, is the word that the reference is where it should be.
+        if matches!(event, SessionEvent::Registered(_) | SessionEvent::Plain(PlainEvent::CheckPassed)) {
+            self.guard.confirm();
+        }
         match event {
             SessionEvent::CaseOpened(plan) => self.plan = Some(plan),
             SessionEvent::Calibrated(c) => self.calibration = Some(c),
@@ -124,7 +144,23 @@ impl Session {
 
     /// Takes a pose; returns whether something new is known.
     pub fn observe(&mut self, seen: &Observation) -> bool {
-        self.tracking.observe(seen)
+        let new = self.tracking.observe(seen);
+        if let Some(pose) = seen.tracker_from_tool.filter(|_| new && seen.name == self.tools.reference)
+            && self.registration.is_some()
+        {
+            self.guard.push(&pose, seen.time_s);
+        }
+        new
+    }
+
+    /// The alarm that the patient's reference has moved since the registration or the last check that passed.
+    pub const fn reference_alarm(&self) -> Option<Bump> {
+        self.guard.bump()
+    }
+
+    /// The catheter in the patient, and when it was seen, s.
+    pub fn needle_and_time(&self, now: f64) -> Option<(NeedlePose, f64)> {
+        Some((self.needle(now)?, now - self.age(now)?))
     }
 
     /// How far the procedure has come.
@@ -260,6 +296,29 @@ pub(crate) mod tests {
         let newer = script.observations(1.4);
         newer.iter().filter(|o| o.name == "Catheter").for_each(|o| assert!(s.observe(o)));
         assert_eq!(s.signal(1.4), Signal::Stale);
+    }
+
+    /// The alarm comes by itself, stays although the reference is put back, and goes with the check.
+    #[test]
+    fn a_reference_that_moves_raises_the_alarm_until_the_next_check() {
+        let script = Script::new(plan());
+        let mut s = navigating(&script);
+        let see = |s: &mut Session, from: u32, shift: f64| {
+            for i in from..from + 100 {
+                let t = f64::from(i) / 120.0;
+                let [mut reference, catheter, _] = script.observations(t);
+                reference.tracker_from_tool = reference.tracker_from_tool.and_then(|p| {
+                    Rigid::from_quaternion(p.quaternion_wxyz(), p.translation() + Vector::new(shift, 0.0, 0.0))
+                });
+                assert!(s.observe(&reference) && s.observe(&catheter));
+            }
+            s.reference_alarm().map(|b| b.shift)
+        };
+        assert_eq!(see(&mut s, 0, 0.0), None);
+        assert!(see(&mut s, 100, 3.0).is_some_and(|shift| (1.0..=3.5).contains(&shift)));
+        assert!(see(&mut s, 200, 0.0).is_some());
+        s.apply(SessionEvent::Plain(PlainEvent::CheckPassed)).expect("check");
+        assert_eq!(see(&mut s, 300, 0.0), None);
     }
 
     #[test]

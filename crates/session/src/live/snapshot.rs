@@ -2,6 +2,7 @@
 
 use super::{Deformed, Phase, Session, Signal};
 use monro_geometry::{Display, Patient, Rigid, Structure};
+use monro_guidance::reference::Bump;
 use monro_guidance::{Kakarla, NeedlePose, Plan, Reading, TargetReading};
 use std::sync::Arc;
 
@@ -84,6 +85,8 @@ pub struct Snapshot {
     pub predicted_tre_mm: Option<f64>,
     /// The patient as the wearer of calibrated glasses sees them.
     pub display_from_patient: Option<Rigid<Display, Patient>>,
+    /// The alarm that the patient's reference has moved.
+    pub reference_alarm: Option<Bump>,
     /// The soft body.
     pub deformed: Arc<Deformed>,
 }
@@ -111,6 +114,7 @@ impl Session {
             numbers,
             predicted_tre_mm: self.registration().and_then(|r| r.predicted_tre_mm),
             display_from_patient: self.display_from_patient(now),
+            reference_alarm: self.reference_alarm(),
             deformed: Arc::clone(deformed),
         }
     }

@@ -1,0 +1,146 @@
+//! `monro bench live`: the real server with its sockets, a camera system that sends datagrams, displays that take snapshots.
+//!
+//! A probe asks for the next snapshot as soon as it has one, so that one is always owed to it: the time from a datagram's
+//! departure to the arrival of the first snapshot that shows its pose is what the server adds (with the loopback twice).
+//! Three more displays ask at their own rate; one more asks and asks, and never reads.
+
+mod camera;
+mod display;
+mod http;
+
+use crate::args::LiveBenchArgs;
+use crate::console::Console;
+use crate::{demo, prepare, simulate};
+use anyhow::{Context, Result, bail};
+use camera::Camera;
+use display::{Display, Shown};
+use http::Door;
+use monro_case::{Case, Staging};
+use monro_guidance::Plan;
+use monro_guidance::simulation::quantile;
+use monro_prepare::Request;
+use monro_server::{Ready, ServeOptions};
+use monro_session::live::Script;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
+use std::thread;
+use std::time::Duration;
+
+/// Displays that keep up.
+const DISPLAYS: usize = 3;
+
+/// Runs the bench.
+pub(crate) fn run(args: &LiveBenchArgs, console: &Console) -> Result<()> {
+    if !((0.5..=60.0).contains(&args.seconds) && (1.0..=1000.0).contains(&args.rate)) {
+        bail!("--seconds is from 0.5 to 60, --rate from 1 to 1000 frames a second");
+    }
+    let folder = tempfile::tempdir()?;
+    let case_dir = match &args.case {
+        Some(dir) => dir.clone(),
+        None => phantom(folder.path(), args.elements, console)?,
+    };
+    let case = Case::open(&case_dir)?;
+    let camera = Camera::open(case.plan, args.rate)?;
+    let ready = serve(args, case_dir, &camera)?;
+    let result = console.stage("live", || measure(args, &case, camera, &ready))?;
+    console.result(&result, &format!("{result:#}"));
+    Ok(())
+}
+
+fn phantom(folder: &Path, elements: usize, console: &Console) -> Result<PathBuf> {
+    let scan = demo::phantom_as_scan(&folder.join("phantom"), 0, console)?;
+    let prepared = monro_prepare::build(scan, &Request { elements, ..Request::default() }, console)?;
+    let staging = Staging::begin(&folder.join("case"), false)?;
+    prepare::write(&prepared, &staging, console)?;
+    Ok(staging.finish()?)
+}
+
+/// Starts the server in a thread that ends with the program.
+fn serve(args: &LiveBenchArgs, case_dir: PathBuf, camera: &Camera) -> Result<Ready> {
+    let options = ServeOptions {
+        case_dir,
+        listen: ([127, 0, 0, 1], 0).into(),
+        certificate: None,
+        names: Vec::new(),
+        tracker: format!("natnet://{}?unicast=1&up=z", camera.address()).parse()?,
+        model: simulate::settings(args.mode, 1.0).model,
+        recording: None,
+        igtl: None,
+    };
+    let (sender, receiver) = channel();
+    let run = move || {
+        let told = sender.clone();
+        let ended = monro_server::serve(options, move |ready| drop(told.send(Ok(ready.clone()))));
+        drop(sender.send(ended.map_or_else(|e| Err(e.to_string()), |()| Err("the server ended".to_owned()))));
+    };
+    thread::Builder::new().name("server".into()).spawn(run)?;
+    receiver.recv().context("the server ended without a word")?.map_err(anyhow::Error::msg)
+}
+
+fn measure(args: &LiveBenchArgs, case: &Case, camera: Camera, ready: &Ready) -> Result<Value> {
+    let door = Door::new(ready)?;
+    calibrate(&door, case.plan)?;
+    let stop = Arc::new(AtomicBool::new(false));
+    let shows = |rate: Option<f64>| {
+        let (display, stop) = (Display::open(&door)?, Arc::clone(&stop));
+        Ok::<_, anyhow::Error>(thread::spawn(move || display.watch(rate, &stop)))
+    };
+    let stalled = Display::open(&door)?;
+    stalled.ask_forever()?;
+    let filming = camera.film(args.seconds);
+    let probe = shows(None)?;
+    let displays = (0..DISPLAYS).map(|_| shows(Some(args.display_rate))).collect::<Result<Vec<_>>>()?;
+    let departures = filming.join().map_err(|_| anyhow::anyhow!("the camera's thread failed"))??;
+    let status = door.get("/api/status")?;
+    stop.store(true, Ordering::Relaxed);
+    let seen = |t: thread::JoinHandle<Result<Vec<Shown>>>| t.join().map_err(|_| anyhow::anyhow!("a display failed"))?;
+    let probed = seen(probe)?;
+    let rates: Vec<f64> = displays.into_iter().map(|d| Ok(rate(&seen(d)?))).collect::<Result<_>>()?;
+    drop(stalled);
+    let latencies = camera::latencies(case.plan, args.rate, &departures, &probed);
+    if latencies.is_empty() {
+        bail!("no snapshot showed a pose of the camera; /api/status says: {}", status["tracker_diagnosis"]);
+    }
+    let steps = |s: &[Shown]| (s.first().map_or(0, |f| f.step), s.last().map_or(0, |l| l.step));
+    let span = probed.last().zip(probed.first()).map_or(1.0, |(l, f)| l.at.duration_since(f.at).as_secs_f64());
+    let (first, last) = steps(&probed);
+    Ok(json!({
+        "elements": case.tets.tets.len(), "nodes": case.tets.vertices.len(), "seconds": args.seconds,
+        "tracker_hz": args.rate, "poses_measured": latencies.len(),
+        "added_latency_p50_ms": 1e3 * quantile(&latencies, 0.5), "added_latency_p99_ms": 1e3 * quantile(&latencies, 0.99),
+        "deformation_hz": f64::from(last - first) / span, "deformation_ms": status["deformation_ms"],
+        "snapshot_hz": rates, "probe_hz": rate(&probed), "stalled_displays": 1, "snapshot_ms": status["snapshot_ms"],
+        "threads": thread::available_parallelism().map_or(1, usize::from),
+    }))
+}
+
+/// What the scripted hand's calibration and registration are, told as an operator tells it.
+fn calibrate(door: &Door, plan: Plan) -> Result<()> {
+    let truth = Script::new(plan).truth();
+    let (calibration, registration) = (truth.calibration, truth.registration.patient_from_reference);
+    for event in [
+        json!({ "event": "calibrated", "tip_mm": calibration.tip.to_array(), "axis": calibration.axis.to_array() }),
+        json!({
+            "event": "registered", "quaternion_wxyz": registration.quaternion_wxyz(),
+            "translation_mm": registration.translation().to_array(), "predicted_tre_mm": 0.0,
+        }),
+        json!({ "event": "check_passed" }),
+        json!({ "event": "started" }),
+    ] {
+        door.post("/api/session", &event.to_string())?;
+    }
+    Ok(())
+}
+
+/// Snapshots per second.
+fn rate(shown: &[Shown]) -> f64 {
+    match (shown.first(), shown.last()) {
+        (Some(first), Some(last)) if shown.len() > 1 => {
+            (shown.len() - 1) as f64 / Duration::max(last.at - first.at, Duration::from_micros(1)).as_secs_f64()
+        }
+        _ => 0.0,
+    }
+}

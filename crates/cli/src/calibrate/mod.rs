@@ -1,0 +1,111 @@
+//! `monro calibrate`: tips and shafts from live or recorded poses, cameras and see-through displays from lists of points.
+
+mod table;
+
+use crate::args::{CalibrateCommand, PosesArgs};
+use crate::console::Console;
+use anyhow::{Context, Result, bail};
+use monro_cli::track::TrackOptions;
+use monro_geometry::{Point, Rigid, Tool, Tracker};
+use monro_guidance::calibration::{PivotOptions, calibrate_axis, calibrate_pivot};
+use monro_guidance::optics::{CameraOptions, Correspondence, calibrate_camera, calibrate_display};
+use monro_tracking::{Clock, TrackerUrl, open, tool_name};
+use serde_json::{Value, json};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+pub(crate) use table::{named_points, point, rows};
+
+/// Largest error of a see-through display, pixels: a hand that aligns a cross is worse than a camera.
+const ALIGNMENT_PX: f64 = 10.0;
+
+/// Runs one of the calibrations.
+pub(crate) fn run(command: &CalibrateCommand, console: &Console) -> Result<()> {
+    let result = match command {
+        CalibrateCommand::Pivot(args) => pivot(&poses(args, console)?)?,
+        CalibrateCommand::Axis { poses: args, tip } => axis(&poses(args, console)?, point(tip)?)?,
+        CalibrateCommand::Camera { corners, size } => camera(corners, size)?,
+        CalibrateCommand::Display { alignments } => display(alignments)?,
+    };
+    console.result(&result, &format!("{result:#}"));
+    Ok(())
+}
+
+/// The poses of one tool while it is seen, from a tracker for some seconds or from the whole of a recording.
+fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>>> {
+    let url: TrackerUrl = args.url.parse()?;
+    let mut source = open(&url, Clock::new(), None)?;
+    let (begun, mut all, mut others) = (Instant::now(), Vec::new(), std::collections::BTreeSet::new());
+    let patience = TrackOptions::default().patience;
+    let mut last = Instant::now();
+    console.note(&format!("collecting poses of {} for {} s", args.tool, args.seconds));
+    while matches!(url, TrackerUrl::Replay(_)) || begun.elapsed().as_secs_f64() < args.seconds {
+        let Some(batch) = source.next(Duration::from_millis(100))? else { break };
+        if !batch.poses.is_empty() {
+            last = Instant::now();
+        } else if last.elapsed() > patience {
+            bail!("{}", source.diagnosis(&[args.tool.as_str()]));
+        }
+        for pose in batch.poses {
+            match pose.tracker_from_tool {
+                Some(p) if pose.name == args.tool || tool_name(&pose.name) == args.tool => all.push(p),
+                _ => drop(others.insert(pose.name)),
+            }
+        }
+    }
+    if all.is_empty() {
+        let others: Vec<_> = others.into_iter().collect();
+        bail!(
+            "no pose of '{}' came (others: {}); {}",
+            args.tool,
+            others.join(", "),
+            source.diagnosis(&[args.tool.as_str()])
+        );
+    }
+    Ok(all)
+}
+
+fn pivot(poses: &[Rigid<Tracker, Tool>]) -> Result<Value> {
+    let found = calibrate_pivot(poses, &PivotOptions::default())?;
+    Ok(json!({
+        "tip_mm": found.tip.to_array(), "tip_sigma_mm": found.covariance.rms(),
+        "covariance_mm2": found.covariance.matrix().rows, "residual_mm": found.residual,
+        "tilt_deg": found.tilt.to_degrees(), "poses": poses.len(), "used": found.used.iter().filter(|u| **u).count(),
+        "divot_mm": found.divot.to_array(),
+    }))
+}
+
+fn axis(poses: &[Rigid<Tracker, Tool>], tip: Point<Tool>) -> Result<Value> {
+    let found = calibrate_axis(poses, tip)?;
+    Ok(json!({
+        "axis": found.axis.to_array(), "axis_sigma_deg": found.sigma.to_degrees(),
+        "wobble_deg": found.wobble.to_degrees(), "tip_mm": tip.to_array(), "poses": poses.len(),
+    }))
+}
+
+/// Lines of a table as points and their pixels.
+fn correspondences(path: &Path) -> Result<Vec<Correspondence<Tracker>>> {
+    let one = |[x, y, z, u, v]: [f64; 5]| Correspondence { point: Point::new(x, y, z), pixel: [u, v] };
+    Ok(rows::<5>(path, "x y z u v")?.into_iter().map(one).collect())
+}
+
+fn camera(path: &Path, size: &str) -> Result<Value> {
+    let (width, height) = size.split_once('x').with_context(|| format!("--size {size} is not WIDTHxHEIGHT"))?;
+    let read = |v: &str| v.parse().with_context(|| format!("--size {size} is not WIDTHxHEIGHT"));
+    let found = calibrate_camera(&correspondences(path)?, &CameraOptions::new(read(width)?, read(height)?))?;
+    let (lens, pose) = (found.camera.lens, found.camera.camera_from);
+    Ok(json!({
+        "focal_px": lens.focal, "focal_sigma_px": found.focal_sigma, "centre_px": lens.centre,
+        "radial": lens.radial, "tangential": lens.tangential, "residual_px": found.residual, "coverage": found.coverage,
+        "camera_from_tracker": { "quaternion_wxyz": pose.quaternion_wxyz(), "translation_mm": pose.translation().to_array() },
+    }))
+}
+
+fn display(path: &Path) -> Result<Value> {
+    let found = calibrate_display(&correspondences(path)?, ALIGNMENT_PX)?;
+    let pose = found.display_from;
+    Ok(json!({
+        "intrinsics_px": found.intrinsics, "residual_px": found.residual,
+        "quaternion_wxyz": pose.quaternion_wxyz(), "translation_mm": pose.translation().to_array(),
+    }))
+}

@@ -1,0 +1,68 @@
+//! Tables of numbers, as spreadsheets and scripts write them: one row a line, blanks, commas or tabs between, `#` comments.
+
+use anyhow::{Context, Result, bail};
+use monro_geometry::{Frame, Point};
+use std::path::Path;
+
+/// The lines with something on them, with their numbers.
+fn lines(path: &Path) -> Result<Vec<(usize, String)>> {
+    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    let content = |l: &str| l.split('#').next().unwrap_or("").trim().to_owned();
+    Ok((1..).zip(text.lines().map(content)).filter(|(_, l)| !l.is_empty()).collect())
+}
+
+fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let words = text.split([',', ';', ' ', '\t']).filter(|w| !w.is_empty());
+    let all: Vec<f64> = words.map(str::parse).collect::<Result<_, _>>().ok()?;
+    all.try_into().ok().filter(|v: &[f64; N]| v.iter().all(|v| v.is_finite()))
+}
+
+/// Rows of `N` numbers; `wanted` names them for the message. A first row of words is a heading.
+pub(crate) fn rows<const N: usize>(path: &Path, wanted: &str) -> Result<Vec<[f64; N]>> {
+    let mut out = Vec::new();
+    for (i, (number, line)) in lines(path)?.iter().enumerate() {
+        match numbers(line) {
+            Some(row) => out.push(row),
+            None if i == 0 && line.chars().next().is_some_and(char::is_alphabetic) => {}
+            None => bail!("{}, line {number}: '{line}' is not {wanted}", path.display()),
+        }
+    }
+    Ok(out)
+}
+
+/// Rows of a name and three numbers, mm. The name may hold blanks when commas separate.
+pub(crate) fn named_points<F: Frame>(path: &Path) -> Result<Vec<(String, Point<F>)>> {
+    let one = |(number, line): (usize, String)| {
+        let comma = line.contains(',');
+        let split = if comma { line.split_once(',') } else { line.split_once(char::is_whitespace) };
+        let read = split.and_then(|(name, rest)| Some((name.trim().to_owned(), Point::from_array(numbers(rest)?))));
+        read.with_context(|| format!("{}, line {number}: '{line}' is not NAME,X,Y,Z", path.display()))
+    };
+    lines(path)?.into_iter().map(one).collect()
+}
+
+/// `X,Y,Z`, mm.
+pub(crate) fn point<F: Frame>(text: &str) -> Result<Point<F>> {
+    numbers(text).map(Point::from_array).with_context(|| format!("'{text}' is not X,Y,Z"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_geometry::Tool;
+
+    #[test]
+    fn tables_are_read_however_they_are_separated_and_faults_have_their_line() {
+        let folder = tempfile::tempdir().expect("folder");
+        let path = folder.path().join("t.csv");
+        std::fs::write(&path, "x,y,z\n1,2,3 # first\n\n4 5\t6\n").expect("write");
+        assert_eq!(rows::<3>(&path, "x y z").expect("rows"), [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+        std::fs::write(&path, "1 2 3\n1 2\n").expect("write");
+        assert!(rows::<3>(&path, "x y z").expect_err("short").to_string().contains("line 2: '1 2' is not x y z"));
+        std::fs::write(&path, "left tragus, -1.5, 2, 3\nnasion 0 1 2\n").expect("write");
+        let points = named_points::<Tool>(&path).expect("points");
+        assert_eq!(points[0], ("left tragus".to_owned(), Point::new(-1.5, 2.0, 3.0)));
+        assert_eq!(points[1].0, "nasion");
+        assert!(point::<Tool>("1,2").is_err());
+    }
+}

@@ -1,0 +1,114 @@
+//! `monro register`: from touched landmarks and a traced skin to the patient, with the error that is to be expected.
+
+use crate::args::RegisterArgs;
+use crate::calibrate::{named_points, point, rows};
+use crate::console::Console;
+use anyhow::{Context, Result, bail};
+use monro_case::{Case, markups};
+use monro_geometry::{Patient, Point, Rigid, Tool};
+use monro_guidance::Covariance;
+use monro_guidance::registration::{
+    Landmark, LandmarkRegistration, RefineOptions, Refined, Surface, SurfaceSample, recheck, refine_on_surface,
+    register_landmarks,
+};
+use serde_json::{Value, json};
+
+/// A registration by landmarks, and by the surface where it was traced.
+struct Found {
+    landmarks: LandmarkRegistration<Patient, Tool>,
+    surface: Option<Refined<Tool>>,
+}
+
+impl Found {
+    fn patient_from_reference(&self) -> Rigid<Patient, Tool> {
+        self.surface.as_ref().map_or(self.landmarks.to_from, |s| s.patient_from)
+    }
+
+    fn tre(&self, at: Point<Patient>) -> Covariance<Patient> {
+        self.surface.as_ref().map_or_else(|| self.landmarks.tre(at), |s| s.tre(at))
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
+    let case = Case::open(&args.case)?;
+    let landmarks = landmarks(args, &case)?;
+    let found = register(args, &case, &landmarks)?;
+    let check = args.check.as_deref().map(|c| check(c, args, &landmarks, &found)).transpose()?;
+    let pose = found.patient_from_reference();
+    let (target, entry) = (case.plan.target(), case.plan.entry());
+    let result = json!({
+        "event": "registered", "quaternion_wxyz": pose.quaternion_wxyz(), "translation_mm": pose.translation().to_array(),
+        "predicted_tre_mm": found.tre(target).rms(), "predicted_tre_95_mm": found.tre(target).percentile_95(),
+        "predicted_tre_entry_mm": found.tre(entry).rms(),
+        "landmarks": residuals(&found), "surface": found.surface.as_ref().map(surface_json), "check": check,
+    });
+    console.result(
+        &result,
+        &format!("{result:#}\nSend event, quaternion_wxyz, translation_mm and predicted_tre_mm to /api/session."),
+    );
+    Ok(())
+}
+
+/// The touched points beside their marks of the same name.
+fn landmarks(args: &RegisterArgs, case: &Case) -> Result<Vec<Landmark<Patient, Tool>>> {
+    let marked = match &args.marked {
+        Some(path) => {
+            let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+            markups::decode(&text).with_context(|| path.display().to_string())?
+        }
+        None => case.landmarks.clone(),
+    };
+    let noise = Covariance::isotropic(args.touch_sigma);
+    let pair = |(name, touched): (String, Point<Tool>)| {
+        let mark = marked.iter().find(|m| m.label.eq_ignore_ascii_case(&name));
+        let names = || marked.iter().map(|m| m.label.as_str()).collect::<Vec<_>>().join(", ");
+        let mark = mark.with_context(|| format!("no landmark is marked as '{name}' (marked: {})", names()))?;
+        Ok(Landmark { name, touched, marked: mark.position, noise })
+    };
+    named_points(&args.landmarks)?.into_iter().map(pair).collect()
+}
+
+fn register(args: &RegisterArgs, case: &Case, landmarks: &[Landmark<Patient, Tool>]) -> Result<Found> {
+    let by_landmarks = register_landmarks(landmarks)?;
+    let Some(path) = &args.surface else { return Ok(Found { landmarks: by_landmarks, surface: None }) };
+    let noise = Covariance::isotropic(args.trace_sigma);
+    let sample = |p| SurfaceSample { point: Point::from_array(p), noise };
+    let samples: Vec<_> = rows::<3>(path, "x y z")?.into_iter().map(sample).collect();
+    let skin = Surface::new(&case.skin)?;
+    let refined = refine_on_surface(&by_landmarks.to_from, &samples, landmarks, &skin, &RefineOptions::default())?;
+    Ok(Found { landmarks: by_landmarks, surface: Some(refined) })
+}
+
+/// `NAME,X,Y,Z`: a landmark touched again.
+fn check(text: &str, args: &RegisterArgs, landmarks: &[Landmark<Patient, Tool>], found: &Found) -> Result<Value> {
+    let (name, place) = text.split_once(',').with_context(|| format!("--check {text} is not NAME,X,Y,Z"))?;
+    let known = landmarks.iter().find(|l| l.name.eq_ignore_ascii_case(name.trim()));
+    let Some(mark) = known else { bail!("--check {name}: no landmark of this name was touched") };
+    let touched = found.patient_from_reference().point(point(place)?);
+    let noise = Covariance::isotropic(args.touch_sigma);
+    let checked = recheck(mark.marked, touched, &found.tre(mark.marked), &noise);
+    Ok(
+        json!({ "name": mark.name, "distance_mm": checked.distance, "limit_mm": checked.limit, "holds": checked.holds() }),
+    )
+}
+
+/// The residuals say which landmark is doubtful, never how accurate the registration is.
+fn residuals(found: &Found) -> Value {
+    let one = |(i, r): (usize, &monro_guidance::registration::LandmarkResidual)| {
+        json!({
+            "name": r.name, "residual_mm": r.distance, "left_out_mm": r.left_out, "expected_mm": r.expected,
+            "outlier": found.landmarks.outlier == Some(i),
+        })
+    };
+    found.landmarks.residuals.iter().enumerate().map(one).collect()
+}
+
+fn surface_json(refined: &Refined<Tool>) -> Value {
+    let used: Vec<_> = refined.residuals.iter().filter(|r| r.used).collect();
+    let squares: f64 = used.iter().map(|r| r.distance * r.distance).sum();
+    json!({
+        "points": refined.residuals.len(), "used": used.len(), "iterations": refined.iterations,
+        "residual_mm": (squares / used.len().max(1) as f64).sqrt(), "variance_ratio": refined.variance_ratio,
+    })
+}

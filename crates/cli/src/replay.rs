@@ -1,0 +1,51 @@
+//! `monro replay`: a recorded session again, compared with what was shown.
+
+use crate::args::{ModeArg, ReplayArgs};
+use crate::console::Console;
+use crate::simulate;
+use anyhow::{Context, Result, bail};
+use clap::ValueEnum;
+use serde_json::{Value, json};
+use std::fs::File;
+use std::io::{BufWriter, Write};
+
+/// Runs the command. A snapshot that comes out differently is a failure.
+pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
+    let mut out = match &args.out {
+        Some(path) => {
+            let file = if args.force { File::create(path) } else { File::create_new(path) };
+            Some(BufWriter::new(file.with_context(|| format!("cannot make {} (--force overwrites)", path.display()))?))
+        }
+        None => None,
+    };
+    let model = |name: &str| ModeArg::from_str(name, false).ok().map(|mode| simulate::settings(mode, 1.0).model);
+    let mut written = Ok(());
+    let each = |guidance: &Value| {
+        if let Some(out) = &mut out
+            && written.is_ok()
+        {
+            written = writeln!(out, "{guidance}");
+        }
+    };
+    let done = console.stage("replay", || monro_server::replay(&args.recording, args.case.as_deref(), model, each))?;
+    written.context("cannot write the numbers (disk full?)")?;
+    out.map_or(Ok(()), |mut out| out.flush()).context("cannot write the numbers (disk full?)")?;
+    let result = json!({
+        "recorded_by": done.generator, "seconds": done.seconds, "frames": done.frames, "steps": done.steps,
+        "events": done.events, "snapshots": done.snapshots, "identical": done.identical,
+        "differs_at_s": done.differs_at_s, "cut_off_bytes": done.cut_off,
+    });
+    let text = format!(
+        "{:.1} s: {} tracker frames, {} steps of the soft body; {} of {} snapshots are the same bit for bit.",
+        done.seconds, done.frames, done.steps, done.identical, done.snapshots
+    );
+    console.result(&result, &text);
+    if let Some(at) = done.differs_at_s {
+        bail!(
+            "the snapshot of {at:.3} s comes out differently; it was recorded by {}, this is monro {}",
+            done.generator,
+            env!("CARGO_PKG_VERSION")
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,77 @@
+//! Writes the log of a session as it goes. Every entry is handed to the system at once, by a thread of its own: a crash of
+//! this program loses what was waiting for that thread, which is less than the tenth of a second that is promised.
+
+use crate::ServeError;
+use monro_case::Case;
+use monro_session::live::log::{Entry, MAGIC, Opened, framed};
+use std::fs::{File, create_dir_all};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+
+/// Why a log has ended, where it has.
+type Trouble = Arc<Mutex<Option<String>>>;
+
+/// What tells a case from others: its files with the beginnings of their hashes.
+pub(crate) fn identity(case: &Case) -> String {
+    let one = |f: &monro_case::FileEntry| format!("{}={:.16}", f.name, f.sha256);
+    case.manifest.files.iter().map(one).collect::<Vec<_>>().join(" ")
+}
+
+/// An open log.
+#[derive(Debug)]
+pub(crate) struct Log {
+    path: PathBuf,
+    sender: Sender<Vec<u8>>,
+    trouble: Trouble,
+}
+
+impl Log {
+    /// Makes a new file, with its folder; an existing one is refused.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub(crate) fn create(path: &Path, opened: Opened) -> Result<Self, ServeError> {
+        let refused = |error| ServeError::Recording { path: path.to_owned(), error };
+        if let Some(folder) = path.parent() {
+            create_dir_all(folder).map_err(refused)?;
+        }
+        let mut file = File::create_new(path).map_err(refused)?;
+        file.write_all(&[MAGIC.to_vec(), framed(&Entry::Opened(opened).encode())].concat()).map_err(refused)?;
+        let (sender, receiver) = channel();
+        let trouble = Trouble::default();
+        let told = Arc::clone(&trouble);
+        thread::Builder::new().name("recording".into()).spawn(move || write(file, &receiver, &told))?;
+        Ok(Self { path: path.to_owned(), sender, trouble })
+    }
+
+    /// Takes the bytes of an entry.
+    pub(crate) fn write(&self, entry: &[u8]) {
+        // A thread that has ended has said why.
+        let _ = self.sender.send(framed(entry));
+    }
+
+    /// Where it is.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Why nothing is recorded any more, where that is so.
+    pub(crate) fn trouble(&self) -> Option<String> {
+        self.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+fn write(mut file: File, entries: &Receiver<Vec<u8>>, trouble: &Trouble) {
+    while let Ok(mut bytes) = entries.recv() {
+        // Whatever waits goes in one piece.
+        entries.try_iter().for_each(|more| bytes.extend(more));
+        if let Err(error) = file.write_all(&bytes) {
+            let why = format!("the session is not recorded any more: {error}");
+            *trouble.lock().unwrap_or_else(PoisonError::into_inner) = Some(why);
+            return;
+        }
+    }
+}

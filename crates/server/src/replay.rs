@@ -1,0 +1,113 @@
+//! A recorded session again, without a clock: the same snapshots, bit for bit, or where they part.
+
+use crate::ServeError;
+use crate::guidance::Guidance;
+use crate::record::identity;
+use crate::snapshot::{digest, encode};
+use monro_case::Case;
+use monro_session::ModelSettings;
+use monro_session::live::Playback;
+use monro_session::live::log::{Entry, Opened, read};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// What a replay found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Replayed {
+    /// Seconds from the first to the last entry, on the session's clock.
+    pub seconds: f64,
+    /// Frames of the tracker, steps of the soft body, events of the procedure.
+    pub frames: u64,
+    /// Steps of the soft body.
+    pub steps: u64,
+    /// Events of the procedure.
+    pub events: u64,
+    /// Snapshots that went to displays.
+    pub snapshots: u64,
+    /// How many of them came out the same, bit for bit.
+    pub identical: u64,
+    /// Time of the first that did not, s.
+    pub differs_at_s: Option<f64>,
+    /// Bytes of an unfinished entry at the end, as a crash leaves them.
+    pub cut_off: usize,
+    /// The program that recorded it.
+    pub generator: String,
+}
+
+/// Plays a recording. `settings` knows the soft body by the name that was recorded; `case_dir` is used instead of the
+/// folder of then; `each` gets the JSON of each snapshot.
+///
+/// # Errors
+/// A file that is no recording, a case that is missing or another one, a log that does not follow from it.
+pub fn replay(
+    recording: &Path,
+    case_dir: Option<&Path>,
+    settings: impl Fn(&str) -> Option<ModelSettings>,
+    mut each: impl FnMut(&serde_json::Value),
+) -> Result<Replayed, ServeError> {
+    let named = |error| ServeError::Recording { path: recording.to_owned(), error };
+    let (entries, cut_off) = read(&std::fs::read(recording).map_err(named)?)?;
+    let Some(Entry::Opened(opened)) = entries.first() else { return Err(ServeError::NoOpening) };
+    let case = open_case(opened, case_dir)?;
+    let settings = settings(&opened.settings).ok_or_else(|| ServeError::Settings(opened.settings.clone()))?;
+    let mut taken = BTreeMap::new();
+    let mut playback = Playback::new(&case, &settings)?;
+    let mut out = Replayed::begin(opened, cut_off);
+    let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
+    for entry in &entries {
+        let snapshot = playback.take(entry)?;
+        if let Some(time) = out.count(entry) {
+            (first, last) = (first.min(time), last.max(time));
+        }
+        match (snapshot, entry) {
+            (Some(snapshot), Entry::Taken { id, sequence, .. }) => {
+                let guidance = Guidance::new(&snapshot, case.plan.target());
+                taken.insert(*id, (snapshot.time_s, digest(&encode(&snapshot, &guidance, *sequence))));
+                each(&serde_json::to_value(&guidance).unwrap_or_default());
+            }
+            (_, Entry::Shown { id, digest }) => out.compare(taken.remove(id), *digest),
+            _ => {}
+        }
+    }
+    out.seconds = (last - first).max(0.0);
+    Ok(out)
+}
+
+impl Replayed {
+    fn begin(opened: &Opened, cut_off: usize) -> Self {
+        let generator = opened.generator.clone();
+        let (frames, steps, events, snapshots, identical) = (0, 0, 0, 0, 0);
+        Self { seconds: 0.0, frames, steps, events, snapshots, identical, differs_at_s: None, cut_off, generator }
+    }
+
+    /// Compares a snapshot (its time and digest) with what was sent.
+    fn compare(&mut self, taken: Option<(f64, u64)>, sent: u64) {
+        match taken {
+            Some((_, digest)) if digest == sent => self.identical += 1,
+            other => {
+                self.differs_at_s.get_or_insert(other.map_or(f64::NAN, |(time, _)| time));
+            }
+        }
+    }
+
+    /// Counts an entry; gives its time where it has one.
+    fn count(&mut self, entry: &Entry) -> Option<f64> {
+        let (counter, time) = match entry {
+            Entry::Opened(_) => return None,
+            Entry::Event(_) | Entry::Worn(_) => (&mut self.events, None),
+            Entry::Seen(seen) => (&mut self.frames, seen.first().map(|o| o.time_s)),
+            Entry::Step { now_s, .. } => (&mut self.steps, Some(*now_s)),
+            Entry::Taken { time_s, .. } => return Some(*time_s),
+            Entry::Shown { .. } => (&mut self.snapshots, None),
+        };
+        *counter += 1;
+        time
+    }
+}
+
+/// The case of a recording; another one, or a changed one, is refused.
+fn open_case(opened: &Opened, case_dir: Option<&Path>) -> Result<Case, ServeError> {
+    let dir = case_dir.map_or_else(|| PathBuf::from(&opened.case_dir), Path::to_owned);
+    let case = Case::open(&dir)?;
+    if identity(&case) == opened.identity { Ok(case) } else { Err(ServeError::OtherCase(dir)) }
+}

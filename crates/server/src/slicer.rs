@@ -1,0 +1,318 @@
+//! An OpenIGTLink server beside the web one, so that 3D Slicer (or anything else that speaks it) shows the same: the
+//! catheter, the deformed ventricles, the plan, the numbers, and once the CT. Coordinates are RAS, as the protocol has them.
+//!
+//! | device | type | how often |
+//! |---|---|---|
+//! | `Catheter` | TRANSFORM: origin at the tip, +z from hub to tip; `TransformStatus` says when it is lost | 30 Hz |
+//! | `Ventricles` | POLYDATA, deformed | when it has changed, 10 Hz at most |
+//! | `Plan` | POINT: entry, target, target in the deformed tissue | 10 Hz |
+//! | `Guidance` | STRING: the numbers in words | 10 Hz |
+//! | `Monro` | STATUS: live, or why not | 10 Hz |
+//! | `CT` | IMAGE | at the beginning, and for GET_IMAGE |
+
+use crate::ServeError;
+use crate::guidance::Guidance;
+use crate::live::Live;
+use monro_case::Case;
+use monro_geometry::{Embedding, EmbeddingError, Patient, Point, Rigid, Tool, Vector, Volume};
+use monro_guidance::{NeedlePose, Plan};
+use monro_session::live::{Phase, Signal, Snapshot};
+use monro_wire::openigtlink::{
+    ByteOrder, Cells, Content, Image, ImageAxes, Matrix34, Message, Parser, PointElement, PolyData, Ras, ScalarType,
+    Status, StatusCode, Text, ToolStatus, Verb, ras_from_patient, ras_of,
+};
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::tcp::OwnedWriteHalf;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{Semaphore, mpsc};
+use tokio::time::{MissedTickBehavior, interval, timeout};
+
+/// Peers at a time.
+const MOST_PEERS: usize = 8;
+/// Of the catheter.
+const TICK: Duration = Duration::from_millis(33);
+/// Everything else comes with every third tick: 10 Hz at most.
+const SLOW: u32 = 3;
+/// A peer that does not take a message for this long is gone.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Questions are small.
+const MOST_BODY_BYTES: usize = 1 << 16;
+/// Voxels of the CT that are sent at most.
+pub(crate) const MOST_VOXELS: usize = 1 << 23;
+
+/// What is the same for all peers.
+#[derive(Debug)]
+pub(crate) struct Scene {
+    plan: Plan,
+    ventricles: Vec<Point<Patient>>,
+    bindings: Vec<([u32; 4], [f32; 4])>,
+    cells: Cells,
+    image: Option<Image>,
+}
+
+impl Scene {
+    /// The scene of a case.
+    ///
+    /// # Errors
+    /// When the ventricles cannot be bound to the tetrahedra.
+    pub(crate) fn new(case: &Case, image: Option<Image>) -> Result<Self, EmbeddingError> {
+        let mesh = &case.ventricles;
+        let embedding = Embedding::new(&case.tets, &mesh.vertices)?;
+        Ok(Self {
+            plan: case.plan,
+            ventricles: mesh.vertices.clone(),
+            bindings: (0..embedding.points()).map(|i| embedding.binding(i)).collect(),
+            cells: Cells::new(mesh.triangles.iter().map(|t| t.as_slice())),
+            image,
+        })
+    }
+
+    /// The ventricles with their nodes displaced.
+    fn deformed(&self, displacements: &[[f32; 3]]) -> PolyData {
+        let moved = |(rest, (nodes, weights)): (&Point<Patient>, &([u32; 4], [f32; 4]))| {
+            let mut p = *rest;
+            for (n, w) in nodes.iter().zip(weights) {
+                if let Some(d) = displacements.get(*n as usize) {
+                    p += Vector::from_array(d.map(|v| f64::from(v * w)));
+                }
+            }
+            ras_of(p)
+        };
+        let points = self.ventricles.iter().zip(&self.bindings).map(moved).collect();
+        PolyData { points, polygons: self.cells.clone(), ..PolyData::default() }
+    }
+
+    fn plan(&self, deformed_target: Point<Patient>) -> Content {
+        let point = |name: &str, rgba: [u8; 4], p: Point<Patient>| PointElement {
+            name: name.to_owned(),
+            group: "Plan".to_owned(),
+            rgba,
+            position: ras_of(p),
+            diameter: 2.0,
+            owner: String::new(),
+        };
+        Content::Points(vec![
+            point("Entry", [80, 200, 255, 255], self.plan.entry()),
+            point("Target", [160, 160, 160, 255], self.plan.target()),
+            point("Target deformed", [255, 200, 60, 255], deformed_target),
+        ])
+    }
+}
+
+/// An IMAGE of 16-bit HU from every `stride`th voxel of a CT.
+pub(crate) fn image(volume: &Volume<i16>, stride: [usize; 3]) -> Option<Image> {
+    let grid = volume.grid();
+    let size: [usize; 3] = core::array::from_fn(|a| grid.dims()[a].div_ceil(stride[a]));
+    let size = [u16::try_from(size[0]).ok()?, u16::try_from(size[1]).ok()?, u16::try_from(size[2]).ok()?];
+    let linear = &grid.patient_from_voxel().linear;
+    // RAS: x and y of the patient's LPS with their signs changed.
+    let axes = core::array::from_fn(|a| {
+        let [x, y, z] = linear.column(a).map(|v| (v * stride[a] as f64) as f32);
+        [-x, -y, z]
+    });
+    let mut pixels = Vec::with_capacity(size.iter().map(|&s| usize::from(s)).product::<usize>() * 2);
+    let [ni, nj, nk] = size.map(usize::from);
+    for (k, j, i) in (0..nk).flat_map(|k| (0..nj).flat_map(move |j| (0..ni).map(move |i| (k, j, i)))) {
+        pixels.extend(volume.at(i * stride[0], j * stride[1], k * stride[2]).to_le_bytes());
+    }
+    let centre = Image::centre_of(ras_of(grid.centre(0, 0, 0)), &axes, size);
+    let (order, coordinates) = (ByteOrder::Little, ImageAxes::Ras);
+    let (part_start, part_size) = ([0; 3], size);
+    Some(Image {
+        components: 1,
+        scalar: ScalarType::I16,
+        order,
+        coordinates,
+        size,
+        axes,
+        centre,
+        part_start,
+        part_size,
+        pixels,
+    })
+}
+
+/// Opens the port. One that somebody else has is replaced by any free one: nobody who serves two cases at once should have
+/// to think of it.
+///
+/// # Errors
+/// When others could reach the address, or it cannot be had.
+pub(crate) async fn listen(address: SocketAddr) -> Result<TcpListener, ServeError> {
+    if !address.ip().is_loopback() {
+        return Err(ServeError::OpenIgtLink(address));
+    }
+    match TcpListener::bind(address).await {
+        Err(error) if error.kind() == io::ErrorKind::AddrInUse => {
+            Ok(TcpListener::bind(SocketAddr::new(address.ip(), 0)).await?)
+        }
+        other => other.map_err(|error| ServeError::Listen { address, error }),
+    }
+}
+
+/// Takes peers until the session stops.
+pub(crate) async fn serve(listener: TcpListener, live: Arc<Live>, scene: Arc<Scene>) {
+    let seats = Arc::new(Semaphore::new(MOST_PEERS));
+    while !live.is_stopping() {
+        let Ok(seat) = Arc::clone(&seats).acquire_owned().await else { return };
+        let Ok((stream, _)) = listener.accept().await else { continue };
+        let (live, scene) = (Arc::clone(&live), Arc::clone(&scene));
+        tokio::spawn(async move {
+            // However it ends, the peer can come back.
+            let _ = Peer { live, scene, sent: 0, step: None }.talk(stream).await;
+            drop(seat);
+        });
+    }
+}
+
+/// One peer. Each message is made when it can be sent: a slow peer gets fewer, and delays nobody.
+struct Peer {
+    live: Arc<Live>,
+    scene: Arc<Scene>,
+    sent: u32,
+    /// The deformation that it shows.
+    step: Option<u64>,
+}
+
+impl Peer {
+    async fn talk(mut self, stream: TcpStream) -> io::Result<()> {
+        stream.set_nodelay(true)?;
+        let (mut reading, mut writing) = stream.into_split();
+        let (asked, mut questions) = mpsc::channel(16);
+        // A peer whose words make no sense is still shown what there is, until it hangs up.
+        let listening = tokio::spawn(async move {
+            let (mut parser, mut buffer) = (Parser::new(MOST_BODY_BYTES), vec![0; 4096]);
+            while let Ok(count @ 1..) = reading.read(&mut buffer).await {
+                parser.push(&buffer[..count]);
+                while let Some(message) = parser.next_message() {
+                    if parser.is_broken() {
+                        return;
+                    }
+                    if let Ok(Message { content: Content::Query { verb, of, .. }, .. }) = message {
+                        let _ = asked.send((verb, of)).await;
+                    }
+                }
+            }
+        });
+        let mut ticks = interval(TICK);
+        ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        let mut count = 0u32;
+        self.send(&mut writing, "CT", self.scene.image.clone().map(Content::Image)).await?;
+        while !self.live.is_stopping() && !listening.is_finished() {
+            tokio::select! {
+                Some((verb, of)) = questions.recv() => self.answer(&mut writing, verb, &of).await?,
+                _ = ticks.tick() => {
+                    self.tell(&mut writing, count.is_multiple_of(SLOW)).await?;
+                    count = count.wrapping_add(1);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    async fn send(&mut self, to: &mut OwnedWriteHalf, device: &str, content: Option<Content>) -> io::Result<()> {
+        let Some(content) = content else { return Ok(()) };
+        self.sent = self.sent.wrapping_add(1);
+        self.put(to, &Message::v2(device, None, self.sent, content)).await
+    }
+
+    async fn put(&self, to: &mut OwnedWriteHalf, message: &Message) -> io::Result<()> {
+        let bytes = message.encode().map_err(io::Error::other)?;
+        timeout(PATIENCE, to.write_all(&bytes)).await?
+    }
+
+    async fn answer(&mut self, to: &mut OwnedWriteHalf, verb: Verb, of: &str) -> io::Result<()> {
+        let known = ["TRANSFORM", "POLYDATA", "POINT", "STRING", "STATUS", "IMAGE", "GET_CAPABIL", "GET_IMAGE"];
+        match (verb, of) {
+            (Verb::Get, "CAPABIL" | "CAPABILITY") => {
+                let list = Content::Capability(known.map(str::to_owned).to_vec());
+                self.send(to, "Monro", Some(list)).await
+            }
+            (Verb::Get, "IMAGE") => {
+                let image = self.scene.image.clone().map(Content::Image);
+                self.send(to, "CT", image).await
+            }
+            // Everything streams without being asked for, and does not stop.
+            (Verb::Start | Verb::Stop, _) => {
+                let accepted = verb == Verb::Start && known.iter().any(|k| k.starts_with(of));
+                self.send(to, "Monro", Some(Content::Answer { of: of.to_owned(), accepted })).await
+            }
+            (Verb::Get, _) => Ok(()),
+        }
+    }
+
+    async fn tell(&mut self, to: &mut OwnedWriteHalf, everything: bool) -> io::Result<()> {
+        let (snapshot, guidance, _) = self.live.snapshot();
+        self.sent = self.sent.wrapping_add(1);
+        self.put(to, &catheter(snapshot.needle.as_ref(), self.sent)).await?;
+        if !everything {
+            return Ok(());
+        }
+        if self.step != Some(snapshot.deformed.step) {
+            self.step = Some(snapshot.deformed.step);
+            let mesh = self.scene.deformed(&snapshot.deformed.displacements);
+            self.send(to, "Ventricles", Some(Content::PolyData(mesh))).await?;
+        }
+        let plan = self.scene.plan(snapshot.deformed.target);
+        self.send(to, "Plan", Some(plan)).await?;
+        self.send(to, "Guidance", Some(Content::Text(Text::new(guidance.in_words())))).await?;
+        self.send(to, "Monro", Some(Content::Status(status(&snapshot, &guidance)))).await
+    }
+}
+
+/// The catheter as a frame: its origin is the tip, its z axis leads from hub to tip.
+fn catheter(needle: Option<&NeedlePose>, id: u32) -> Message {
+    let pose = needle.and_then(|n| {
+        let z = Vector::new(0.0, 0.0, 1.0);
+        let axis = z.cross(n.axis()).normalized().unwrap_or(Vector::new(1.0, 0.0, 0.0));
+        let at = n.tip() - Point::ORIGIN;
+        let patient_from_catheter = Rigid::<Patient, Tool>::from_axis_angle(axis, z.angle(n.axis()), at)?;
+        Some(ras_from_patient().after(&patient_from_catheter))
+    });
+    let matrix = pose.as_ref().map_or(Matrix34::IDENTITY, Matrix34::from_rigid::<Ras, Tool>);
+    let state = if pose.is_some() { ToolStatus::Ok } else { ToolStatus::Missing };
+    Message::v2("Catheter", None, id, Content::Transform(matrix)).with("TransformStatus", state.value())
+}
+
+fn status(snapshot: &Snapshot, guidance: &Guidance) -> Status {
+    let (code, name) = match (snapshot.signal, snapshot.phase) {
+        (Signal::Lost, _) => (StatusCode::TimeOut, "lost"),
+        (_, phase) if phase != Phase::Navigating => (StatusCode::NotReady, "not navigating"),
+        (Signal::Stale, _) => (StatusCode::Ok, "stale"),
+        (Signal::Live, _) => (StatusCode::Ok, "live"),
+    };
+    Status { code, sub_code: 0, name: name.to_owned(), message: guidance.in_words() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_geometry::Grid;
+    use monro_wire::openigtlink::patient_of;
+
+    #[test]
+    fn the_catheters_frame_has_its_tip_and_its_direction_in_ras() {
+        let needle = NeedlePose::new(Point::new(10.0, 20.0, 30.0), Vector::new(0.6, 0.0, -0.8)).expect("needle");
+        let message = catheter(Some(&needle), 1);
+        assert_eq!(message.meta("TransformStatus"), Some("OK"));
+        let Content::Transform(m) = message.content else { panic!("transform") };
+        assert_eq!(m.columns[3], [-10.0, -20.0, 30.0]);
+        assert!(m.columns[2].iter().zip([-0.6, 0.0, -0.8]).all(|(a, b)| (a - b).abs() < 1e-6), "{m:?}");
+        assert_eq!(catheter(None, 2).meta("TransformStatus"), Some("MISSING"));
+    }
+
+    #[test]
+    fn a_thinned_image_has_its_voxels_where_the_ct_has_them() {
+        let grid = Grid::axis_aligned([5, 4, 3], [1.0, 2.0, 3.0], [10.0, 20.0, 30.0]).expect("grid");
+        let volume = Volume::new(grid, (0..60).collect()).expect("volume");
+        let image = image(&volume, [2, 1, 1]).expect("image");
+        assert_eq!((image.size, image.pixels.len()), ([3, 4, 3], 72));
+        assert_eq!(image.first_voxel(), ras_of(Point::<Patient>::new(10.0, 20.0, 30.0)));
+        assert_eq!(i16::from_le_bytes([image.pixels[2], image.pixels[3]]), 2);
+        let far = core::array::from_fn(|c| image.first_voxel()[c] + 2.0 * image.axes[0][c]);
+        assert!(patient_of(far).distance(Point::new(14.0, 20.0, 30.0)) < 1e-5);
+    }
+}
