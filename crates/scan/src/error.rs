@@ -83,6 +83,14 @@ pub enum Problem {
         /// Column, row, slice.
         voxel: [usize; 3],
     },
+    /// Segments that are all unknown.
+    #[error("names no structure of a case; its segments are {found}; known are {known}")]
+    NoSegment {
+        /// Names in the file.
+        found: String,
+        /// Names that are known.
+        known: String,
+    },
     /// No voxel has a finite value.
     #[error("none of its {0} voxels has a finite value")]
     NothingFinite(usize),

@@ -30,7 +30,15 @@ pub(crate) fn series_id(uid: &str) -> String {
     hex(&Sha256::digest(uid.as_bytes()), 4)
 }
 
-/// 128 bits from a text, for UIDs.
-pub(crate) fn bits128(text: &str) -> u128 {
-    Sha256::digest(text.as_bytes()).iter().take(16).fold(0, |n, &b| n << 8 | u128::from(b))
+/// A short name of some bytes.
+pub(crate) fn of_bytes(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes), 16)
+}
+
+/// A UID under 2.25 (a UUID as a number, PS3.5 B.2) from a text.
+pub(crate) fn uid(text: &str) -> String {
+    let bits = Sha256::digest(text.as_bytes()).iter().take(16).fold(0u128, |n, &b| n << 8 | u128::from(b));
+    // Version 8 (custom) and variant bits of RFC 9562.
+    let bits = bits & !(0xF << 76) & !(3 << 62) | 8 << 76 | 2 << 62;
+    format!("2.25.{bits}")
 }

@@ -21,6 +21,7 @@ mod text;
 mod types;
 
 pub mod dicom;
+pub mod labels;
 pub mod metaimage;
 pub mod nifti;
 pub mod nrrd;

@@ -69,6 +69,16 @@ impl Header {
     }
 }
 
+/// The user's own fields, `key:=value`.
+pub(crate) fn free_fields(bytes: &[u8]) -> Vec<(String, String)> {
+    let lines = text::lines(bytes).map(|(line, _)| line).take_while(|l| !l.is_empty());
+    let pair = |l: &[u8]| {
+        let line = String::from_utf8_lossy(l);
+        line.split_once(":=").map(|(k, v)| (k.to_owned(), v.to_owned()))
+    };
+    lines.filter_map(pair).collect()
+}
+
 struct Fields(Vec<(String, String)>);
 
 /// Fields (keys in lower case) up to the empty line, and where the data begin.

@@ -12,9 +12,11 @@ mod image;
 mod outline;
 mod pixels;
 mod rle;
+pub mod seg;
 mod series;
 mod write;
 
+pub(crate) use folder::is_dicom_file;
 pub use write::{SeriesMeta, WriteError, write_series};
 
 use crate::error::ScanError;

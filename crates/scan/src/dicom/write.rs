@@ -115,13 +115,10 @@ impl<'a> Writer<'a> {
         Ok(Self { volume, meta, axes, intercept: i32::from(lowest).min(-1024) })
     }
 
-    /// A UID under 2.25 (a UUID as a number, PS3.5 B.2), always the same for the same seed, role and number.
+    /// A UID, always the same for the same seed, role and number.
     fn uid(&self, role: &str, number: usize) -> String {
         let m = self.meta;
-        let bits = hash::bits128(&format!("monro {} {} {role} {number}", m.seed, m.number));
-        // Version 8 (custom) and variant bits of RFC 9562.
-        let bits = bits & !(0xF << 76) & !(3 << 62) | 8 << 76 | 2 << 62;
-        format!("2.25.{bits}")
+        hash::uid(&format!("monro {} {} {role} {number}", m.seed, m.number))
     }
 
     fn slice(&self, k: usize) -> InMemDicomObject {
@@ -211,7 +208,7 @@ impl<'a> Writer<'a> {
     }
 }
 
-fn text(o: &mut InMemDicomObject, tag: Tag, vr: VR, value: &str) {
+pub(super) fn text(o: &mut InMemDicomObject, tag: Tag, vr: VR, value: &str) {
     o.put(DataElement::new(tag, vr, PrimitiveValue::from(value)));
 }
 
@@ -221,7 +218,7 @@ fn plain(value: &str, longest: usize) -> String {
 }
 
 /// A decimal string: the most digits that fit its 16 characters.
-fn decimal(value: f64) -> String {
+pub(super) fn decimal(value: f64) -> String {
     let shortest = format!("{value}");
     if shortest.len() <= 16 {
         return shortest;

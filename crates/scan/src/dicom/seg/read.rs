@@ -1,0 +1,154 @@
+//! A binary DICOM segmentation as labels: the number of a voxel is that of its segment.
+
+use super::super::attributes::Attributes;
+use crate::error::{Problem, ScanError, header, unsupported};
+use crate::labels::Segment;
+use crate::raster::grid;
+use dicom_core::Tag;
+use dicom_dictionary_std::{tags, uids};
+use dicom_object::{InMemDicomObject, open_file};
+use monro_geometry::{Affine, Matrix3, Patient, Vector, Volume};
+use std::path::Path;
+
+/// Part of the slice distance by which a frame may miss its place.
+const OFF_PLACE: f64 = 0.05;
+
+/// Reads a segmentation and its segments.
+///
+/// # Errors
+/// [`ScanError::File`] with what is missing or not supported.
+pub(crate) fn read(path: &Path) -> Result<(Volume<u16>, Vec<Segment>), ScanError> {
+    let at = |problem| ScanError::file(path, problem);
+    let object = open_file(path).map_err(|e| at(Problem::Corrupt(crate::dicom::image::chain(&e))))?;
+    if object.meta().media_storage_sop_class_uid().trim_end_matches(['\0', ' ']) != uids::SEGMENTATION_STORAGE {
+        return Err(at(unsupported(
+            "a DICOM file that is no segmentation",
+            "give a DICOM-SEG file, or NIfTI, NRRD or .seg.nrrd",
+        )));
+    }
+    labels(&object).map_err(at)
+}
+
+fn labels(o: &InMemDicomObject) -> Result<(Volume<u16>, Vec<Segment>), Problem> {
+    let root = Attributes::new(o);
+    let kind = root.text(tags::SEGMENTATION_TYPE).unwrap_or_default();
+    if kind != "BINARY" || root.whole(tags::BITS_ALLOCATED) != Some(1) {
+        return Err(unsupported(format!("a DICOM segmentation of type {kind:?}"), "export it as BINARY"));
+    }
+    let count = |tag: Tag, name: &'static str| {
+        let value = root.whole(tag).ok_or_else(|| header(name, "is missing"))?;
+        u64::try_from(value).ok().filter(|v| *v > 0).ok_or_else(|| header(name, format!("is {value}")))
+    };
+    let (columns, rows) = (count(tags::COLUMNS, "Columns")?, count(tags::ROWS, "Rows")?);
+    let count = count(tags::NUMBER_OF_FRAMES, "NumberOfFrames")? as usize;
+    if root.per_frame_groups() != Some(count) {
+        return Err(header("PerFrameFunctionalGroupsSequence", format!("has no {count} items")));
+    }
+    let frames = (0..count).map(|n| frame(&root.frame(n))).collect::<Result<Vec<_>, _>>()?;
+    let stack = Stack::of(&root.frame(0), &frames)?;
+    let grid = grid([columns, rows, stack.slices as u64], stack.placement)?;
+    let pixels = o.get(tags::PIXEL_DATA).and_then(|e| e.to_bytes().ok()).unwrap_or_default();
+    let plane = (columns * rows) as usize;
+    let (expected, found) = ((count * plane).div_ceil(8) as u64, pixels.len() as u64);
+    if found < expected {
+        return Err(Problem::Truncated { expected, found });
+    }
+    let mut data = vec![0u16; grid.len()];
+    for (n, (f, k)) in frames.iter().zip(&stack.places).enumerate() {
+        let slice = &mut data[k * plane..(k + 1) * plane];
+        for (m, voxel) in slice.iter_mut().enumerate() {
+            let bit = n * plane + m;
+            if pixels[bit / 8] >> (bit % 8) & 1 == 1 {
+                *voxel = f.segment;
+            }
+        }
+    }
+    Ok((Volume::new(grid, data)?, segments(o)))
+}
+
+/// Which segment, where its first pixel is.
+struct Frame {
+    segment: u16,
+    position: Vector<Patient>,
+}
+
+fn frame(a: &Attributes<'_>) -> Result<Frame, Problem> {
+    let number = a.numbers(tags::SEGMENT_IDENTIFICATION_SEQUENCE, tags::REFERENCED_SEGMENT_NUMBER);
+    let number = number.and_then(|v| v.first().copied()).filter(|v| (1.0..=65535.0).contains(v));
+    let segment = number.ok_or_else(|| header("ReferencedSegmentNumber", "is missing"))? as u16;
+    let position = vectors::<3>(a, tags::PLANE_POSITION_SEQUENCE, tags::IMAGE_POSITION_PATIENT)
+        .ok_or_else(|| Problem::NoOrientation("no ImagePositionPatient".into()))?;
+    Ok(Frame { segment, position: Vector::from_array(position) })
+}
+
+fn vectors<const N: usize>(a: &Attributes<'_>, group: Tag, tag: Tag) -> Option<[f64; N]> {
+    let values: [f64; N] = a.numbers(group, tag)?.try_into().ok()?;
+    values.iter().all(|v| v.is_finite()).then_some(values)
+}
+
+/// The even stack of planes that the frames lie in.
+struct Stack {
+    placement: Affine<Patient, monro_geometry::Voxel>,
+    slices: usize,
+    /// Slice of each frame.
+    places: Vec<usize>,
+}
+
+impl Stack {
+    fn of(first: &Attributes<'_>, frames: &[Frame]) -> Result<Self, Problem> {
+        let none = |what: &str| Problem::NoOrientation(what.into());
+        let d: [f64; 6] = vectors(first, tags::PLANE_ORIENTATION_SEQUENCE, tags::IMAGE_ORIENTATION_PATIENT)
+            .ok_or_else(|| none("no ImageOrientationPatient"))?;
+        let [between_rows, between_columns]: [f64; 2] =
+            vectors(first, tags::PIXEL_MEASURES_SEQUENCE, tags::PIXEL_SPACING)
+                .ok_or_else(|| none("no PixelSpacing"))?;
+        let u = Vector::<Patient>::new(d[0], d[1], d[2]);
+        let v = Vector::<Patient>::new(d[3], d[4], d[5]);
+        let normal = u.cross(v).normalized().ok_or_else(|| none("ImageOrientationPatient spans no plane"))?;
+        let along: Vec<f64> = frames.iter().map(|f| f.position.dot(normal)).collect();
+        let lowest = (0..along.len()).fold(0, |best, n| if along[n] < along[best] { n } else { best });
+        let step = Self::step(first, &along)?;
+        let place = |s: &f64| {
+            let exact = (s - along[lowest]) / step;
+            let off = (exact - exact.round()).abs();
+            if off > OFF_PLACE {
+                Err(header("ImagePositionPatient", format!("frames are not multiples of {step} mm apart")))
+            } else {
+                Ok(exact.round() as usize)
+            }
+        };
+        let places = along.iter().map(place).collect::<Result<Vec<_>, _>>()?;
+        let slices = places.iter().max().map_or(1, |m| m + 1);
+        let linear = Matrix3::from_columns(u * between_columns, v * between_rows, normal * step);
+        let placement = Affine::new(linear, frames[lowest].position.to_array());
+        Ok(Self { placement, slices, places })
+    }
+
+    /// Distance of neighbouring planes: as the header says, else the smallest between two frames.
+    fn step(first: &Attributes<'_>, along: &[f64]) -> Result<f64, Problem> {
+        let said = |tag| first.numbers(tags::PIXEL_MEASURES_SEQUENCE, tag).and_then(|v| v.first().copied());
+        let mut sorted = along.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let smallest = sorted.windows(2).map(|w| w[1] - w[0]).filter(|d| *d > 1e-3).fold(f64::INFINITY, f64::min);
+        let step = said(tags::SPACING_BETWEEN_SLICES).unwrap_or(smallest);
+        let step = if step.is_finite() { step } else { said(tags::SLICE_THICKNESS).unwrap_or(f64::NAN) };
+        if step > 0.0 { Ok(step) } else { Err(header("SpacingBetweenSlices", format!("is {step}"))) }
+    }
+}
+
+fn segments(o: &InMemDicomObject) -> Vec<Segment> {
+    let items = o.get(tags::SEGMENT_SEQUENCE).and_then(|e| e.items()).unwrap_or_default();
+    items.iter().filter_map(segment).collect()
+}
+
+fn segment(item: &InMemDicomObject) -> Option<Segment> {
+    let a = Attributes::new(item);
+    let number = u16::try_from(a.whole(tags::SEGMENT_NUMBER)?).ok()?;
+    let first = |o: &InMemDicomObject, tag: Tag| Some(o.get(tag)?.items()?.first()?.clone());
+    let kind = first(item, tags::SEGMENTED_PROPERTY_TYPE_CODE_SEQUENCE);
+    let side = kind.as_ref().and_then(|k| first(k, tags::SEGMENTED_PROPERTY_TYPE_MODIFIER_CODE_SEQUENCE));
+    let code =
+        |o: Option<&InMemDicomObject>| o.and_then(|o| Attributes::new(o).text(tags::CODE_VALUE)).unwrap_or_default();
+    let codes = [code(kind.as_ref()), code(side.as_ref())];
+    Some(Segment { number, name: a.text(tags::SEGMENT_LABEL).unwrap_or_default(), codes })
+}

@@ -1,0 +1,119 @@
+//! Labels of a case in the formats of other programs, with names, colours and terminology: 3D Slicer's `.seg.nrrd` and
+//! DICOM segmentations, besides the plain volumes that [`crate::read_labels`] reads.
+//!
+//! Segments are recognised by their terms (SNOMED CT), else by their names; then they get the numbers of
+//! [`Structure`], whatever their own were. Not read: segmentations with overlapping layers (four-dimensional NRRD),
+//! fractional DICOM segmentations.
+
+mod seg_nrrd;
+mod terms;
+
+pub use seg_nrrd::encode as encode_seg_nrrd;
+pub use terms::{Term, Terms, terms};
+
+use crate::dicom::{is_dicom_file, seg};
+use crate::error::{Problem, ScanError};
+use crate::file;
+use monro_geometry::{Structure, Volume};
+use std::path::Path;
+
+/// Labels of a file with what should be known about them.
+#[derive(Debug, Clone)]
+pub struct CaseLabels {
+    /// The labels; numbers of [`Structure`] where the file names its segments, else as stored.
+    pub volume: Volume<u16>,
+    /// Segments that were left out or guessed.
+    pub warnings: Vec<String>,
+}
+
+/// A segment of a file before it is recognised.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Segment {
+    /// Its number in the file.
+    pub(crate) number: u16,
+    /// Its name.
+    pub(crate) name: String,
+    /// Codes (SNOMED CT) of its type and of the type's modifier; empty where there are none.
+    pub(crate) codes: [String; 2],
+}
+
+/// Reads labels of any kind: DICOM segmentation, `.seg.nrrd`, NIfTI, NRRD, MetaImage.
+///
+/// # Errors
+/// Any [`ScanError`]; a file whose segments are all unknown, with their names.
+pub fn read(path: &Path) -> Result<CaseLabels, ScanError> {
+    let (volume, segments) = if path.is_file() && is_dicom_file(path) {
+        seg::read(path)?
+    } else {
+        (file::read_labels(path)?, seg_nrrd::segments(path))
+    };
+    if segments.is_empty() {
+        return Ok(CaseLabels { volume, warnings: Vec::new() });
+    }
+    renumbered(volume, &segments).map_err(|problem| ScanError::file(path, problem))
+}
+
+/// Gives known segments the numbers of their structures; others become 0 (outside) with a warning.
+fn renumbered(volume: Volume<u16>, segments: &[Segment]) -> Result<CaseLabels, Problem> {
+    let mut table = vec![0u16; 1 << 16];
+    let mut warnings = Vec::new();
+    for segment in segments {
+        match structure(segment) {
+            Some(s) => table[usize::from(segment.number)] = u16::from(s.label()),
+            None => warnings.push(format!("the segment {:?} is no structure of a case and was left out", segment.name)),
+        }
+    }
+    if warnings.len() == segments.len() {
+        let names: Vec<&str> = segments.iter().map(|s| s.name.as_str()).collect();
+        let known: Vec<&str> = Structure::ALL[1..].iter().map(|s| s.name()).collect();
+        return Err(Problem::NoSegment { found: names.join(", "), known: known.join(", ") });
+    }
+    Ok(CaseLabels { volume: volume.map(|l| table[usize::from(l)]), warnings })
+}
+
+/// The structure that a segment names.
+fn structure(segment: &Segment) -> Option<Structure> {
+    let [kind, modifier] = &segment.codes;
+    let by_code = Structure::ALL.into_iter().skip(1).find(|&s| {
+        let t = terms(s);
+        t.is_some_and(|t| t.kind.code == kind && t.modifier.map_or("", |m| m.code) == modifier)
+    });
+    let plain = |c: char| if c.is_alphanumeric() { c.to_ascii_lowercase() } else { '_' };
+    let name: String = segment.name.trim().chars().map(plain).collect();
+    by_code.or_else(|| Structure::ALL.into_iter().skip(1).find(|s| s.name() == name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn segment(number: u16, name: &str, codes: [&str; 2]) -> Segment {
+        Segment { number, name: name.into(), codes: codes.map(String::from) }
+    }
+
+    #[test]
+    fn segments_are_known_by_their_terms_or_else_by_their_names() {
+        let left = segment(1, "whatever", ["66720007", "7771000"]);
+        assert_eq!(structure(&left), Some(Structure::LeftLateralVentricle));
+        // Without a side the term says too little; the name may still.
+        assert_eq!(structure(&segment(1, "x", ["66720007", ""])), None);
+        assert_eq!(
+            structure(&segment(1, "Right lateral ventricle", ["66720007", ""])),
+            Some(Structure::RightLateralVentricle)
+        );
+        assert_eq!(structure(&segment(2, "Third-Ventricle", ["", ""])), Some(Structure::ThirdVentricle));
+        assert_eq!(structure(&segment(2, "tumour", ["", ""])), None);
+    }
+
+    #[test]
+    fn numbers_follow_the_structures_and_strangers_are_told() {
+        let grid = monro_geometry::Grid::axis_aligned([4, 1, 1], [1.0; 3], [0.0; 3]).expect("grid");
+        let volume = Volume::new(grid, vec![0, 9, 300, 2]).expect("volume");
+        let known = [segment(9, "brain", ["", ""]), segment(300, "skull", ["", ""]), segment(2, "tumour", ["", ""])];
+        let found = renumbered(volume.clone(), &known).expect("labels");
+        assert_eq!(found.volume.data(), [0, 4, 2, 0]);
+        assert!(found.warnings.len() == 1 && found.warnings[0].contains("tumour"));
+        let said = renumbered(volume, &known[2..]).expect_err("nothing known").to_string();
+        assert!(said.contains("tumour") && said.contains("third_ventricle"), "{said}");
+    }
+}
