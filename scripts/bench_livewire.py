@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Livewire side by side with OpenCV's IntelligentScissorsMB, on the same slices, clicks and truths.
 
-Runs the example `livewire_bench` of monro-anatomy (or takes its folder with --input), then draws the same outlines
+Runs `monro bench segment` (or takes the folder that it wrote with --input), then draws the same outlines
 with OpenCV, and prints a table; --json prints the numbers. Needs `pip install numpy opencv-python-headless`.
 
 OpenCV gets the brain window (0 to 80 HU) as 8 bits, as it is ("raw") and after a Gaussian of 1.5 pixels. Its wire
@@ -24,10 +24,10 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def run_ours(folder):
-    """Runs the example, which writes its input to `folder` and prints its result."""
-    command = ["cargo", "run", "--release", "--quiet", "-p", "monro-anatomy", "--example", "livewire_bench", "--"]
+    """Runs the bench, which writes its input to `folder` and prints its result."""
+    command = ["cargo", "run", "--release", "--quiet", "-p", "monro-cli", "--", "bench", "segment", "--seeds", "0", "--json"]
     done = subprocess.run([*command, "--dump", str(folder)], cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True)
-    return json.loads(done.stdout)
+    return json.loads(done.stdout)["livewire"]
 
 
 def distances(points, polygon):
@@ -126,7 +126,7 @@ def table(results):
 def main():
     """Reads the arguments and runs the tools."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--input", type=Path, help="a folder written by the example, with its output as result.json")
+    parser.add_argument("--input", type=Path, help="a folder written by the bench, with its output as result.json")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)

@@ -2,6 +2,7 @@
 //!
 //! Works on volumes in memory and knows no files. Fields are in HU, positions in LPS mm.
 
+pub mod compare;
 pub mod desk;
 pub mod edit;
 mod image;

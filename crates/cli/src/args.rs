@@ -29,6 +29,9 @@ pub(crate) enum Command {
     Prepare(PrepareArgs),
     /// Correct the labels of a scan or a case in the browser, and build the case again.
     Edit(EditArgs),
+    /// Convert labels from and for other programs.
+    #[command(subcommand)]
+    Labels(LabelsCommand),
     /// Simulate the insertion of a catheter along the plan of a case.
     Simulate(SimulateArgs),
     /// Show a live insertion in the browser.
@@ -160,6 +163,23 @@ pub(crate) struct EditArgs {
     /// Loopback address to listen on; port 0 takes any free port.
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
     pub(crate) listen: SocketAddr,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum LabelsCommand {
+    /// Convert labels between NIfTI (.nii.gz), 3D Slicer (.seg.nrrd) and DICOM-SEG (.dcm).
+    Convert {
+        /// NIfTI, NRRD, .seg.nrrd, MetaImage or DICOM-SEG; named segments get the numbers of a case.
+        from: PathBuf,
+        /// File to write; its name chooses the format.
+        out: PathBuf,
+        /// Put the labels on the grid of this scan.
+        #[arg(long, value_name = "SCAN")]
+        like: Option<PathBuf>,
+        /// Overwrite an existing file.
+        #[arg(long)]
+        force: bool,
+    },
 }
 
 #[derive(Debug, Args)]
@@ -362,6 +382,18 @@ pub(crate) enum BenchCommand {
     },
     /// The live session under load: a camera system at 240 Hz, three displays at 90 Hz, one that has stalled.
     Live(LiveBenchArgs),
+    /// The automatic segmentation against phantoms and reference labels (Dice, distances, seconds), and the livewire.
+    Segment {
+        /// Phantoms, seeds 0 to N-1.
+        #[arg(long, value_name = "N", default_value_t = 10)]
+        seeds: u64,
+        /// A scan, its reference labels, and which of our labels are which of theirs, as "5=1,6=2,7=3+4".
+        #[arg(long, num_args = 3, value_names = ["SCAN", "LABELS", "MAP"])]
+        against: Vec<String>,
+        /// Write slices, clicks and truths of the livewire's session here, for other tools.
+        #[arg(long, value_name = "DIR")]
+        dump: Option<PathBuf>,
+    },
     /// How long a pose takes from datagram to our hands (NatNet, loopback).
     Latency {
         /// Frames.

@@ -3,7 +3,9 @@
 mod ball;
 mod frame;
 mod live;
+mod livewire;
 mod samples;
+mod segment;
 
 use crate::args::{BenchCommand, ModeArg};
 use crate::console::{Console, seconds_json};
@@ -22,6 +24,7 @@ pub(crate) fn run(command: &BenchCommand, console: &Console) -> Result<()> {
     match command {
         BenchCommand::Prepare { scan, elements } => prepare_and_insert(scan.as_deref(), *elements, console),
         BenchCommand::Registration { trials } => registration(*trials, console),
+        BenchCommand::Segment { seeds, against, dump } => segment::run(*seeds, against, dump.as_deref(), console),
         BenchCommand::Latency { frames, rate } => latency(*frames, *rate, console),
         BenchCommand::Live(args) => live::run(args, console),
         BenchCommand::Frame(args) => frame::run(args, console),

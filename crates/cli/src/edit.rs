@@ -112,7 +112,9 @@ fn given(file: &Path, scan: &Scan) -> Result<(String, StartLabels)> {
 
 /// Labels of a file on the scan's grid, checked.
 fn read_labels(file: &Path, scan: &Volume<i16>) -> Result<Volume<u8>, String> {
-    let labels = monro_scan::read_labels(file).map_err(|e| e.to_string())?;
+    let found = monro_scan::labels::read(file).map_err(|e| e.to_string())?;
+    found.warnings.iter().for_each(|w| eprintln!("warning: {}: {w}", file.display()));
+    let labels = found.volume;
     if let Some(bad) = labels.data().iter().find(|l| **l > 7) {
         return Err(format!(
             "{}: label {bad} is unknown; known are 0 (outside) to 7 (third ventricle)",

@@ -8,6 +8,7 @@ mod demo;
 mod edit;
 mod inspect;
 mod interrupt;
+mod labels;
 mod mesh;
 mod phantom;
 
@@ -38,6 +39,7 @@ fn main() -> ExitCode {
         Command::Edit(a) => edit::run(a, &console),
         Command::Serve(a) => serve::run(a, &console),
         Command::Replay(a) => replay::run(a, &console),
+        Command::Labels(a) => labels::run(a, &console),
         Command::Mesh(a) => mesh::run(a, &console),
         Command::Track(a) => trackers::track(a, cli.json),
         Command::FakeTracker(a) => trackers::fake(a),

@@ -16,8 +16,8 @@ use monro_geometry::{Grid, Point, Structure, Volume};
 /// [`SegmentError::LabelsElsewhere`], [`SegmentError::UnknownLabel`], [`SegmentError::EmptyStructure`] (brain, skull or a
 /// lateral ventricle without a voxel; scalp, fluid and third ventricle may be missing and become findings).
 pub fn from_labels(ct: &Volume<i16>, labels: Volume<u8>) -> Result<Segmentation, SegmentError> {
-    let mut findings = Vec::new();
-    let labels = on_grid_of(ct, labels, &mut findings)?;
+    let (labels, resampled) = onto_grid(ct.grid(), labels)?;
+    let mut findings: Vec<String> = resampled.into_iter().collect();
     check_numbers(&labels)?;
     findings.extend(check_structures(&labels)?);
     findings.extend(in_air(ct, &labels));
@@ -31,10 +31,14 @@ fn same(a: &Grid, b: &Grid) -> bool {
     a.dims() == b.dims() && a.corners().iter().zip(b.corners()).all(|(p, q)| p.distance(q) < 0.05 * spacing)
 }
 
-fn on_grid_of(ct: &Volume<i16>, labels: Volume<u8>, findings: &mut Vec<String>) -> Result<Volume<u8>, SegmentError> {
-    let (to, from) = (*ct.grid(), *labels.grid());
+/// Labels on another grid: resampled with nearest neighbour, with a remark that says so, unless they lie there already.
+///
+/// # Errors
+/// [`SegmentError::LabelsElsewhere`], with both geometries.
+pub fn onto_grid(to: &Grid, labels: Volume<u8>) -> Result<(Volume<u8>, Option<String>), SegmentError> {
+    let (to, from) = (*to, *labels.grid());
     if same(&to, &from) {
-        return Ok(Volume::new(to, labels.into_data())?);
+        return Ok((Volume::new(to, labels.into_data())?, None));
     }
     let [nx, ny, _] = to.dims();
     let mut covered = 0usize;
@@ -56,14 +60,14 @@ fn on_grid_of(ct: &Volume<i16>, labels: Volume<u8>, findings: &mut Vec<String>) 
             label_origin: from.centre(0, 0, 0).to_array(),
         });
     }
-    findings.push(format!(
+    let remark = format!(
         "labels on another grid ({:?} voxels of {:.2?} mm; scan {:?} of {:.2?} mm) were resampled with nearest neighbour",
         from.dims(),
         from.spacing(),
         to.dims(),
         to.spacing()
-    ));
-    Ok(Volume::new(to, data)?)
+    );
+    Ok((Volume::new(to, data)?, Some(remark)))
 }
 
 fn check_numbers(labels: &Volume<u8>) -> Result<(), SegmentError> {

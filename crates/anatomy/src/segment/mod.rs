@@ -19,7 +19,7 @@ mod ventricles;
 mod working;
 
 pub use error::SegmentError;
-pub use given::from_labels;
+pub use given::{from_labels, onto_grid};
 
 use crate::image::{Mask, Raster, gaussian};
 use lattice::Lattice;

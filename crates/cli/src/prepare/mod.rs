@@ -34,7 +34,9 @@ pub(crate) fn run(args: &PrepareArgs, console: &Console) -> Result<()> {
     let options = ReadOptions { series_uid: args.series.clone(), ..ReadOptions::default() };
     let scan = console.stage("read", || monro_scan::read(&args.scan, &options))?;
     let path = args.plan.as_deref().map(read_plan).transpose()?;
-    let labels = args.labels.as_deref().map(monro_scan::read_labels).transpose()?;
+    let labels = args.labels.as_deref().map(monro_scan::labels::read).transpose()?;
+    labels.iter().flat_map(|l| &l.warnings).for_each(|w| console.warn(w));
+    let labels = labels.map(|l| l.volume);
     let request = Request { elements: args.elements, side: args.side.map(Side::from), labels, path };
     let prepared = monro_prepare::build(scan, &request, console);
     let prepared = prepared.map_err(|e| named(e, args.labels.as_deref()))?;

@@ -27,7 +27,7 @@ use std::path::Path;
 
 /// Whether a path is to be read by this module: a folder, or a DICOM file.
 pub(crate) fn is_dicom(path: &Path) -> bool {
-    path.is_dir() || folder::is_dicom_file(path)
+    path.is_dir() || is_dicom_file(path)
 }
 
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {

@@ -106,6 +106,27 @@ mod tests {
     }
 
     #[test]
+    fn a_dicom_segmentation_is_read_as_it_was_written() {
+        // Slices that run downwards: against the planes' normal.
+        let linear = monro_geometry::Matrix3 { rows: [[0.5, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, 0.0, -2.0]] };
+        let place = monro_geometry::Affine::new(linear, [-10.0, 20.0, 3.5]);
+        let grid = monro_geometry::Grid::new([5, 3, 6], place).expect("grid");
+        let label = |n: usize| if (30..60).contains(&n) { [0u8, 5, 6, 7, 4][n % 5] } else { 0 };
+        let labels = Volume::new(grid, (0..90).map(label).collect()).expect("labels");
+        let dir = tempfile::tempdir().expect("temp");
+        let file = dir.path().join("labels.dcm");
+        std::fs::write(&file, seg::encode(&labels, "nobody").expect("encoded")).expect("write");
+        let found = read(&file).expect("labels");
+        assert_eq!(found.volume.grid().dims(), [5, 3, 6]);
+        for n in 0..grid.len() {
+            let [i, j, k] = grid.voxel(n);
+            assert_eq!(found.volume.nearest(grid.centre(i, j, k)), Some(u16::from(label(n))), "{i} {j} {k}");
+        }
+        let empty = labels.map(|_| 0u8);
+        assert_eq!(seg::encode(&empty, "nobody"), Err(seg::SegError::Empty));
+    }
+
+    #[test]
     fn numbers_follow_the_structures_and_strangers_are_told() {
         let grid = monro_geometry::Grid::axis_aligned([4, 1, 1], [1.0; 3], [0.0; 3]).expect("grid");
         let volume = Volume::new(grid, vec![0, 9, 300, 2]).expect("volume");

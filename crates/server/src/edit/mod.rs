@@ -9,6 +9,7 @@ mod request;
 mod routes;
 mod store;
 
+pub use export::{ExportError, export};
 pub use rebuild::{Rebuild, Rebuilt};
 pub use store::{StoreError, Subject};
 

@@ -120,10 +120,10 @@ struct ExportQuery {
 async fn download(State(shared): State<Arc<Shared>>, Query(q): Query<ExportQuery>) -> Response {
     // A copy, so that drawing goes on while it is compressed.
     let labels = lock(&shared.work).desk.labels().clone();
-    let made = tokio::task::spawn_blocking(move || export::encode(&labels, &q.format)).await;
+    let made = tokio::task::spawn_blocking(move || export(&labels, &q.format)).await;
     match made {
         Ok(Ok(bytes)) => ([(CONTENT_TYPE, "application/octet-stream")], bytes).into_response(),
-        Ok(Err(e)) => refuse(StatusCode::UNPROCESSABLE_ENTITY, &e),
+        Ok(Err(e)) => refuse(StatusCode::UNPROCESSABLE_ENTITY, &e.to_string()),
         Err(e) => refuse(StatusCode::INTERNAL_SERVER_ERROR, &e.to_string()),
     }
 }

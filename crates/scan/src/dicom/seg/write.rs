@@ -293,7 +293,7 @@ fn coded(t: Term) -> InMemDicomObject {
     o
 }
 
-/// sRGB to CIELab (D65), as 16-bit numbers of PS3.3 C.10.7.1.1: L of 0 to 100, a and b of -128 to 127.
+/// sRGB to CIE L\*a\*b\* (D65), as 16-bit numbers of PS3.3 C.10.7.1.1: L of 0 to 100, a and b of -128 to 127.
 fn cie_lab(colour: [u8; 3]) -> [u16; 3] {
     let linear = colour.map(|c| {
         let c = f64::from(c) / 255.0;

@@ -1,15 +1,16 @@
 //! A scripted livewire session on the ventricles of the digital phantom, against their exact outlines.
 //!
-//! Prints one JSON object: `livewire_contour_error_px` (mean distance to the truth, both ways, with `CLICKS` clicks),
+//! Gives one JSON object: `livewire_contour_error_px` (mean distance to the truth, both ways, with `CLICKS` clicks),
 //! `livewire_map_ms` (slice to cost map), `livewire_path_ms` (95th percentile of one movement of the mouse) and
-//! `clicks` (mean number needed for at most half a pixel), and a row per number of clicks. With `--dump DIR` it also
+//! `clicks` (mean number needed for at most half a pixel), and a row per number of clicks. It also
 //! writes the slices, clicks and truths, for `scripts/bench_livewire.py` to run other tools on the very same input.
 
+use anyhow::Result;
 use monro_anatomy::livewire::{Axis, Contour, Livewire, LivewireError, LivewireOptions, SliceImage};
 use monro_anatomy::phantom::{HeadModel, HeadOptions, head};
 use monro_geometry::{Point, Structure, Volume, Voxel};
-use std::error::Error;
-use std::fmt::Write as _;
+use serde_json::{Value, json};
+use std::path::Path;
 use std::time::Instant;
 
 /// Clicks of the headline number.
@@ -33,9 +34,8 @@ struct Times {
     whole: Vec<f64>,
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let dump = arguments.iter().position(|a| a == "--dump").and_then(|n| arguments.get(n + 1));
+/// Runs the sessions; with a folder, writes their input there.
+pub(super) fn measure(dump: Option<&Path>) -> Result<Value> {
     // In-plane pixels of a usual head CT; 475 x 551 of them, as many as 512 x 512. Thin slices, because the truth is
     // the section through the slice's middle.
     let options = HeadOptions { seed: 1, spacing_mm: [0.45, 0.45, 1.3], ..HeadOptions::default() };
@@ -53,8 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if let Some(folder) = dump {
         write_input(folder, &phantom.ct, &outlines)?;
     }
-    println!("{}", json(&outlines, &errors, &mut times));
-    Ok(())
+    Ok(summary(&outlines, &errors, &mut times))
 }
 
 /// The largest outline of each ventricle on every fourth slice where it is at least 60 mm2 large.
@@ -188,60 +187,48 @@ fn quantile(values: &mut [f64], q: f64) -> f64 {
     values.get(((values.len() as f64 - 1.0) * q).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
-fn json(outlines: &[Outline], errors: &[Vec<f64>], times: &mut Times) -> String {
+fn summary(outlines: &[Outline], errors: &[Vec<f64>], times: &mut Times) -> Value {
     let needed: Vec<f64> = (0..outlines.len())
-        .map(|o| (0..TRIED.len()).find(|&n| errors[n][o] <= 0.5).map_or(f64::INFINITY, |n| TRIED[n] as f64))
+        .filter_map(|o| (0..TRIED.len()).find(|&n| errors[n][o] <= 0.5).map(|n| TRIED[n] as f64))
         .collect();
-    let solved: Vec<f64> = needed.iter().copied().filter(|n| n.is_finite()).collect();
     let headline = TRIED.iter().position(|&c| c == CLICKS).unwrap_or(0);
-    let mut rows = String::new();
-    for (n, count) in TRIED.iter().enumerate() {
+    let row = |(n, count): (usize, &usize)| {
         let mut e = errors[n].clone();
-        let good = e.iter().filter(|&&v| v <= 0.5).count();
-        let comma = if n > 0 { "," } else { "" };
-        let _ = write!(
-            rows,
-            "{comma}\n    {{\"clicks\": {count}, \"mean_px\": {:.3}, \"median_px\": {:.3}, \"worst_px\": {:.3}, \"within_half_px\": {good}}}",
-            mean(&e),
-            quantile(&mut e, 0.5),
-            quantile(&mut e, 1.0)
-        );
-    }
-    format!(
-        "{{\n  \"livewire_contour_error_px\": {:.3},\n  \"livewire_path_ms\": {:.3},\n  \"livewire_map_ms\": {:.3},\n  \
-         \"clicks\": {:.2},\n  \"outlines\": {},\n  \"outlines_solved\": {},\n  \"path_median_ms\": {:.3},\n  \
-         \"path_worst_ms\": {:.3},\n  \"whole_slice_ms\": {:.3},\n  \"by_clicks\": [{rows}\n  ]\n}}",
-        mean(&errors[headline]),
-        quantile(&mut times.path, 0.95),
-        quantile(&mut times.map, 0.5),
-        mean(&solved),
-        outlines.len(),
-        solved.len(),
-        quantile(&mut times.path, 0.5),
-        quantile(&mut times.path, 1.0),
-        quantile(&mut times.whole, 0.5),
-    )
+        json!({
+            "clicks": count, "mean_px": mean(&e), "median_px": quantile(&mut e, 0.5), "worst_px": quantile(&mut e, 1.0),
+            "within_half_px": e.iter().filter(|&&v| v <= 0.5).count(),
+        })
+    };
+    json!({
+        "livewire_contour_error_px": mean(&errors[headline]),
+        "livewire_path_ms": quantile(&mut times.path, 0.95),
+        "livewire_map_ms": quantile(&mut times.map, 0.5),
+        "clicks": mean(&needed),
+        "outlines": outlines.len(),
+        "outlines_solved": needed.len(),
+        "path_median_ms": quantile(&mut times.path, 0.5),
+        "path_worst_ms": quantile(&mut times.path, 1.0),
+        "whole_slice_ms": quantile(&mut times.whole, 0.5),
+        "by_clicks": TRIED.iter().enumerate().map(row).collect::<Vec<_>>(),
+    })
 }
 
 /// One JSON file and one raw file (little-endian f32) per slice.
-fn write_input(folder: &str, ct: &Volume<i16>, outlines: &[Outline]) -> Result<(), Box<dyn Error>> {
+fn write_input(folder: &Path, ct: &Volume<i16>, outlines: &[Outline]) -> Result<()> {
     std::fs::create_dir_all(folder)?;
     let [width, height, _] = ct.grid().dims();
-    let mut text = format!("{{\"width\": {width}, \"height\": {height}, \"outlines\": [");
-    for (n, outline) in outlines.iter().enumerate() {
+    let mut rows = Vec::new();
+    for outline in outlines {
         let image = SliceImage::of(ct, Axis::K, outline.slice)?;
         let bytes: Vec<u8> = image.data().iter().flat_map(|v| v.to_le_bytes()).collect();
-        std::fs::write(format!("{folder}/slice{}.f32", outline.slice), bytes)?;
-        let sets: Vec<String> = TRIED.iter().map(|&c| format!("\"{c}\": {:?}", clicks(outline, c))).collect();
-        let comma = if n > 0 { "," } else { "" };
-        let (name, truth) = (outline.structure.name(), &outline.truth.points);
-        let (slice, sets) = (outline.slice, sets.join(", "));
-        write!(
-            text,
-            "{comma}\n{{\"slice\": {slice}, \"structure\": \"{name}\", \"truth\": {truth:?}, \"clicks\": {{{sets}}}}}"
-        )?;
+        std::fs::write(folder.join(format!("slice{}.f32", outline.slice)), bytes)?;
+        let sets: serde_json::Map<String, Value> =
+            TRIED.iter().map(|&c| (c.to_string(), json!(clicks(outline, c)))).collect();
+        rows.push(json!({
+            "slice": outline.slice, "structure": outline.structure.name(), "truth": outline.truth.points, "clicks": sets,
+        }));
     }
-    text.push_str("]}\n");
-    std::fs::write(format!("{folder}/input.json"), text)?;
+    let text = json!({ "width": width, "height": height, "outlines": rows }).to_string();
+    std::fs::write(folder.join("input.json"), text)?;
     Ok(())
 }

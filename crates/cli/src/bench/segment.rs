@@ -1,0 +1,97 @@
+//! The automatic segmentation against truth: phantoms of many seeds, and scans with reference labels; and the livewire.
+
+use super::livewire;
+use crate::args::PhantomKind;
+use crate::console::Console;
+use crate::phantom;
+use anyhow::{Context, Result, bail};
+use monro_anatomy::compare::{Agreement, agreement};
+use monro_anatomy::segment;
+use monro_geometry::{Structure, Volume};
+use monro_scan::ReadOptions;
+use serde_json::{Map, Value, json};
+use std::path::Path;
+use std::time::Instant;
+
+/// Labels of a reference that make one of our structures.
+type Match = (Structure, Vec<u16>);
+
+/// Prints one JSON object: `livewire`, and a row per phantom and scan. `against` holds SCAN, LABELS, MAP in turns.
+pub(super) fn run(seeds: u64, against: &[String], dump: Option<&Path>, console: &Console) -> Result<()> {
+    let wire = console.stage("livewire", || livewire::measure(dump))?;
+    let mut rows = Vec::new();
+    for seed in 0..seeds {
+        let made = phantom::make(PhantomKind::Head, seed)?;
+        let own: Vec<Match> = Structure::ALL.into_iter().skip(1).map(|s| (s, vec![u16::from(s.label())])).collect();
+        rows.push(row(&format!("phantom {seed}"), &made.ct, &made.labels.map(u16::from), &own, console)?);
+    }
+    for three in against.chunks(3) {
+        let [scan, labels, map] = three else { bail!("--against wants SCAN LABELS MAP") };
+        let ct = monro_scan::read(Path::new(scan), &ReadOptions::default())?.volume;
+        let reference = monro_scan::read_labels(Path::new(labels))?;
+        let name =
+            Path::new(scan).parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy().into_owned();
+        rows.push(row(&name, &ct, &reference, &parse(map)?, console)?);
+    }
+    let mut result = json!({ "livewire": wire.clone(), "scans": rows });
+    for key in ["livewire_contour_error_px", "livewire_path_ms", "livewire_map_ms"] {
+        result[key] = wire[key].clone();
+    }
+    console.result(&result, &format!("{result:#}"));
+    Ok(())
+}
+
+/// `5=1,6=2,56=1+2`: our labels and those of the reference; several of ours together are compared as one.
+fn parse(map: &str) -> Result<Vec<Match>> {
+    let one = |part: &str| -> Option<Match> {
+        let (ours, theirs) = part.split_once('=')?;
+        let structure = Structure::from_label(ours.trim().parse().ok()?)?;
+        let theirs = theirs.split('+').map(|l| l.trim().parse().ok()).collect::<Option<Vec<u16>>>()?;
+        Some((structure, theirs))
+    };
+    map.split(',').map(one).collect::<Option<Vec<_>>>().with_context(|| format!("{map:?} is not like 5=1,6=2,7=3+4"))
+}
+
+fn row(name: &str, ct: &Volume<i16>, reference: &Volume<u16>, map: &[Match], console: &Console) -> Result<Value> {
+    let begin = Instant::now();
+    let found = segment::segment(ct).with_context(|| format!("{name} cannot be segmented"))?;
+    let seconds = begin.elapsed().as_secs_f64();
+    console.note(&format!("{name}: {seconds:.2} s"));
+    // On the reference's grid.
+    let grid = *reference.grid();
+    let ours: Vec<u8> = (0..grid.len())
+        .map(|n| {
+            let [i, j, k] = grid.voxel(n);
+            found.labels.nearest(grid.centre(i, j, k)).unwrap_or(0)
+        })
+        .collect();
+    let compare = |ours_are: &dyn Fn(u8) -> bool, theirs: &[u16]| {
+        let a: Vec<bool> = ours.iter().map(|&l| ours_are(l)).collect();
+        let b: Vec<bool> = reference.data().iter().map(|l| theirs.contains(l)).collect();
+        agreement(&grid, &a, &b)
+    };
+    let mut structures = Map::new();
+    for (s, theirs) in map {
+        let trust = found.confidence.iter().find(|(t, _)| t == s).map(|(_, c)| *c);
+        structures.insert(s.name().into(), described(&compare(&|l| l == s.label(), theirs), trust));
+    }
+    for (name, wanted) in [
+        ("lateral_ventricles", &[Structure::LeftLateralVentricle, Structure::RightLateralVentricle][..]),
+        ("ventricles", &Structure::ALL[5..]),
+    ] {
+        let parts: Vec<&Match> = map.iter().filter(|(s, _)| wanted.contains(s)).collect();
+        if parts.len() == wanted.len() {
+            let theirs: Vec<u16> = parts.iter().flat_map(|(_, t)| t.clone()).collect();
+            let is = |l: u8| wanted.iter().any(|s| s.label() == l);
+            structures.insert(name.into(), described(&compare(&is, &theirs), None));
+        }
+    }
+    Ok(json!({ "scan": name, "seconds": seconds, "structures": structures }))
+}
+
+fn described(a: &Agreement, confidence: Option<f64>) -> Value {
+    json!({
+        "dice": a.dice, "hausdorff95_mm": a.hausdorff95_mm, "mean_mm": a.mean_mm, "found_ml": a.found_ml,
+        "reference_ml": a.reference_ml, "confidence": confidence,
+    })
+}

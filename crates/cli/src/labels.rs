@@ -1,0 +1,58 @@
+//! `monro labels`: labels from and for other programs.
+
+use crate::args::LabelsCommand;
+use crate::console::Console;
+use anyhow::{Context, Result, bail};
+use monro_anatomy::segment;
+use monro_geometry::{Structure, Volume};
+use monro_scan::ReadOptions;
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Runs one of the commands.
+pub(crate) fn run(command: &LabelsCommand, console: &Console) -> Result<()> {
+    let LabelsCommand::Convert { from, out, like, force } = command;
+    if out.exists() && !force {
+        bail!("{} exists already; give --force to overwrite it, or another name", out.display());
+    }
+    let format = format_of(out)?;
+    let labels = console.stage("read", || read(from, like.as_deref(), console))?;
+    let bytes = console.stage("encode", || monro_server::edit::export(&labels, format))?;
+    std::fs::write(out, bytes).with_context(|| format!("cannot write {}", out.display()))?;
+    let volumes = volumes(&labels);
+    let text = format!("{}: {} structures", out.display(), volumes.as_object().map_or(0, serde_json::Map::len));
+    console.result(&json!({ "out": out.display().to_string(), "format": format, "volumes_ml": volumes }), &text);
+    Ok(())
+}
+
+/// The format that a name asks for.
+fn format_of(out: &Path) -> Result<&'static str> {
+    let name = out.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let known = [(".nii.gz", "nifti"), (".seg.nrrd", "seg.nrrd"), (".dcm", "dicom")];
+    let found = known.iter().find(|(end, _)| name.ends_with(end)).map(|(_, format)| *format);
+    found.with_context(|| format!("{}: give it a name that ends in .nii.gz, .seg.nrrd or .dcm", out.display()))
+}
+
+/// Labels of any file; with a scan, on its grid.
+fn read(from: &Path, like: Option<&Path>, console: &Console) -> Result<Volume<u8>> {
+    let found = monro_scan::labels::read(from)?;
+    found.warnings.iter().for_each(|w| console.warn(w));
+    if let Some(bad) = found.volume.data().iter().find(|l| **l > 7) {
+        bail!("{}: label {bad} is unknown; known are 0 (outside) to 7 (third ventricle)", from.display());
+    }
+    let labels = found.volume.map(|l| u8::try_from(l).unwrap_or(0));
+    let Some(like) = like else { return Ok(labels) };
+    let scan = monro_scan::read(like, &ReadOptions { any_size: true, ..ReadOptions::default() })?;
+    let (labels, remark) = segment::onto_grid(scan.volume.grid(), labels)?;
+    remark.iter().for_each(|r| console.warn(r));
+    Ok(labels)
+}
+
+fn volumes(labels: &Volume<u8>) -> Value {
+    let ml = labels.grid().voxel_volume() / 1000.0;
+    let of = |s: Structure| {
+        let count = labels.data().iter().filter(|l| **l == s.label()).count();
+        (count > 0).then(|| (s.name().to_owned(), json!(count as f64 * ml)))
+    };
+    Value::Object(Structure::ALL.into_iter().skip(1).filter_map(of).collect())
+}

@@ -1,0 +1,154 @@
+"""Foreign readers and writers (highdicom, pydicom, pynrrd, nibabel) against `monro labels convert`.
+
+The labels of the built-in phantom are written as DICOM-SEG and .seg.nrrd and read by others: voxels, places, names,
+colours and terms must agree. A DICOM-SEG made by highdicom is read by ours.
+
+    python scripts/oracle_labels.py [--monro PATH]
+"""
+
+import argparse
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+import highdicom as hd
+import nibabel as nib
+import nrrd
+import numpy as np
+import pydicom
+from pydicom.sr.codedict import codes
+from pydicom.uid import generate_uid
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+NAMES = ["scalp", "skull", "csf", "brain", "left lateral ventricle", "right lateral ventricle", "third ventricle"]
+LPS_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
+
+
+def binary():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--monro")
+    given = parser.parse_args().monro
+    if given:
+        return given
+    subprocess.run(["cargo", "build", "-q", "--locked", "--workspace", "--bins"], cwd=ROOT, check=True)
+    return str(ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "debug" / "monro")
+
+
+def run(*words, fails=False):
+    done = subprocess.run([MONRO, *map(str, words)], capture_output=True, text=True)
+    if (done.returncode != 0) != fails:
+        raise AssertionError(f"{words}: status {done.returncode}: {done.stderr}")
+    return done.stderr
+
+
+def require(ok, text):
+    if not ok:
+        raise AssertionError(text)
+
+
+def truth(path):
+    """Labels by voxel, and LPS from voxel."""
+    image = nib.load(path)
+    return np.asarray(image.dataobj).astype(int), LPS_RAS @ image.affine
+
+
+def check_dicom(folder, labels, affine):
+    file = folder / "labels.dcm"
+    run("labels", "convert", folder / "phantom" / "labels.nii.gz", file)
+    seg = hd.seg.segread(file)
+    require(seg.segmentation_type == hd.seg.SegmentationTypeValues.BINARY, "not binary")
+    described = [seg.get_segment_description(n) for n in seg.segment_numbers]
+    require([d.segment_label for d in described] == NAMES, [d.segment_label for d in described])
+    left = described[NAMES.index("left lateral ventricle")]
+    require(left.segmented_property_type == codes.SCT.LateralVentricle, "type of the left ventricle")
+    modifier = pydicom.dcmread(file).SegmentSequence[4].SegmentedPropertyTypeCodeSequence[0]
+    modifier = modifier.SegmentedPropertyTypeModifierCodeSequence[0]
+    require(modifier.CodeValue == codes.SCT.Left.value, "side of the left ventricle")
+    volume = seg.get_volume(combine_segments=True)
+    # highdicom's axes are slices, rows, columns; each of our voxels must have its label at its own place.
+    found, place = np.asarray(volume.array), np.asarray(volume.affine)
+    require(found.shape == labels.shape[::-1], f"{found.shape} instead of {labels.shape[::-1]}")
+    index = np.stack(np.meshgrid(*[np.arange(n) for n in labels.shape], indexing="ij"), -1).reshape(-1, 3)
+    ours = index @ affine[:3, :3].T + affine[:3, 3]
+    theirs = (ours - place[:3, 3]) @ np.linalg.inv(place[:3, :3]).T
+    require(np.abs(theirs - np.rint(theirs)).max() < 1e-3, "voxels are off their places")
+    at = np.rint(theirs).astype(int)
+    require((found[at[:, 0], at[:, 1], at[:, 2]] == labels.reshape(-1)).all(), "voxels differ")
+
+
+def check_nrrd(folder, labels, affine):
+    file = folder / "labels.seg.nrrd"
+    run("labels", "convert", folder / "phantom" / "labels.nii.gz", file)
+    data, head = nrrd.read(str(file))
+    require((data == labels).all(), "voxels differ")
+    place = np.eye(4)
+    place[:3, :3], place[:3, 3] = np.asarray(head["space directions"]).T, head["space origin"]
+    require(np.abs(place - affine).max() < 1e-4, "placement differs")
+    require([head[f"Segment{n}_Name"] for n in range(7)] == NAMES, "names")
+    require(head["Segment4_LabelValue"] == "5" and "SCT^66720007" in head["Segment4_Tags"], "terms")
+    require(abs(float(head["Segment4_Color"].split()[1]) - 158 / 255) < 1e-5, "colour")
+
+
+def check_back(folder, labels):
+    for name in ["labels.dcm", "labels.seg.nrrd"]:
+        out = folder / f"{name}.nii.gz"
+        said = run("labels", "convert", folder / name, out, "--like", folder / "phantom" / "dicom")
+        back, _ = truth(out)
+        require((back == labels).all(), f"{name} does not come back: {said}")
+
+
+def check_foreign(folder, labels):
+    """A DICOM-SEG of highdicom, with two segments in another order and one that is a stranger."""
+    images = sorted((pydicom.dcmread(f) for f in (folder / "phantom" / "dicom").iterdir()), key=lambda d: d.InstanceNumber)
+    kinds = [("third ventricle", codes.SCT.ThirdVentricle, 7), ("brain", codes.SCT.Brain, 4), ("odd", codes.SCT.Skull, 1)]
+    kinds[2] = ("my own thing", codes.SCT.FourthVentricle, 1)
+    descriptions = [
+        hd.seg.SegmentDescription(
+            segment_number=n + 1, segment_label=name, segmented_property_category=codes.SCT.AnatomicalStructure,
+            segmented_property_type=kind, algorithm_type=hd.seg.SegmentAlgorithmTypeValues.MANUAL,
+        )
+        for n, (name, kind, _) in enumerate(kinds)
+    ]
+    stack = np.stack([labels[:, :, k].T for k in range(labels.shape[2])])
+    pixels = np.stack([stack == label for _, _, label in kinds], axis=-1).astype(np.uint8)
+    seg = hd.seg.Segmentation(
+        source_images=images, pixel_array=pixels, segmentation_type=hd.seg.SegmentationTypeValues.BINARY,
+        segment_descriptions=descriptions, series_instance_uid=generate_uid(), series_number=2,
+        sop_instance_uid=generate_uid(), instance_number=1, manufacturer="x", manufacturer_model_name="x",
+        software_versions="1", device_serial_number="1",
+    )
+    seg.save_as(folder / "foreign.dcm")
+    out = folder / "foreign.nii.gz"
+    said = run("labels", "convert", folder / "foreign.dcm", out, "--like", folder / "phantom" / "dicom")
+    require("my own thing" in said, f"no word of the stranger: {said}")
+    back, _ = truth(out)
+    wanted = np.where(np.isin(labels, [4, 7]), labels, 0)
+    require((back == wanted).all(), "foreign voxels differ")
+
+
+def check_refusals(folder):
+    elsewhere = nib.Nifti1Image(np.full((9, 9, 9), 4, np.uint8), np.diag([1.0, 1.0, 1.0, 1.0]) + 5000 * np.eye(4, k=3)[:, :])
+    nib.save(elsewhere, folder / "far.nii.gz")
+    said = run("labels", "convert", folder / "far.nii.gz", folder / "x.nii.gz", "--like", folder / "phantom" / "dicom", fails=True)
+    require("[9, 9, 9]" in said and "cover" in said, said)
+    said = run("labels", "convert", folder / "phantom" / "labels.nii.gz", folder / "x.tiff", fails=True)
+    require(".seg.nrrd" in said, said)
+
+
+def main():
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        run("phantom", "--out", folder / "phantom")
+        labels, affine = truth(folder / "phantom" / "labels.nii.gz")
+        check_dicom(folder, labels, affine)
+        check_nrrd(folder, labels, affine)
+        check_back(folder, labels)
+        check_foreign(folder, labels)
+        check_refusals(folder)
+    print("labels: highdicom, pynrrd and nibabel agree")
+
+
+MONRO = binary()
+sys.exit(main())
