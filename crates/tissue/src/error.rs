@@ -49,6 +49,12 @@ pub enum ModelError {
         /// How many elements claim it.
         tets: usize,
     },
+    /// Too many vertices side by side.
+    #[error("{vertices} vertices lie so close together along edges that they cannot be cut in two; at most 65536 may")]
+    Dense {
+        /// Vertices that cannot be separated.
+        vertices: usize,
+    },
     /// A label has no material.
     #[error("label {label} (tetrahedron {tet}) has no material; add one to the options")]
     NoMaterial {

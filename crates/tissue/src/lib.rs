@@ -20,6 +20,7 @@
 
 mod contact;
 mod error;
+mod fast;
 mod material;
 mod membrane;
 mod model;
@@ -27,14 +28,16 @@ mod options;
 mod paper;
 mod physical;
 mod report;
-mod simd;
+mod slabs;
 mod sphere_tree;
 mod state;
 mod statics;
 mod step;
 mod tool;
+mod untangle;
 mod validate;
 mod vec3;
+mod volumes;
 
 pub use error::ModelError;
 pub use material::{Insertion, Material, PaperCoefficients};

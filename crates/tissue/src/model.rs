@@ -2,11 +2,13 @@
 
 use crate::membrane::{self, Membranes};
 use crate::options::{AttachmentKind, CollisionResponse, Mode, ModelOptions};
-use crate::paper::PaperModel;
+use crate::paper::{PaperModel, Shape};
 use crate::physical::PhysicalModel;
 use crate::physical::elastic::Elastic;
+use crate::slabs::{self, Slabs};
 use crate::sphere_tree::SphereTree;
 use crate::vec3::{six_volume, xyz};
+use crate::volumes::Volumes;
 use crate::{Material, ModelError, State, validate};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 
@@ -49,6 +51,7 @@ pub struct Model {
     pub(crate) membranes: Membranes,
     pub(crate) tethers: Vec<Tether>,
     pub(crate) tree: SphereTree,
+    pub(crate) volumes: Volumes,
     pub(crate) solver: Solver,
     pub(crate) collision: CollisionResponse,
     /// Whole volume at rest, mm3.
@@ -71,7 +74,13 @@ impl Model {
         validate::mesh(mesh)?;
         validate::options(mesh, options)?;
         let origin = centre(mesh);
-        let order = spatial_order(mesh.vertices.iter().map(|&p| (p - origin).to_array()));
+        let slab_of = slabs::of_vertices(mesh.vertices.len(), &mesh.tets);
+        let mut order = spatial_order(mesh.vertices.iter().map(|&p| (p - origin).to_array()));
+        order.sort_by_key(|&v| slab_of[v as usize]);
+        let slabs = Slabs::new(&order.iter().map(|&v| slab_of[v as usize]).collect::<Vec<u32>>());
+        if let Some(vertices) = slabs.too_full() {
+            return Err(ModelError::Dense { vertices });
+        }
         let number = inverse(&order);
         let tet_order = spatial_order((0..mesh.tets.len()).map(|t| centroid(mesh, t, origin)));
         let tets: Vec<[u32; 4]> =
@@ -87,10 +96,18 @@ impl Model {
         let tethers = attach(&mut rest, options, &number);
         let membranes = membrane::find(&tets, &region)?;
         let tree = SphereTree::new(&rest, &tets);
+        let volumes = Volumes::new(&tets, &rest);
         let rest_volume = (0..mesh.tets.len()).map(|t| mesh.volume(t)).sum();
         let solver = match options.mode {
-            Mode::Paper(o) => Solver::Paper(PaperModel::new(&rest, &tets, &region, &regions, &membranes, &o)),
-            Mode::Physical(o) => Solver::Physical(PhysicalModel::new(&rest, &tets, &region, &regions, o.nodal_shear)),
+            Mode::Paper(o) => {
+                let (rest, tets, region, regions) = (&rest, &tets, &region, &regions);
+                let shape = Shape { rest, tets, region, regions, membranes: &membranes, slabs: &slabs };
+                Solver::Paper(PaperModel::new(&shape, &o))
+            }
+            Mode::Physical(o) => {
+                let of = (&region[..], &regions[..]);
+                Solver::Physical(PhysicalModel::new((&rest, &mass), &tets, of, &slabs, o.nodal_shear))
+            }
         };
         let tet_number = inverse(&tet_order);
         let collision = options.collision;
@@ -105,6 +122,7 @@ impl Model {
             membranes,
             tethers,
             tree,
+            volumes,
             solver,
             collision,
             rest_volume,

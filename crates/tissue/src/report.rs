@@ -87,7 +87,8 @@ pub enum Event {
         /// Elements inverted in it; `None` when coordinates were not finite.
         inverted: Option<usize>,
     },
-    /// Even the shortest steps failed: the tissue was left as it was before the step.
+    /// Even the shortest steps failed: the tissue was taken back to before the step, brought to a stop, and moved a tenth of
+    /// the way to its rest shape, so that it comes free.
     Held,
     /// A tool's pose is not finite, has no length or no radius: it was ignored.
     BadPose {

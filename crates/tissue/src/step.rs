@@ -6,16 +6,20 @@
 //! half the time step.
 
 use crate::contact::{self, Advance, Coupling, Rule, ToolState};
+use crate::fast::{Pool, Row};
 use crate::model::Solver;
 use crate::options::FrameSettings;
-use crate::paper::{self, PaperModel, PaperScratch};
+use crate::paper::{self, Extent, PaperModel, PaperScratch, WHOLE_EVERY};
 use crate::physical::descent::{Body, Descent, DescentScratch, Substep};
 use crate::report::{Event, StepReport, ToolReport};
 use crate::sphere_tree::Spheres;
 use crate::tool::{Rod, ToolMotion, travel};
-use crate::vec3::{V3, dot, norm, scale, six_volume, sub, xyz};
+use crate::untangle::untangle;
+use crate::vec3::{V3, dot, norm, scale, sub, xyz};
+use crate::volumes::Survey;
 use crate::{Model, State};
 use monro_geometry::Vector;
+use std::sync::Arc;
 
 /// A tool moves at most this share of its radius in a substep.
 const STRIDE: f64 = 0.5;
@@ -24,6 +28,10 @@ const MOST_SUBSTEPS: u32 = 64;
 /// How often a frame that ended in numbers that are not finite is tried again with half the step. Turned elements are
 /// worth one more try: the solver turns them back by itself.
 const RETRIES: u32 = 4;
+/// Elements that are worth a thread of their own.
+const THREAD_TETS: usize = 4000;
+/// Threads at most: beyond that they would wait for memory.
+const MOST_THREADS: usize = 8;
 
 /// A part of a step that has just ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,11 +57,24 @@ pub struct Stepper {
     descent: DescentScratch,
     events: Vec<Event>,
     residual: f32,
+    /// Share of the tissue in the predicted deformation space.
+    space: f64,
+    /// Memory for volumes.
+    growth: Vec<Row>,
+    /// Memory for turned elements.
+    turned: Vec<(u32, f32)>,
+    pool: Arc<Pool>,
 }
 
 impl Stepper {
-    /// Scratch for a model.
+    /// Scratch for a model, with as many threads as there are processors and as the model can use.
     pub fn new(model: &Model) -> Self {
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
+        Self::with_threads(model, processors.min(MOST_THREADS).min(model.tet_count() / THREAD_TETS + 1))
+    }
+
+    /// Scratch for a model and so many threads, the caller's among them: they change the time, never the result.
+    pub fn with_threads(model: &Model, threads: usize) -> Self {
         Self {
             backup: model.rest_state(),
             previous: model.rest.clone(),
@@ -65,12 +86,16 @@ impl Stepper {
             descent: DescentScratch::default(),
             events: Vec::new(),
             residual: 0.0,
+            space: 1.0,
+            growth: Vec::new(),
+            turned: Vec::new(),
+            pool: Arc::new(Pool::new(threads)),
         }
     }
 
     /// Threads that a step works on.
-    pub const fn threads(&self) -> usize {
-        1
+    pub fn threads(&self) -> usize {
+        self.pool.threads()
     }
 
     /// Advances `state` by one frame during which the tools move as told. Never fails: what goes wrong is taken back,
@@ -95,6 +120,7 @@ impl Stepper {
         done: &mut dyn FnMut(Stage),
     ) -> StepReport {
         let settings = settings.sane();
+        self.pool.wake();
         state.tools.resize_with(tools.len(), ToolState::default);
         self.backup.copy_from(state);
         let jumped = self.put_elsewhere(model, state, tools);
@@ -106,8 +132,13 @@ impl Stepper {
             self.events.clear();
             self.attempt(model, state, tools, &settings, substeps, done);
             report.substeps = substeps;
-            survey = Survey::of(model, &state.positions);
-            let verdict = judge(model, &self.backup, state, survey.inverted);
+            survey = self.survey(model, &state.positions);
+            if survey.inverted > 0 {
+                let memory = (&mut self.growth, &mut self.turned);
+                let elements = (&model.volumes, &model.tets[..]);
+                survey = untangle(elements, &mut state.positions, survey, memory, &self.pool);
+            }
+            let verdict = self.judge(model, state, survey.inverted);
             match verdict {
                 Verdict::Good => break,
                 Verdict::Inverted(_) if attempt > 0 => break,
@@ -118,7 +149,7 @@ impl Stepper {
                     substeps = substeps.saturating_mul(2).min(4096);
                     if attempt == RETRIES {
                         self.events.clear();
-                        state.velocities.fill([0.0; 4]);
+                        come_free(model, state);
                         failures.push(Event::Held);
                     }
                 }
@@ -130,10 +161,10 @@ impl Stepper {
         report.events.extend(jumped);
         report.events.append(&mut self.events);
         if failed_for_good {
-            survey = Survey::of(model, &state.positions);
+            survey = self.survey(model, &state.positions);
         }
         report.inverted = survey.inverted;
-        report.volume_change = survey.six_volumes / 6.0 / model.rest_volume - 1.0;
+        report.volume_change = survey.growth / model.rest_volume;
         self.fill(model, state, tools, &mut report);
         done(Stage::Check);
         report
@@ -241,24 +272,41 @@ impl Stepper {
             velocities: &state.velocities,
             pressure: &mut state.pressure,
             rest: &model.rest,
-            mass: &model.mass,
+            volumes: &model.volumes,
             tethers: &model.tethers,
             couplings: &mut self.couplings,
         };
         let gravity = settings.gravity_mm_s2.map(|g| g as f32);
         let (iterations, predicted_space) = (settings.iterations, settings.predicted_space);
         let step = Substep { dt, iterations, gravity, predicted_space };
-        self.residual = solver.advance(&mut body, &mut self.descent, step);
+        self.residual = solver.advance(&mut body, &mut self.descent, step, &self.pool);
     }
 
     /// Paper mode: constraints in Gauss-Seidel order, as often as asked.
     fn relax(&mut self, solver: &PaperModel, model: &Model, state: &mut State, settings: &FrameSettings, dt: f32) {
         solver.correct(&mut self.paper, settings.iterations);
+        self.space = 1.0;
         self.tethers.fill([0.0; 3]);
-        for _ in 0..settings.iterations {
-            self.residual = solver.iterate(&mut state.positions, &mut self.paper);
+        for k in 0..settings.iterations {
+            let extent = self.extent(settings, k);
+            solver.iterate(&mut state.positions, &mut self.paper, extent, &self.pool);
+            if settings.predicted_space && extent == Extent::Measured {
+                self.space = self.paper.predict_space(k == 0);
+            }
             self.pull_tethers(model, &mut state.positions, dt);
             contact::project(&mut self.couplings, &mut state.positions, dt);
+        }
+        self.residual = self.paper.residual();
+    }
+
+    /// What iteration `k` goes through: with a predicted space, every third one all.
+    fn extent(&self, settings: &FrameSettings, k: u32) -> Extent {
+        let last = k + 1 == settings.iterations;
+        match settings.predicted_space {
+            false if last => Extent::Measured,
+            false => Extent::Whole,
+            true if last || k.is_multiple_of(WHOLE_EVERY) => Extent::Measured,
+            true => Extent::Predicted,
         }
     }
 
@@ -285,12 +333,31 @@ impl Stepper {
         report.residual_mm = self.residual.into();
         let free = state.positions.iter().filter(|p| p[3] > 0.0).count();
         report.active_nodes = match model.solver {
-            Solver::Paper(_) => free,
+            Solver::Paper(_) => (self.space * free as f64).round() as usize,
             Solver::Physical(_) => self.descent.active_nodes().min(free),
         };
         report.contacts =
             self.couplings.iter().filter(|c| matches!(c.rule, Rule::Push { .. }) && norm(c.force) > 0.0).count();
         report.tools = tools.iter().enumerate().map(|(i, m)| self.felt(model, state, i, m)).collect();
+    }
+
+    fn survey(&mut self, model: &Model, positions: &[[f32; 4]]) -> Survey {
+        model.volumes.survey(positions, &mut self.growth, &self.pool)
+    }
+
+    /// The one place where a state is accepted.
+    fn judge(&mut self, model: &Model, state: &State, inverted: usize) -> Verdict {
+        let from = &self.backup;
+        let finite = |v: &[f32; 4]| (v[0] + v[1] + v[2]).is_finite();
+        // Tissue thrown across the whole model within a frame is as bad as no number.
+        let sane = |(p, q): (&[f32; 4], &[f32; 4])| (0..3).all(|a| (p[a] - q[a]).abs() < 3.0 * model.reach);
+        if !(state.positions.iter().zip(&from.positions).all(sane) && state.velocities.iter().all(finite)) {
+            return Verdict::NotFinite;
+        }
+        // Elements that were turned already are left to the solver to turn back.
+        let turned_before =
+            |s: &mut Self| model.volumes.survey(&s.backup.positions, &mut s.growth, &s.pool).inverted > 0;
+        if inverted > 0 && !turned_before(self) { Verdict::Inverted(inverted) } else { Verdict::Good }
     }
 
     /// What one tool felt in the last substep.
@@ -307,6 +374,14 @@ impl Stepper {
             inserted_mm: inserted,
             dimpling: memory.press.is_some(),
         }
+    }
+}
+
+/// Brings tissue that no step can move on to a stop, and a tenth of the way to its rest shape.
+fn come_free(model: &Model, state: &mut State) {
+    state.velocities.fill([0.0; 4]);
+    for (p, rest) in state.positions.iter_mut().zip(&model.rest).filter(|(p, _)| p[3] > 0.0) {
+        (0..3).for_each(|a| p[a] += 0.1 * (rest[a] - p[a]));
     }
 }
 
@@ -346,39 +421,4 @@ enum Verdict {
     Good,
     NotFinite,
     Inverted(usize),
-}
-
-/// The one place where a state is accepted.
-fn judge(model: &Model, from: &State, state: &State, inverted: usize) -> Verdict {
-    let finite = |v: &[f32; 4]| (v[0] + v[1] + v[2]).is_finite();
-    // Tissue thrown across the whole model within a frame is as bad as no number.
-    let sane = |(p, q): (&[f32; 4], &[f32; 4])| (0..3).all(|a| (p[a] - q[a]).abs() < 3.0 * model.reach);
-    if !(state.positions.iter().zip(&from.positions).all(sane) && state.velocities.iter().all(finite)) {
-        return Verdict::NotFinite;
-    }
-    // Elements that were turned already are left to the solver to turn back.
-    if inverted > 0 && Survey::of(model, &from.positions).inverted == 0 {
-        Verdict::Inverted(inverted)
-    } else {
-        Verdict::Good
-    }
-}
-
-/// Sums over all elements.
-#[derive(Debug, Clone, Copy, Default)]
-struct Survey {
-    six_volumes: f64,
-    inverted: usize,
-}
-
-impl Survey {
-    fn of(model: &Model, positions: &[[f32; 4]]) -> Self {
-        let mut out = Self::default();
-        for t in &model.tets {
-            let v = six_volume(t.map(|v| xyz(positions[v as usize])));
-            out.six_volumes += f64::from(v);
-            out.inverted += usize::from(v <= 0.0);
-        }
-        out
-    }
 }

@@ -145,44 +145,100 @@ fn two_rods_at_once_give_the_same_bits_every_time() {
     assert_eq!(run(), run());
 }
 
-/// Rods that jump, turn, rush and dive at random; then they go away and the tissue has to recover.
+/// Numbers in 0..1 that are the same in every run.
+struct Random(TestRunner);
+
+impl Random {
+    fn new() -> Self {
+        Self(TestRunner::new_with_rng(Config::default(), TestRng::deterministic_rng(RngAlgorithm::ChaCha)))
+    }
+
+    fn number(&mut self) -> f64 {
+        f64::from(proptest::prelude::RngExt::random::<u32>(self.0.rng())) / f64::from(u32::MAX)
+    }
+
+    /// A point in a box around the block.
+    fn point(&mut self, size: f64) -> Point<monro_geometry::Patient> {
+        let mut at = |low: f64, high: f64| low + (high - low) * self.number();
+        Point::new(at(-0.3 * size, 1.3 * size), at(-0.3 * size, 1.3 * size), at(-0.2 * size, 1.5 * size))
+    }
+
+    /// The next motion: a jump, a rush, a turn, a dive, a rest.
+    fn motion(&mut self, i: usize, pose: &mut ToolPose, size: f64) -> ToolMotion {
+        let to = match i % 5 {
+            0 => ToolPose { tip: self.point(size), tail: self.point(size) },
+            1 => ToolPose { tip: pose.tip.lerp(self.point(size), 0.2), tail: pose.tail },
+            2 => ToolPose { tip: pose.tip, tail: self.point(size) },
+            3 => ToolPose { tip: pose.tip + (pose.tip - pose.tail) * 0.1, tail: pose.tail },
+            _ => *pose,
+        };
+        let from = if i.is_multiple_of(5) { to } else { *pose };
+        let tip = if i.is_multiple_of(2) { TipShape::Round } else { TipShape::Cone { half_angle: 0.4 } };
+        *pose = to;
+        ToolMotion { tool: Tool { tip, radius_mm: 1.5 }, from, to }
+    }
+}
+
+/// Rods jump, turn, rush and dive at random, `motions` times in all; every fifty times they go away and the tissue has to
+/// recover.
+fn random_motions_leave_no_trace(mode: Mode, motions: usize) {
+    let size = 21.0;
+    let mesh = block([3, 3, 3], size / 3.0, |c| if c == [1, 1, 1] { 5 } else { 4 });
+    let model = Model::new(&mesh, &options(mode, &nodes(&mesh, |p| p.z == 0.0))).expect("model");
+    let (mut state, mut stepper, mut random) = (model.rest_state(), Stepper::new(&model), Random::new());
+    let settings = FrameSettings { iterations: 4, ..FrameSettings::default() };
+    let mut pose = ToolPose { tip: random.point(size), tail: random.point(size) };
+    for i in 0..motions {
+        let motion = random.motion(i, &mut pose, size);
+        let report = stepper.step(&model, &mut state, &[motion], &settings);
+        assert!(report.max_displacement_mm.is_finite() && report.max_displacement_mm < 10.0 * size, "{report:?}");
+        if i % 50 == 49 {
+            let mut last = report;
+            for _ in 0..60 {
+                last = stepper.step(&model, &mut state, &[], &settings);
+            }
+            assert_eq!(last.inverted, 0, "after {i} motions: {mode:?} {last:?}");
+            assert!(last.volume_change.abs() < 0.01, "after {i} motions: {mode:?} {last:?}");
+        }
+    }
+}
+
 #[test]
-fn random_tool_motions_end_without_a_trace() {
-    let mesh = block([5, 5, 5], 7.0, |c| if c.iter().all(|v| (2..4).contains(v)) { 5 } else { 4 });
-    let fixed = nodes(&mesh, |p| p.z == 0.0);
-    for mode in [physical(), Mode::Physical(PhysicalOptions { nodal_shear: 0.0 }), common::paper()] {
-        let model = Model::new(&mesh, &options(mode, &fixed)).expect("model");
-        let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
-        let mut runner = TestRunner::new_with_rng(Config::default(), TestRng::deterministic_rng(RngAlgorithm::ChaCha));
-        let mut random = || f64::from(proptest::prelude::RngExt::random::<u32>(runner.rng())) / f64::from(u32::MAX);
-        let mut point = || Point::new(-10.0 + 56.0 * random(), -10.0 + 56.0 * random(), -5.0 + 60.0 * random());
-        let settings = FrameSettings { iterations: 4, ..FrameSettings::default() };
-        let mut pose = ToolPose { tip: point(), tail: point() };
-        for i in 0..60 {
-            let to = match i % 5 {
-                // A jump, a rush, a turn, a dive, a rest.
-                0 => ToolPose { tip: point(), tail: point() },
-                1 => ToolPose { tip: pose.tip.lerp(point(), 0.2), tail: pose.tail },
-                2 => ToolPose { tip: pose.tip, tail: point() },
-                3 => ToolPose { tip: pose.tip + (pose.tip - pose.tail) * 0.1, tail: pose.tail },
-                _ => pose,
+fn five_thousand_random_tool_motions_end_without_a_trace() {
+    random_motions_leave_no_trace(physical(), 5000);
+}
+
+#[test]
+fn a_thousand_random_tool_motions_end_without_a_trace_without_nodal_shear() {
+    random_motions_leave_no_trace(Mode::Physical(PhysicalOptions { nodal_shear: 0.0 }), 1000);
+}
+
+#[test]
+fn four_thousand_random_tool_motions_end_without_a_trace_in_paper_mode() {
+    random_motions_leave_no_trace(common::paper(), 4000);
+}
+
+#[test]
+fn the_number_of_threads_changes_no_bit() {
+    let mesh = block([16, 8, 8], 5.0, |c| if c[0] > 5 && c[1] == 3 { 5 } else { 4 });
+    for mode in [physical(), common::paper()] {
+        for predicted_space in [false, true] {
+            let model = Model::new(&mesh, &options(mode, &nodes(&mesh, |p| p.z == 0.0))).expect("model");
+            let run = |threads: usize| {
+                let (mut state, mut stepper) = (model.rest_state(), Stepper::with_threads(&model, threads));
+                assert_eq!(stepper.threads(), threads);
+                let settings = FrameSettings { predicted_space, ..FrameSettings::default() };
+                for f in 0..20 {
+                    let z = |f: i32| 41.0 - 0.4 * f64::from(f);
+                    let motion = rod([31.0, 19.0, z(f)], [31.0, 19.0, z(f + 1)]);
+                    stepper.step(&model, &mut state, &[motion], &settings);
+                }
+                let at = |v: usize| model.position(&state, v).to_array().map(f64::to_bits);
+                (0..mesh.vertices.len()).map(at).collect::<Vec<_>>()
             };
-            let from = if i % 5 == 0 { to } else { pose };
-            let tool = Tool {
-                tip: if i % 2 == 0 { TipShape::Round } else { TipShape::Cone { half_angle: 0.4 } },
-                radius_mm: 1.5,
-            };
-            let report = stepper.step(&model, &mut state, &[ToolMotion { tool, from, to }], &settings);
-            assert!(report.max_displacement_mm.is_finite());
-            pose = to;
+            let one = run(1);
+            assert!(run(2) == one && run(5) == one, "{mode:?}, predicted space {predicted_space}");
         }
-        let mut last = None;
-        for _ in 0..150 {
-            last = Some(stepper.step(&model, &mut state, &[], &settings));
-        }
-        let last = last.expect("a step");
-        assert_eq!(last.inverted, 0, "{mode:?} {last:?}");
-        assert!(last.volume_change.abs() < 0.01, "{mode:?} {last:?}");
     }
 }
 

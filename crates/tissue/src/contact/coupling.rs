@@ -33,9 +33,14 @@ pub(crate) struct Coupling {
 impl Coupling {
     /// Current place of the material point.
     pub(crate) fn point(&self, positions: &[[f32; 4]]) -> V3 {
+        self.point_from(positions, 0)
+    }
+
+    /// As [`Coupling::point`], from positions that begin with the node `first`.
+    pub(crate) fn point_from(&self, positions: &[[f32; 4]], first: usize) -> V3 {
         let mut x = [0.0; 3];
         for (&n, &w) in self.nodes.iter().zip(&self.weights) {
-            x = axpy(x, w, xyz(positions[n as usize]));
+            x = axpy(x, w, xyz(positions[n as usize - first]));
         }
         x
     }

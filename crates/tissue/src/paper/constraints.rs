@@ -1,4 +1,4 @@
-//! The constraints of equations (6), (7), (8), (10) and (11), each as value and gradients.
+//! The constraints of equations (6), (7), (8), (10) and (11), each as value and gradients: the plain twins of `lanes`.
 
 use crate::vec3::{V3, add, cross, dot, norm, scale, sub};
 
@@ -67,9 +67,7 @@ pub(crate) fn volume([p1, p2, p3, p4]: [V3; 4], rest: f32) -> (f32, [V3; 4]) {
     (dot(g4, c) - rest, [g1, g2, g3, g4])
 }
 
-/// Equation (11): energy of four springs from the centroid `q` to the vertices, `1/2 sum k_i (|p_i - q| - d_i)^2`. The
-/// plain twin of what `lanes` does with eight elements at once.
-#[cfg(test)]
+/// Equation (11): energy of four springs from the centroid `q` to the vertices, `1/2 sum k_i (|p_i - q| - d_i)^2`.
 #[inline(always)]
 pub(crate) fn hetero(p: [V3; 4], rest: [f32; 4], k: [f32; 4]) -> (f32, [V3; 4]) {
     let q = scale(add(add(p[0], p[1]), add(p[2], p[3])), 0.25);

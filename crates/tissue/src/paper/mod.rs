@@ -3,18 +3,27 @@
 //! Three slips of the paper are corrected, each where it is used: equation (2) must multiply the velocity by the time step
 //! (it adds it), equation (9) lacks the factor 1/6 of a tetrahedron's volume, and equation (8) is a bending constraint of a
 //! vertex towards the centroid of the triangle it forms with two neighbours (Kelager et al. 2010), not a triangle's own
-//! shape. Each constraint is one function that returns its value and its gradients; [`project`] moves the vertices.
+//! shape. Each constraint is a plain function that returns its value and its gradients (`constraints`, the truth of the
+//! tests) and one that moves sixteen of them at once (`lanes`).
 
+mod batches;
+#[cfg(test)]
 mod constraints;
 mod damping;
 mod global_volume;
 mod lanes;
+mod matching;
+mod parts;
+mod predicted;
 mod solver;
 mod surface;
+mod sweep;
 
 pub(crate) use damping::damp;
-pub(crate) use solver::{PaperModel, PaperScratch};
+pub(crate) use predicted::WHOLE_EVERY;
+pub(crate) use solver::{Extent, PaperModel, PaperScratch, Shape};
 
+#[cfg(test)]
 use crate::vec3::{V3, dot, shift};
 
 /// The share of a constraint to satisfy in each of `n` iterations so that `coefficient` of it is satisfied after all of
@@ -26,7 +35,7 @@ pub(crate) fn per_iteration(coefficient: f64, n: u32) -> f32 {
 
 /// Moves the vertices along the mass-weighted gradient until the share `k` of the constraint is satisfied (Müller et al.
 /// 2007, equation 9), which keeps linear and angular momentum. Returns the largest motion.
-#[inline(always)]
+#[cfg(test)]
 pub(crate) fn project<const N: usize>(
     positions: &mut [[f32; 4]],
     nodes: [u32; N],

@@ -8,12 +8,14 @@
 
 pub(crate) mod descent;
 pub(crate) mod elastic;
-mod lanes;
 mod pressure;
 mod region;
+mod rings;
+mod sweep;
 mod touch;
 
 use crate::model::Region;
+use crate::slabs::Slabs;
 use descent::Descent;
 use elastic::Elastic;
 
@@ -26,14 +28,14 @@ pub(crate) struct PhysicalModel {
 
 impl PhysicalModel {
     pub(crate) fn new(
-        rest: &[[f32; 4]],
+        (rest, mass): (&[[f32; 4]], &[f32]),
         tets: &[[u32; 4]],
-        region: &[u8],
-        regions: &[Region],
+        (region, regions): (&[u8], &[Region]),
+        slabs: &Slabs,
         nodal_shear: f64,
     ) -> Self {
         let elastic = Elastic::new(rest, tets, region, regions, nodal_shear);
-        let descent = Descent::new(&elastic, rest, region, regions);
+        let descent = Descent::new(&elastic, rest, mass, (region, regions), slabs);
         Self { elastic, descent }
     }
 }

@@ -1,62 +1,140 @@
-//! The nodal pressures of [`Descent`]: an augmented Lagrangian of the volume of each patch.
+//! The nodal pressures: an augmented Lagrangian of the volume of each patch.
 
-use super::descent::{Descent, DescentScratch};
-use super::region::Active;
-use crate::vec3::{six_volume, xyz};
+use super::elastic::Elastic;
+use super::sweep::Element;
+use crate::fast::{Pool, Row};
+use crate::slabs;
+use crate::volumes::Volumes;
 
-impl Descent {
-    /// Growth of all elements and patches at the current positions, and the pressures that follow from it.
-    #[inline(always)]
-    pub(super) fn measure(&self, positions: &[[f32; 4]], nodal: &[f32], scratch: &mut DescentScratch) {
-        scratch.dilation.clear();
-        scratch.dilation.resize(self.patch_volume.len(), 0.0);
-        scratch.growth.clear();
-        for ((tet, patch), rest) in self.tets.iter().zip(&self.patch).zip(&self.tet_rest) {
-            let grown = six_volume(tet.map(|v| xyz(positions[v as usize]))) - rest;
-            scratch.growth.push(grown);
-            patch.iter().for_each(|&p| scratch.dilation[p as usize] += grown);
+/// Constants of elements and patches.
+#[derive(Debug, Clone)]
+pub(super) struct Pressures {
+    /// Penalty of each element over six times its volume, kPa/mm3.
+    penalty: Vec<f32>,
+    /// Patch of each corner of each element; elements of each patch.
+    patch: Vec<[u32; 4]>,
+    start: Vec<u32>,
+    around: Vec<u32>,
+    /// Of each patch: what the sweeps carry of its volumetric stiffness over 24 times its volume, kPa/mm3, and the share
+    /// `k / (k + r)` of the multiplier's step, 0 where the sweeps carry all.
+    rate: Vec<f32>,
+    share: Vec<f32>,
+    /// Pieces for threads: of elements and of patches.
+    tet_cuts: Vec<usize>,
+    patch_cuts: Vec<usize>,
+}
+
+/// What follows the positions.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Grown {
+    /// Six times the growth of each element, mm3.
+    growth: Vec<Row>,
+    /// Pressure of each patch, penalty included, kPa.
+    total: Vec<f32>,
+}
+
+/// Volumetric stiffness that the sweeps carry themselves of an element, kPa.
+fn carried(elastic: &Elastic, t: usize, over_shear: f64) -> f64 {
+    (over_shear * elastic.mu[t]).min(elastic.patch_bulk[elastic.patch[t][0] as usize])
+}
+
+impl Pressures {
+    /// `over_shear`: volumetric stiffness that the sweeps carry themselves, over the shear modulus.
+    pub(super) fn new(elastic: &Elastic, over_shear: f64) -> Self {
+        let (tets, patches) = (&elastic.tets, elastic.patch_volume.len());
+        let mut patch_penalty = vec![0.0; patches];
+        for (t, corners) in elastic.patch.iter().enumerate() {
+            corners.iter().for_each(|&p| patch_penalty[p as usize] = carried(elastic, t, over_shear));
         }
-        scratch.total.clear();
-        let total = nodal.iter().enumerate().map(|(k, p)| p + self.patch_rate[k] * scratch.dilation[k]);
-        scratch.total.extend(total);
-        for t in 0..self.tets.len() {
-            self.spread(t, scratch);
+        let (start, around) = of_patches(&elastic.patch, patches);
+        Self {
+            penalty: (0..tets.len())
+                .map(|t| (carried(elastic, t, over_shear) / (6.0 * elastic.volume[t])) as f32)
+                .collect(),
+            patch: elastic.patch.clone(),
+            start,
+            around,
+            rate: patch_penalty.iter().zip(&elastic.patch_volume).map(|(r, v)| (r / (24.0 * v)) as f32).collect(),
+            // What is left for the multiplier is `k - r`, so its share is `(k - r) / k`.
+            share: patch_penalty.iter().zip(&elastic.patch_bulk).map(|(r, k)| ((k - r) / k) as f32).collect(),
+            tet_cuts: slabs::even_cuts(tets.len()),
+            patch_cuts: slabs::even_cuts(patches),
         }
     }
 
-    /// Measures the active elements anew and lets the pressures of their patches take the next step of the multiplier
-    /// method, `p <- (p + r (J - 1)) / (1 + r / k)`, at rest in itself when `p = k (J - 1)`.
-    #[inline(always)]
+    /// Number of patches.
+    pub(super) fn len(&self) -> usize {
+        self.rate.len()
+    }
+
+    /// What an element is at rest.
+    pub(super) fn elements(elastic: &Elastic, over_shear: f64) -> Vec<Element> {
+        let element = |t: usize| {
+            let over = |k: f64| (k / elastic.volume[t]) as f32;
+            [0.0, elastic.mu[t] as f32, over(elastic.bulk[t]), over(carried(elastic, t, over_shear))]
+        };
+        (0..elastic.tets.len()).map(element).collect()
+    }
+
+    /// Growth of all elements at the current positions, and their pressures with it. With `advance` the nodal pressures
+    /// take the next step of the multiplier method, `p <- (p + r (J - 1)) / (1 + r / k)`, at rest in itself when
+    /// `p = k (J - 1)`.
     pub(super) fn update(
         &self,
-        positions: &[[f32; 4]],
+        (volumes, positions): (&Volumes, &[[f32; 4]]),
         nodal: &mut [f32],
-        active: &Active,
-        scratch: &mut DescentScratch,
+        elements: &mut [Element],
+        grown: &mut Grown,
+        (advance, pool): (bool, &Pool),
     ) {
-        for &t in &active.tets {
-            let t = t as usize;
-            let grown = six_volume(self.tets[t].map(|v| xyz(positions[v as usize]))) - self.tet_rest[t];
-            let change = grown - scratch.growth[t];
-            scratch.growth[t] = grown;
-            self.patch[t].iter().for_each(|&p| scratch.dilation[p as usize] += change);
-        }
-        for &k in &active.patches {
-            let k = k as usize;
-            let step = self.patch_rate[k] * scratch.dilation[k];
-            nodal[k] = (nodal[k] + step) * self.patch_share[k];
-            scratch.total[k] = nodal[k] + step;
-        }
-        for &t in &active.tets {
-            self.spread(t as usize, scratch);
-        }
+        let Grown { growth, total } = grown;
+        volumes.measure(positions, growth, pool);
+        total.resize(self.len(), 0.0);
+        let growth = growth.as_flattened();
+        // Each piece has its part of the nodal pressures and, as its slot, the same part of the totals.
+        let mut totals = slabs::split(total, &self.patch_cuts);
+        pool.each_part(nodal, &self.patch_cuts, &mut totals, &|i, nodal, total| {
+            let first = self.patch_cuts[i];
+            for (k, (nodal, total)) in nodal.iter_mut().zip(total.iter_mut()).enumerate() {
+                self.step(first + k, growth, advance, nodal, total);
+            }
+        });
+        pool.each_part(elements, &self.tet_cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
+            let first = self.tet_cuts[i];
+            for (k, element) in elements.iter_mut().enumerate() {
+                let t = first + k;
+                let [a, b, c, d] = self.patch[t];
+                // The mean of its patches, less what the element's own change from now on will add again.
+                let sum = (total[a as usize] + total[b as usize]) + (total[c as usize] + total[d as usize]);
+                element[0] = 0.25 * sum - growth[t] * self.penalty[t] - element[1];
+            }
+        });
     }
 
-    /// Pressure of an element: the mean of its patches, less what the element's own change from now on will add again.
     #[inline(always)]
-    fn spread(&self, t: usize, scratch: &mut DescentScratch) {
-        let mean = 0.25 * self.patch[t].iter().map(|&p| scratch.total[p as usize]).sum::<f32>();
-        let element = &mut scratch.elements[t];
-        element[0] = mean - scratch.growth[t] * self.tet_penalty[t] - element[1];
+    fn step(&self, k: usize, growth: &[f32], advance: bool, nodal: &mut f32, total: &mut f32) {
+        let own = &self.around[self.start[k] as usize..self.start[k + 1] as usize];
+        let step = self.rate[k] * own.iter().map(|&t| growth[t as usize]).sum::<f32>();
+        if advance {
+            *nodal = (*nodal + step) * self.share[k];
+        }
+        *total = *nodal + step;
     }
+}
+
+/// Start of each patch's elements, and those in order.
+fn of_patches(patch: &[[u32; 4]], patches: usize) -> (Vec<u32>, Vec<u32>) {
+    let mut start = vec![0u32; patches + 1];
+    patch.iter().flatten().for_each(|&p| start[p as usize + 1] += 1);
+    for p in 0..patches {
+        start[p + 1] += start[p];
+    }
+    let (mut fill, mut around) = (start.clone(), vec![0u32; patch.len() * 4]);
+    for (t, corners) in patch.iter().enumerate() {
+        for &p in corners {
+            around[fill[p as usize] as usize] = t as u32;
+            fill[p as usize] += 1;
+        }
+    }
+    (start, around)
 }

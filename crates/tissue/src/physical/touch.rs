@@ -1,32 +1,98 @@
 //! What couplings and springs do to single vertices.
 
-use super::descent::{Body, DescentScratch};
+use super::rings::Batch;
 use crate::contact::{Coupling, Rule};
+use crate::model::Tether;
 use crate::vec3::{V3, axpy, dot, scale, sub, xyz};
 
-/// Adds what couplings and springs do to vertex `i`.
-pub(super) fn act(i: usize, body: &Body<'_>, scratch: &DescentScratch, g: &mut V3, h: &mut [f32; 6]) {
-    let spring = scratch.spring[i];
-    if spring > 0.0 {
-        *g = axpy(*g, spring, sub(xyz(body.positions[i]), xyz(body.rest[i])));
-        (0..3).for_each(|a| h[a] += spring);
-    }
-    let touches = scratch.first_touch[i] as usize..scratch.first_touch[i + 1] as usize;
-    for &(_, c, weight) in &scratch.touched[touches] {
-        let coupling = &body.couplings[c as usize];
-        let force = penalty_force(coupling, coupling.point(body.positions));
-        *g = axpy(*g, -weight, force);
-        let k = weight * weight * coupling.stiffness;
-        match coupling.rule {
-            Rule::Push { normal, .. } => {
-                if dot(force, normal) > 0.0 {
-                    add_outer(h, k, normal);
-                }
+/// Couplings and springs by vertex.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Touches {
+    /// Vertex, coupling and weight, in order.
+    list: Vec<(u32, u32, f32)>,
+    /// First entry of each vertex in the list.
+    first: Vec<u32>,
+    /// Stiffness of the springs on each vertex, mN/mm.
+    spring: Vec<f32>,
+    /// Whether there is anything at all.
+    any: bool,
+}
+
+impl Touches {
+    /// Lists what acts on the vertices of a model.
+    pub(super) fn list(&mut self, couplings: &[Coupling], tethers: &[Tether], vertices: usize) {
+        self.list.clear();
+        for (k, c) in couplings.iter().enumerate() {
+            let shares = c.nodes.iter().zip(&c.weights).filter(|s| *s.1 != 0.0);
+            self.list.extend(shares.map(|(&n, &w)| (n, k as u32, w)));
+        }
+        self.list.sort_unstable_by_key(|t| (t.0, t.1));
+        self.first.clear();
+        let mut next = 0;
+        for i in 0..=vertices as u32 {
+            while next < self.list.len() && self.list[next].0 < i {
+                next += 1;
             }
-            Rule::Hold { axis, limit, .. } => {
-                (0..3).for_each(|a| h[a] += k);
-                if dot(force, axis).abs() >= limit {
-                    add_outer(h, -k, axis);
+            self.first.push(next as u32);
+        }
+        self.spring.clear();
+        self.spring.resize(vertices, 0.0);
+        for t in tethers {
+            self.spring[t.node as usize] += t.stiffness;
+        }
+        self.any = !self.list.is_empty() || !tethers.is_empty();
+    }
+}
+
+/// What acts on the vertices of a part, the first of which has the number `first`.
+#[derive(Clone, Copy)]
+pub(super) struct Touching<'a> {
+    pub(super) touches: &'a Touches,
+    pub(super) couplings: &'a [Coupling],
+    /// All vertices at rest.
+    pub(super) rest: &'a [[f32; 4]],
+    pub(super) first: usize,
+}
+
+impl Touching<'_> {
+    /// Whether anything acts on a vertex of the batch.
+    #[inline(always)]
+    pub(super) fn any(&self, batch: &Batch) -> bool {
+        self.touches.any && batch.vertices[..batch.count].iter().any(|&v| self.touches(v))
+    }
+
+    /// Whether anything acts on a vertex.
+    #[inline(always)]
+    pub(super) fn touches(&self, v: u32) -> bool {
+        let v = v as usize;
+        self.touches.first[v] < self.touches.first[v + 1] || self.touches.spring[v] > 0.0
+    }
+
+    /// Adds what couplings and springs do to vertex `v`; `vertices` are those of the part.
+    pub(super) fn act(&self, v: u32, vertices: &[[f32; 4]], g: &mut V3, h: &mut [f32; 6]) {
+        let i = v as usize;
+        let spring = self.touches.spring[i];
+        if spring > 0.0 {
+            *g = axpy(*g, spring, sub(xyz(vertices[i - self.first]), xyz(self.rest[i])));
+            (0..3).for_each(|a| h[a] += spring);
+        }
+        let own = self.touches.first[i] as usize..self.touches.first[i + 1] as usize;
+        for &(_, c, weight) in &self.touches.list[own] {
+            let coupling = &self.couplings[c as usize];
+            let force = penalty_force(coupling, coupling.point_from(vertices, self.first));
+            *g = axpy(*g, -weight, force);
+            let k = weight * weight * coupling.stiffness;
+            match coupling.rule {
+                Rule::Push { normal, .. } => {
+                    if dot(force, normal) > 0.0 {
+                        add_outer(h, k, normal);
+                    }
+                }
+                Rule::Hold { axis, limit, .. } => {
+                    (0..3).for_each(|a| h[a] += k);
+                    if dot(force, axis).abs() >= limit {
+                        add_outer(h, -k, axis);
+                    }
                 }
             }
         }
@@ -42,28 +108,6 @@ pub(super) fn penalty_force(c: &Coupling, x: V3) -> V3 {
             let along = dot(pull, axis);
             axpy(pull, along.clamp(-limit, limit) - along, axis)
         }
-    }
-}
-
-pub(super) fn list_touches(body: &Body<'_>, scratch: &mut DescentScratch) {
-    scratch.touched.clear();
-    for (k, c) in body.couplings.iter().enumerate() {
-        let shares = c.nodes.iter().zip(&c.weights).filter(|s| *s.1 != 0.0);
-        scratch.touched.extend(shares.map(|(&n, &w)| (n, k as u32, w)));
-    }
-    scratch.touched.sort_unstable_by_key(|t| (t.0, t.1));
-    scratch.first_touch.clear();
-    let mut next = 0;
-    for i in 0..=body.positions.len() as u32 {
-        while next < scratch.touched.len() && scratch.touched[next].0 < i {
-            next += 1;
-        }
-        scratch.first_touch.push(next as u32);
-    }
-    scratch.spring.clear();
-    scratch.spring.resize(body.positions.len(), 0.0);
-    for t in body.tethers {
-        scratch.spring[t.node as usize] += t.stiffness;
     }
 }
 

@@ -1,0 +1,292 @@
+//! Arithmetic on several constraints at once, written once for all widths.
+//!
+//! A batch has [`WIDTH`] lanes; a processor takes them 8 or 16 at a time. No operation is fused or reordered, so every
+//! width gives the same bits, and [`Plain`] is the truth that the others are held to.
+
+use core::ops::{Add, Div, Mul, Sub};
+
+/// Lanes of a batch.
+pub(crate) const WIDTH: usize = 16;
+
+/// One number for each lane of a batch.
+pub(crate) type Row = [f32; WIDTH];
+
+/// A vector of `N` lanes.
+pub(crate) trait Lanes:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
+    const N: usize;
+    fn splat(v: f32) -> Self;
+    /// The lanes `first..first + N` of a row.
+    fn load(row: &Row, first: usize) -> Self;
+    /// Writes the lanes `first..first + N` of a row.
+    fn store(self, row: &mut Row, first: usize);
+    fn sqrt(self) -> Self;
+    fn max(self, other: Self) -> Self;
+    fn min(self, other: Self) -> Self;
+    /// Where a lane is not finite, zero.
+    fn or_zero(self) -> Self;
+    /// `yes` where `self` is negative, `no` elsewhere.
+    fn if_negative(self, yes: Self, no: Self) -> Self;
+    /// x, y, z and inverse mass of the vertices at `places`, by component.
+    ///
+    /// # Safety
+    /// Every place lies within the vertices behind `from`.
+    unsafe fn gather<P: Place>(from: *const [f32; 4], places: &[P; WIDTH], first: usize) -> [Self; 4];
+    /// Writes the first `count` vertices back.
+    ///
+    /// # Safety
+    /// Every place lies within the vertices behind `to`, and nobody else uses them.
+    unsafe fn scatter(v: [Self; 4], to: *mut [f32; 4], places: &[u16; WIDTH], first: usize, count: usize);
+}
+
+/// Work that can be done with vectors of any width.
+pub(crate) trait Kernel {
+    type Out;
+    fn run<V: Lanes>(self) -> Self::Out;
+}
+
+/// Runs a kernel with the widest vectors that the processor has.
+pub(crate) fn widest<K: Kernel>(kernel: K) -> K::Out {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use super::x86;
+        // `std` remembers what the processor said.
+        if x86::has_avx512() {
+            return x86::with_avx512(kernel);
+        }
+        if x86::has_avx2() {
+            return x86::with_avx2(kernel);
+        }
+    }
+    plain(kernel)
+}
+
+/// Runs a kernel without any special instruction.
+pub(crate) fn plain<K: Kernel>(kernel: K) -> K::Out {
+    kernel.run::<Plain>()
+}
+
+/// A place among vertices.
+pub(crate) trait Place: Copy {
+    fn at(self) -> usize;
+}
+
+impl Place for u16 {
+    #[inline(always)]
+    fn at(self) -> usize {
+        self.into()
+    }
+}
+
+impl Place for u32 {
+    #[inline(always)]
+    fn at(self) -> usize {
+        self as usize
+    }
+}
+
+/// Vertices of batches of constraints on `K` vertices each, checked once so that kernels need not check them again.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Places<const K: usize, P = u16> {
+    rows: Vec<[[P; WIDTH]; K]>,
+    /// One more than the largest place.
+    bound: usize,
+}
+
+impl<const K: usize, P: Place> Places<K, P> {
+    pub(crate) fn new(rows: Vec<[[P; WIDTH]; K]>) -> Self {
+        let bound = rows.iter().flatten().flatten().map(|p| p.at() + 1).max().unwrap_or(0);
+        Self { rows, bound }
+    }
+
+    /// Number of batches.
+    pub(crate) fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// The places over the vertices that they stand for.
+    ///
+    /// # Panics
+    /// When there are fewer vertices than places.
+    pub(crate) fn over<'a>(&'a self, vertices: &'a mut [[f32; 4]]) -> Window<'a, K, P> {
+        assert!(self.bound <= vertices.len(), "{} places over {} vertices", self.bound, vertices.len());
+        Window { rows: &self.rows, vertices }
+    }
+
+    /// The places over vertices that are only read.
+    ///
+    /// # Panics
+    /// As [`Places::over`].
+    pub(crate) fn view<'a>(&'a self, vertices: &'a [[f32; 4]]) -> View<'a, K, P> {
+        assert!(self.bound <= vertices.len(), "{} places over {} vertices", self.bound, vertices.len());
+        View { rows: &self.rows, vertices }
+    }
+}
+
+/// Vertices seen through checked places.
+pub(crate) struct Window<'a, const K: usize, P = u16> {
+    rows: &'a [[[P; WIDTH]; K]],
+    vertices: &'a mut [[f32; 4]],
+}
+
+/// Vertices seen through checked places, to be read.
+pub(crate) struct View<'a, const K: usize, P = u16> {
+    rows: &'a [[[P; WIDTH]; K]],
+    vertices: &'a [[f32; 4]],
+}
+
+impl<const K: usize> Window<'_, K> {
+    /// Vertex `corner` of the lanes `first..first + V::N` of a batch.
+    #[inline(always)]
+    pub(crate) fn gather<V: Lanes>(&self, batch: usize, corner: usize, first: usize) -> [V; 4] {
+        // SAFETY: `Places::over` has checked all places against the number of vertices.
+        unsafe { V::gather(self.vertices.as_ptr(), &self.rows[batch][corner], first) }
+    }
+
+    /// Writes the first `count` of these vertices back.
+    #[inline(always)]
+    pub(crate) fn scatter<V: Lanes>(&mut self, batch: usize, corner: usize, first: usize, v: [V; 4], count: usize) {
+        // SAFETY: as in `gather`, and the window holds its vertices alone.
+        unsafe { V::scatter(v, self.vertices.as_mut_ptr(), &self.rows[batch][corner], first, count) };
+    }
+}
+
+impl<const K: usize, P: Place> View<'_, K, P> {
+    /// Vertex `corner` of the lanes `first..first + V::N` of a batch.
+    #[inline(always)]
+    pub(crate) fn gather<V: Lanes>(&self, batch: usize, corner: usize, first: usize) -> [V; 4] {
+        // SAFETY: `Places::view` has checked all places against the number of vertices.
+        unsafe { V::gather(self.vertices.as_ptr(), &self.rows[batch][corner], first) }
+    }
+}
+
+/// Eight lanes in plain arithmetic.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Plain([f32; 8]);
+
+macro_rules! by_lane {
+    ($trait:ident, $method:ident, $op:tt) => {
+        impl $trait for Plain {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self(core::array::from_fn(|l| self.0[l] $op other.0[l]))
+            }
+        }
+    };
+}
+by_lane!(Add, add, +);
+by_lane!(Sub, sub, -);
+by_lane!(Mul, mul, *);
+by_lane!(Div, div, /);
+
+impl Lanes for Plain {
+    const N: usize = 8;
+    #[inline(always)]
+    fn splat(v: f32) -> Self {
+        Self([v; 8])
+    }
+    #[inline(always)]
+    fn load(row: &Row, first: usize) -> Self {
+        Self(core::array::from_fn(|l| row[first + l]))
+    }
+    #[inline(always)]
+    fn store(self, row: &mut Row, first: usize) {
+        row[first..first + 8].copy_from_slice(&self.0);
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.map(f32::sqrt))
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self(core::array::from_fn(|l| if self.0[l] > other.0[l] { self.0[l] } else { other.0[l] }))
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(core::array::from_fn(|l| if self.0[l] < other.0[l] { self.0[l] } else { other.0[l] }))
+    }
+    #[inline(always)]
+    fn or_zero(self) -> Self {
+        Self(self.0.map(|v| if v.is_finite() { v } else { 0.0 }))
+    }
+    #[inline(always)]
+    fn if_negative(self, yes: Self, no: Self) -> Self {
+        Self(core::array::from_fn(|l| if self.0[l] < 0.0 { yes.0[l] } else { no.0[l] }))
+    }
+    #[inline(always)]
+    unsafe fn gather<P: Place>(from: *const [f32; 4], places: &[P; WIDTH], first: usize) -> [Self; 4] {
+        let mut out = [Self([0.0; 8]); 4];
+        for l in 0..8 {
+            // SAFETY: `Window` has checked all places against the length of its vertices.
+            let v = unsafe { *from.add(places[first + l].at()) };
+            (0..4).for_each(|a| out[a].0[l] = v[a]);
+        }
+        out
+    }
+    #[inline(always)]
+    unsafe fn scatter(v: [Self; 4], to: *mut [f32; 4], places: &[u16; WIDTH], first: usize, count: usize) {
+        for l in 0..count.min(8) {
+            // SAFETY: as in `gather`, and the window holds its vertices alone.
+            unsafe { *to.add(places[first + l].into()) = core::array::from_fn(|a| v[a].0[l]) };
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// Does a little of everything.
+    struct Everything<'a>(Window<'a, 2>, &'a Row, usize);
+
+    impl Kernel for Everything<'_> {
+        type Out = f32;
+        #[inline(always)]
+        fn run<V: Lanes>(mut self) -> f32 {
+            let mut most = [0f32; WIDTH];
+            for first in (0..WIDTH).step_by(V::N) {
+                let (p, q): ([V; 4], [V; 4]) = (self.0.gather(0, 0, first), self.0.gather(0, 1, first));
+                let k = V::load(self.1, first);
+                let r = core::array::from_fn(|a| ((p[a] - q[a]) * k / p[3]).or_zero().sqrt().or_zero());
+                let s = core::array::from_fn(|a| (q[a] + k).if_negative(q[a].max(p[a]), q[a].min(V::splat(2.5))));
+                let count = self.2.saturating_sub(first);
+                r[0].store(&mut most, first);
+                self.0.scatter(0, 0, first, r, count);
+                self.0.scatter(0, 1, first, s, count);
+            }
+            most.iter().sum()
+        }
+    }
+
+    #[test]
+    fn every_width_gives_the_bits_of_the_plain_one() {
+        let start: Vec<[f32; 4]> =
+            (0..40u16).map(|i| core::array::from_fn(|a| ((i * 37 + a as u16 * 11) % 23) as f32 - 11.0)).collect();
+        let rows = vec![[core::array::from_fn(|l| 2 * l as u16), core::array::from_fn(|l| 2 * l as u16 + 1)]];
+        let places = Places::new(rows);
+        let k: Row = core::array::from_fn(|l| l as f32 * 0.3 - 1.0);
+        for count in [16, 11, 8, 3, 0] {
+            let (mut a, mut b) = (start.clone(), start.clone());
+            let wide = widest(Everything(places.over(&mut a), &k, count));
+            let truth = plain(Everything(places.over(&mut b), &k, count));
+            assert_eq!(wide.to_bits(), truth.to_bits());
+            let bits = |v: &[[f32; 4]]| v.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits(&a), bits(&b), "{count} lanes");
+            #[cfg(target_arch = "x86_64")]
+            if super::super::x86::has_avx2() {
+                let mut c = start.clone();
+                super::super::x86::with_avx2(Everything(places.over(&mut c), &k, count));
+                assert_eq!(bits(&c), bits(&b), "{count} lanes");
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "places over")]
+    fn places_beyond_the_vertices_are_refused() {
+        let places = Places::new(vec![[[7u16; WIDTH]; 2]]);
+        places.over(&mut [[0.0; 4]; 7]);
+    }
+}

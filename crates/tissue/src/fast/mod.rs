@@ -1,0 +1,18 @@
+//! What makes a step fast: vectors of the width that the processor has, and threads that are there at once.
+//!
+//! The only home of `unsafe` in this project, for two reasons that the language has no other word for: a function compiled
+//! for certain instructions may only be called after asking the processor, and threads that live longer than a call may
+//! only be lent its data while the call waits for them. Everything that leaves this module is safe to call.
+
+#![expect(
+    unsafe_code,
+    reason = "vector instructions and lending data to waiting threads; each use says why it is sound"
+)]
+
+mod lanes;
+mod pool;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+pub(crate) use lanes::{Kernel, Lanes, Places, Row, WIDTH, Window, plain, widest};
+pub(crate) use pool::Pool;

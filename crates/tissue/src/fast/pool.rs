@@ -1,0 +1,355 @@
+//! A few threads that wait for work, and share it without being told who does what.
+//!
+//! A call opens a gate; threads that happen to be awake come in and take pieces of the work until none is left; then the
+//! gate is closed and the caller waits for those inside. A thread that sleeps, or that the system has put aside, is never
+//! waited for: the others do its pieces. Which thread does a piece never matters to the result, because pieces share no
+//! data.
+
+use core::cell::UnsafeCell;
+use core::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::Arc;
+use std::thread::JoinHandle;
+
+/// The gate is open.
+const OPEN: u64 = 1 << 16;
+/// One more opening of the gate.
+const EPOCH: u64 = 1 << 17;
+/// Threads inside.
+const INSIDE: u64 = OPEN - 1;
+
+/// Turns of a waiting loop before a thread lets the system run something else in its place, if there is anything: a
+/// thread that waits must never keep the one that it waits for from working.
+const GRACE: u32 = 200;
+/// Turns before a thread goes to sleep: some hundred microseconds.
+const PATIENCE: u32 = 1_000;
+
+type Work<'a> = dyn Fn(usize) + Sync + 'a;
+
+/// Threads that wait.
+#[derive(Debug)]
+pub(crate) struct Pool {
+    shared: Arc<Shared>,
+    threads: Vec<JoinHandle<()>>,
+    busy: AtomicBool,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    /// Count of openings, whether it is open, how many threads are inside.
+    gate: AtomicU64,
+    work: Job,
+    /// Which threads sleep, one bit each.
+    asleep: AtomicU64,
+    stop: AtomicBool,
+    /// A piece of work has panicked on another thread.
+    panicked: AtomicBool,
+}
+
+/// The work behind the gate, as long as it is open.
+#[derive(Default)]
+struct Job(UnsafeCell<Option<&'static Work<'static>>>);
+
+impl core::fmt::Debug for Job {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("Job")
+    }
+}
+
+// SAFETY: written only by the caller of `Pool::run` while the gate is closed and nobody is inside; read only by threads
+// inside, who came in after the write (acquire and release on the gate).
+unsafe impl Sync for Job {}
+
+impl Pool {
+    /// A pool of `threads` threads, the caller's among them (at most 32).
+    pub(crate) fn new(threads: usize) -> Self {
+        let shared = Arc::new(Shared::default());
+        let start = |index: usize| {
+            let shared = Arc::clone(&shared);
+            let work = move || shared.wait_for_work(index);
+            std::thread::Builder::new().name(format!("tissue-{index}")).spawn(work).ok()
+        };
+        // Without more threads the caller does everything: slower, the same result.
+        let threads = (1..threads.clamp(1, 32)).map_while(start).collect();
+        Self { shared, threads, busy: AtomicBool::new(false) }
+    }
+
+    /// Threads, the caller's among them.
+    pub(crate) fn threads(&self) -> usize {
+        self.threads.len() + 1
+    }
+
+    /// Wakes the threads, so that they are there when work comes.
+    pub(crate) fn wake(&self) {
+        let asleep = self.shared.asleep.load(Ordering::SeqCst);
+        for (i, t) in self.threads.iter().enumerate() {
+            if asleep >> (i + 1) & 1 == 1 {
+                t.thread().unpark();
+            }
+        }
+    }
+
+    /// Calls `work` with the pieces `0..count`, each once, on whichever threads are awake.
+    pub(crate) fn each(&self, count: usize, work: &(dyn Fn(usize) + Sync)) {
+        let threads = self.threads();
+        if threads == 1 || count < 2 || self.busy.swap(true, Ordering::Acquire) {
+            (0..count).for_each(work);
+            return;
+        }
+        let queue = Queue::new(count, threads);
+        let free = Free(&self.busy);
+        self.open(&|thread| {
+            while let Some(piece) = queue.take(thread) {
+                work(piece);
+            }
+        });
+        drop(free);
+        assert!(!self.shared.panicked.swap(false, Ordering::SeqCst), "a thread of the soft body has panicked");
+    }
+
+    /// Cuts `data` at `cuts` (in order, the first is where the first part begins) and calls `work` with each part and the
+    /// slot of the same number.
+    ///
+    /// # Panics
+    /// When the cuts are not in order or beyond the data, or when there are more parts than slots.
+    pub(crate) fn each_part<T: Send, S: Send>(
+        &self,
+        data: &mut [T],
+        cuts: &[usize],
+        slots: &mut [S],
+        work: &(dyn Fn(usize, &mut [T], &mut S) + Sync),
+    ) {
+        let parts = cuts.len().saturating_sub(1);
+        let sound = cuts.is_sorted() && cuts.last().is_none_or(|&last| last <= data.len()) && parts <= slots.len();
+        assert!(sound, "cuts {cuts:?} of {} entries with {} slots", data.len(), slots.len());
+        let (data, slots) = (Base(data.as_mut_ptr()), Base(slots.as_mut_ptr()));
+        self.each(parts, &|i| {
+            // SAFETY: the cuts are in order and within the data, which is borrowed until all pieces are done, and each
+            // piece is done once: nobody else has this part, or this slot.
+            let (part, slot) = unsafe {
+                (core::slice::from_raw_parts_mut(data.at(cuts[i]), cuts[i + 1] - cuts[i]), &mut *slots.at(i))
+            };
+            work(i, part, slot);
+        });
+    }
+
+    /// Lets threads in, works along, and returns when all are out again.
+    fn open(&self, work: &Work<'_>) {
+        let shared = &*self.shared;
+        // SAFETY: the reference is used only by threads inside the gate, and `Closing` does not let this function end,
+        // by return or by panic, before the gate is closed and all of them are out.
+        let lent = unsafe { core::mem::transmute::<&Work<'_>, &'static Work<'static>>(work) };
+        // SAFETY: the gate is closed and nobody is inside; `busy` keeps other callers out.
+        unsafe { *shared.work.0.get() = Some(lent) };
+        shared.gate.fetch_add(EPOCH | OPEN, Ordering::Release);
+        let closing = Closing(shared);
+        work(0);
+        drop(closing);
+    }
+}
+
+impl Drop for Pool {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::SeqCst);
+        for t in self.threads.drain(..) {
+            t.thread().unpark();
+            drop(t.join());
+        }
+    }
+}
+
+/// Lets the next caller in, whatever happens.
+struct Free<'a>(&'a AtomicBool);
+
+impl Drop for Free<'_> {
+    fn drop(&mut self) {
+        self.0.store(false, Ordering::Release);
+    }
+}
+
+/// Closes the gate and waits for those inside, whatever happens.
+struct Closing<'a>(&'a Shared);
+
+impl Drop for Closing<'_> {
+    fn drop(&mut self) {
+        self.0.gate.fetch_and(!OPEN, Ordering::AcqRel);
+        let mut turns = 0u32;
+        while self.0.gate.load(Ordering::Acquire) & INSIDE != 0 {
+            turns += 1;
+            pause(turns);
+        }
+    }
+}
+
+/// Waits a little: longer when it has waited before.
+fn pause(turns: u32) {
+    if turns < GRACE {
+        core::hint::spin_loop();
+    } else {
+        std::thread::yield_now();
+    }
+}
+
+impl Shared {
+    fn wait_for_work(&self, index: usize) {
+        let (mut seen, mut turns) = (0, 0u32);
+        while !self.stop.load(Ordering::Relaxed) {
+            let gate = self.gate.load(Ordering::Relaxed);
+            let news = gate & OPEN != 0 && gate / EPOCH != seen;
+            if news && self.gate.compare_exchange(gate, gate + 1, Ordering::Acquire, Ordering::Relaxed).is_ok() {
+                (seen, turns) = (gate / EPOCH, 0);
+                self.work_inside(index);
+                self.gate.fetch_sub(1, Ordering::Release);
+            } else if turns < PATIENCE {
+                turns += 1;
+                pause(turns);
+            } else {
+                turns = 0;
+                self.sleep(index);
+            }
+        }
+    }
+
+    fn work_inside(&self, index: usize) {
+        // SAFETY: this thread is inside the open gate, where the work stays until it is out.
+        let work = unsafe { *self.work.0.get() };
+        let run = || {
+            if let Some(work) = work {
+                work(index);
+            }
+        };
+        if std::panic::catch_unwind(core::panic::AssertUnwindSafe(run)).is_err() {
+            self.panicked.store(true, Ordering::SeqCst);
+        }
+    }
+
+    fn sleep(&self, index: usize) {
+        self.asleep.fetch_or(1 << index, Ordering::SeqCst);
+        if !self.stop.load(Ordering::SeqCst) {
+            std::thread::park();
+        }
+        self.asleep.fetch_and(!(1 << index), Ordering::SeqCst);
+    }
+}
+
+/// The start of data that is lent in parts.
+struct Base<T>(*mut T);
+
+// SAFETY: `each_part` hands out parts that do not overlap, of a type that may be sent.
+unsafe impl<T: Send> Sync for Base<T> {}
+
+impl<T> Base<T> {
+    /// # Safety
+    /// `i` is not beyond the end of the data.
+    unsafe fn at(&self, i: usize) -> *mut T {
+        // SAFETY: promised by the caller.
+        unsafe { self.0.add(i) }
+    }
+}
+
+/// Pieces that are left, in a stretch for each thread: a thread takes its own from the front, then others' from the back.
+/// The same pieces so mostly go to the same thread, whose cache still holds them.
+struct Queue {
+    stretches: [AtomicU64; 32],
+    threads: usize,
+    left: AtomicUsize,
+}
+
+impl Queue {
+    fn new(count: usize, threads: usize) -> Self {
+        let cut = |t: usize| (count * t.min(threads) / threads) as u64;
+        let stretches = core::array::from_fn(|t| AtomicU64::new(cut(t) << 32 | cut(t + 1)));
+        Self { stretches, threads, left: AtomicUsize::new(count) }
+    }
+
+    fn take(&self, thread: usize) -> Option<usize> {
+        if self.left.load(Ordering::Relaxed) == 0 {
+            return None;
+        }
+        let own = self.take_from(thread, true);
+        let piece =
+            own.or_else(|| (1..self.threads).find_map(|i| self.take_from((thread + i) % self.threads, false)))?;
+        self.left.fetch_sub(1, Ordering::Relaxed);
+        Some(piece)
+    }
+
+    fn take_from(&self, stretch: usize, front: bool) -> Option<usize> {
+        let next = |s: u64| {
+            let (first, end) = (s >> 32, s & 0xffff_ffff);
+            (first < end).then(|| if front { (first + 1) << 32 | end } else { first << 32 | (end - 1) })
+        };
+        let before = self.stretches[stretch].fetch_update(Ordering::Relaxed, Ordering::Relaxed, next).ok()?;
+        Some(if front { before >> 32 } else { (before & 0xffff_ffff) - 1 } as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_piece_is_done_once_on_any_number_of_threads() {
+        for threads in [1, 2, 3, 7] {
+            let pool = Pool::new(threads);
+            for count in [0, 1, 2, 5, 64] {
+                for _ in 0..200 {
+                    let mut data = vec![0u32; 3 * count];
+                    let cuts: Vec<usize> = (0..=count).map(|i| 3 * i).collect();
+                    let mut sums = vec![0; count];
+                    pool.each_part(&mut data, &cuts, &mut sums, &|i, part, sum| {
+                        part.iter_mut().for_each(|v| *v += i as u32 + 1);
+                        *sum += part.len();
+                    });
+                    assert!(sums.iter().all(|&s| s == 3));
+                    let expected: Vec<u32> = (0..3 * count as u32).map(|i| i / 3 + 1).collect();
+                    assert_eq!(data, expected);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sleeping_threads_are_not_waited_for_and_come_when_called() {
+        let pool = Pool::new(2);
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        let done = AtomicUsize::new(0);
+        let count = |_: usize| {
+            done.fetch_add(1, Ordering::SeqCst);
+        };
+        pool.each(10, &count);
+        pool.wake();
+        pool.each(10, &count);
+        assert_eq!(done.load(Ordering::SeqCst), 20);
+    }
+
+    #[test]
+    fn a_call_from_within_a_piece_does_its_own_work() {
+        let pool = Pool::new(2);
+        let done = AtomicUsize::new(0);
+        pool.each(4, &|_| {
+            pool.each(4, &|_| {
+                done.fetch_add(1, Ordering::SeqCst);
+            });
+        });
+        assert_eq!(done.load(Ordering::SeqCst), 16);
+    }
+
+    #[test]
+    fn a_panic_in_a_piece_reaches_the_caller_and_the_pool_goes_on() {
+        let pool = Pool::new(2);
+        for _ in 0..20 {
+            let bad = || pool.each(8, &|i| assert!(i != 5, "piece five"));
+            assert!(std::panic::catch_unwind(core::panic::AssertUnwindSafe(bad)).is_err());
+            let done = AtomicUsize::new(0);
+            pool.each(8, &|_| {
+                done.fetch_add(1, Ordering::SeqCst);
+            });
+            assert_eq!(done.load(Ordering::SeqCst), 8);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "cuts")]
+    fn cuts_beyond_the_data_are_refused() {
+        Pool::new(1).each_part(&mut [0u8; 4], &[0, 5], &mut [(); 1], &|_, _, _| {});
+    }
+}

@@ -1,0 +1,88 @@
+//! Constraints in batches: up to sixteen that share no vertex, so that a batch is as many Gauss-Seidel steps at once.
+
+use crate::fast::{Places, Row, WIDTH};
+
+/// Unfinished batches that are looked through for a place: many fill well, few keep the members of a batch near each other.
+const OPEN: usize = 24;
+/// Bits of all of them.
+const ALL: u64 = (1 << OPEN) - 1;
+
+/// Groups `0..count` so that the members of a group share no vertex: up to [`WIDTH`] each, near each other in order.
+pub(super) fn groups<const N: usize>(nodes: &[[u16; N]], vertices: usize) -> Vec<Vec<u32>> {
+    // Bit `g` of a vertex: it is in open group `g`.
+    let mut inside = vec![0u64; vertices];
+    let mut open: Vec<Vec<u32>> = vec![Vec::new(); OPEN];
+    let mut done = Vec::new();
+    let mut finish = |group: &mut Vec<u32>, inside: &mut [u64], g: usize| {
+        for &m in group.iter() {
+            nodes[m as usize].iter().for_each(|&v| inside[usize::from(v)] &= !(1 << g));
+        }
+        done.push(core::mem::take(group));
+    };
+    for (i, own) in nodes.iter().enumerate() {
+        let taken = own.iter().fold(0, |t, &v| t | inside[usize::from(v)]);
+        if taken == ALL {
+            let fullest = (0..OPEN).max_by_key(|&g| (open[g].len(), core::cmp::Reverse(g))).unwrap_or(0);
+            finish(&mut open[fullest], &mut inside, fullest);
+        }
+        let taken = own.iter().fold(0, |t, &v| t | inside[usize::from(v)]);
+        let g = (!taken).trailing_zeros() as usize;
+        open[g].push(i as u32);
+        own.iter().for_each(|&v| inside[usize::from(v)] |= 1 << g);
+        if open[g].len() == WIDTH {
+            finish(&mut open[g], &mut inside, g);
+        }
+    }
+    done.extend(open.into_iter().filter(|g| !g.is_empty()));
+    done
+}
+
+/// Members of one batch, lane by lane; empty lanes repeat the first.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Members {
+    pub(super) of: [u32; WIDTH],
+    pub(super) count: usize,
+}
+
+impl Members {
+    fn new(group: &[u32]) -> Self {
+        let of = core::array::from_fn(|l| group[if l < group.len() { l } else { 0 }]);
+        Self { of, count: group.len() }
+    }
+
+    /// One value for each lane.
+    pub(super) fn row(&self, value: impl Fn(u32) -> f32) -> Row {
+        self.of.map(value)
+    }
+}
+
+/// Batches of constraints on `N` vertices, and their places.
+pub(super) fn batches<const N: usize>(nodes: &[[u16; N]], vertices: usize) -> (Vec<Members>, Places<N>) {
+    let members: Vec<Members> = groups(nodes, vertices).iter().map(|g| Members::new(g)).collect();
+    let rows = members.iter().map(|m| core::array::from_fn(|k| m.of.map(|i| nodes[i as usize][k]))).collect();
+    (members, Places::new(rows))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::tests::block;
+
+    #[test]
+    fn groups_share_no_vertex_leave_nothing_out_and_are_mostly_full() {
+        let mesh = block([9, 8, 7], 1.0);
+        let nodes: Vec<[u16; 4]> = mesh.tets.iter().map(|t| t.map(|v| v as u16)).collect();
+        let groups = groups(&nodes, mesh.vertices.len());
+        let mut seen: Vec<u32> = groups.concat();
+        seen.sort_unstable();
+        assert_eq!(seen, (0..mesh.tets.len() as u32).collect::<Vec<_>>());
+        for g in &groups {
+            let mut own: Vec<u16> = g.iter().flat_map(|&t| nodes[t as usize]).collect();
+            let all = own.len();
+            own.sort_unstable();
+            own.dedup();
+            assert_eq!(own.len(), all);
+        }
+        assert!(groups.len() * 13 < mesh.tets.len(), "{} groups", groups.len());
+    }
+}

@@ -1,0 +1,182 @@
+//! The vertices of a part, sixteen at a time, each with the elements and neighbours around it.
+
+use super::elastic::Elastic;
+use crate::fast::{Places, Row, WIDTH};
+use crate::slabs::{Round, Slabs};
+
+/// Unfinished batches that are looked through for a place: many fill well, few keep the vertices of a batch near each other.
+const OPEN: usize = 16;
+/// Bits of all of them.
+const ALL: u64 = (1 << OPEN) - 1;
+/// Vertices side by side that are sorted by how many elements they have.
+const NEIGHBOURHOOD: usize = 192;
+
+/// The other three corners as seen from each corner of a positive tetrahedron, so that `(b - a) x (c - a)` is six times the
+/// gradient of the volume.
+const OTHERS: [[usize; 3]; 4] = [[1, 3, 2], [0, 2, 3], [0, 3, 1], [0, 1, 2]];
+
+/// Up to sixteen vertices that are no neighbours.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Batch {
+    /// Numbers in the model; an empty lane repeats the first.
+    pub(super) vertices: [u32; WIDTH],
+    pub(super) count: usize,
+    /// Rows of elements around them and of neighbours.
+    pub(super) elements: core::ops::Range<usize>,
+    pub(super) links: core::ops::Range<usize>,
+}
+
+/// Vertices whose elements all lie within one part.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Part {
+    pub(super) batches: Vec<Batch>,
+    /// Each batch's own vertices.
+    pub(super) own: Places<1>,
+    /// One element around each vertex: its other corners (an empty place repeats the vertex: no area), its number, and
+    /// its volume at rest (mm3).
+    pub(super) others: Places<3>,
+    pub(super) tets: Places<1, u32>,
+    pub(super) volume: Vec<Row>,
+    /// One neighbour of each vertex and its weight in the shear matrix, mN/mm (an empty place repeats the vertex).
+    pub(super) links: Places<1>,
+    pub(super) weight: Vec<Row>,
+    /// Of each batch: masses, kg; diagonal of the shear matrix, mN/mm; shear force that cancels all others at rest, mN.
+    pub(super) mass: Vec<Row>,
+    pub(super) diagonal: Vec<Row>,
+    pub(super) base: Vec<[Row; 3]>,
+}
+
+/// Rows of a matrix in single precision: start of each row, then column and weight.
+#[derive(Debug, Clone, Default)]
+pub(super) struct SingleRows {
+    pub(super) start: Vec<u32>,
+    pub(super) entries: Vec<(u32, f32)>,
+}
+
+impl SingleRows {
+    pub(super) fn new(rows: &super::elastic::Rows) -> Self {
+        let entries = rows.column.iter().zip(&rows.weight).map(|(&c, &w)| (c, w as f32)).collect();
+        Self { start: rows.start.clone(), entries }
+    }
+
+    #[inline(always)]
+    pub(super) fn row(&self, i: usize) -> &[(u32, f32)] {
+        &self.entries[self.start[i] as usize..self.start[i + 1] as usize]
+    }
+}
+
+/// An element around a vertex, and its other corners.
+type Spoke = (u32, [u32; 3]);
+
+/// Everything about all vertices.
+struct Rings<'a> {
+    elastic: &'a Elastic,
+    near: SingleRows,
+    mass: &'a [f32],
+    start: Vec<u32>,
+    around: Vec<Spoke>,
+}
+
+/// The free vertices by part: two rounds of parts that can be done at the same time.
+pub(super) fn rounds(elastic: &Elastic, rest: &[[f32; 4]], mass: &[f32], slabs: &Slabs) -> [(Round, Vec<Part>); 2] {
+    let (start, around) = around(&elastic.tets, rest.len());
+    let rings = Rings { elastic, near: SingleRows::new(&elastic.near), mass, start, around };
+    let mut owned = vec![Vec::new(); slabs.len()];
+    for v in (0..rest.len() as u32).filter(|&v| rest[v as usize][3] > 0.0) {
+        let ring = rings.of(v).iter().flat_map(|s| s.1).chain([v]);
+        owned[slabs.of(ring.min().unwrap_or(v))].push(v);
+    }
+    let [even, odd] = slabs.rounds();
+    let parts = |round: &Round, first: usize| {
+        let own = owned.iter().skip(first).step_by(2).take(round.parts()).enumerate();
+        own.map(|(i, own)| rings.part(own, &rest[round.cuts[i]..round.cuts[i + 1]], round.cuts[i])).collect::<Vec<_>>()
+    };
+    let (even_parts, odd_parts) = (parts(&even, 0), parts(&odd, 1));
+    [(even, even_parts), (odd, odd_parts)]
+}
+
+impl Rings<'_> {
+    fn of(&self, v: u32) -> &[Spoke] {
+        &self.around[self.start[v as usize] as usize..self.start[v as usize + 1] as usize]
+    }
+
+    /// Batches of vertices that are no neighbours; those with as many elements side by side leave few empty places.
+    fn groups(&self, own: &[u32], first: usize, vertices: usize) -> Vec<Vec<u32>> {
+        let mut own = own.to_vec();
+        own.chunks_mut(NEIGHBOURHOOD).for_each(|c| c.sort_by_key(|&v| (core::cmp::Reverse(self.of(v).len()), v)));
+        // Bit `g` of a vertex: it is in open group `g` or next to one that is.
+        let mut near = vec![0u64; vertices];
+        let mut open: Vec<Vec<u32>> = vec![Vec::new(); OPEN];
+        let mut done = Vec::new();
+        let ring = |v: u32| self.of(v).iter().flat_map(|s| s.1).chain([v]).map(move |n| n as usize - first);
+        let mut finish = |group: &mut Vec<u32>, near: &mut [u64], g: usize| {
+            group.iter().for_each(|&v| ring(v).for_each(|n| near[n] &= !(1 << g)));
+            done.push(core::mem::take(group));
+        };
+        for v in own {
+            if near[v as usize - first] == ALL {
+                let fullest = (0..OPEN).max_by_key(|&g| (open[g].len(), core::cmp::Reverse(g))).unwrap_or(0);
+                finish(&mut open[fullest], &mut near, fullest);
+            }
+            let g = (!near[v as usize - first]).trailing_zeros() as usize;
+            open[g].push(v);
+            ring(v).for_each(|n| near[n] |= 1 << g);
+            if open[g].len() == WIDTH {
+                finish(&mut open[g], &mut near, g);
+            }
+        }
+        done.extend(open.into_iter().filter(|g| !g.is_empty()));
+        done
+    }
+
+    fn part(&self, own: &[u32], rest: &[[f32; 4]], first: usize) -> Part {
+        let local = |v: u32| (v as usize - first) as u16;
+        let mut out = Part::default();
+        let (mut owns, mut others, mut tets, mut links) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for group in self.groups(own, first, rest.len()) {
+            let vertices: [u32; WIDTH] = core::array::from_fn(|l| group[if l < group.len() { l } else { 0 }]);
+            let (first_element, first_link) = (others.len(), links.len());
+            for k in 0..group.iter().map(|&v| self.of(v).len()).max().unwrap_or(0) {
+                let spoke = |v: u32| self.of(v).get(k).copied().unwrap_or((0, [v; 3]));
+                let spokes = vertices.map(spoke);
+                others.push([0, 1, 2].map(|c| spokes.map(|s| local(s.1[c]))));
+                tets.push([spokes.map(|s| s.0)]);
+            }
+            for k in 0..group.iter().map(|&v| self.near.row(v as usize).len()).max().unwrap_or(0) {
+                let link = |v: u32| self.near.row(v as usize).get(k).copied().unwrap_or((v, 0.0));
+                links.push([vertices.map(|v| local(link(v).0))]);
+                out.weight.push(vertices.map(|v| link(v).1));
+            }
+            owns.push([vertices.map(local)]);
+            out.mass.push(vertices.map(|v| self.mass[v as usize]));
+            out.diagonal.push(vertices.map(|v| self.elastic.near.diagonal(v as usize) as f32));
+            out.base.push([[0.0; WIDTH]; 3]);
+            let (elements, links) = (first_element..others.len(), first_link..links.len());
+            out.batches.push(Batch { vertices, count: group.len(), elements, links });
+        }
+        out.volume = vec![[0.0; WIDTH]; others.len()];
+        out.own = Places::new(owns);
+        out.others = Places::new(others);
+        out.tets = Places::new(tets);
+        out.links = Places::new(links);
+        out
+    }
+}
+
+/// Start of each vertex's elements, and those in order.
+fn around(tets: &[[u32; 4]], nodes: usize) -> (Vec<u32>, Vec<Spoke>) {
+    let mut start = vec![0u32; nodes + 1];
+    tets.iter().flatten().for_each(|&v| start[v as usize + 1] += 1);
+    for v in 0..nodes {
+        start[v + 1] += start[v];
+    }
+    let (mut fill, mut out) = (start.clone(), vec![(0, [0; 3]); tets.len() * 4]);
+    for (t, tet) in tets.iter().enumerate() {
+        for (corner, others) in OTHERS.iter().enumerate() {
+            let at = &mut fill[tet[corner] as usize];
+            out[*at as usize] = (t as u32, others.map(|k| tet[k]));
+            *at += 1;
+        }
+    }
+    (start, out)
+}

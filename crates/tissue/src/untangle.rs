@@ -1,0 +1,102 @@
+//! Turns elements back that a step has turned inside out.
+//!
+//! Neither solver forbids an element to turn over: both pass through flat states without noticing, which is what makes them
+//! robust, and where tissue is crushed a few elements can stay on the wrong side. So when a step ends with turned elements,
+//! each element with less than [`LEAST`] of its volume is pushed open to that much, as a one-sided constraint on its volume
+//! (equation (10) of the paper as an inequality), Gauss-Seidel over all elements that are crushed at all, until none is
+//! turned or [`ROUNDS`] have passed. Pushing moves vertices along the gradient by their inverse mass, so it keeps momentum
+//! and angular momentum, and where nothing is turned it does nothing.
+
+use crate::fast::{Pool, Row};
+use crate::vec3::{add, cross, dot, scale, shift, sub, xyz};
+use crate::volumes::{Survey, Volumes};
+
+/// Share of its volume at rest that an element is opened to.
+const LEAST: f32 = 0.02;
+/// Elements below this share are watched in a round: pushing one open can turn another.
+const CRUSHED: f32 = 0.3;
+/// Passes over the watched elements in a round, and rounds at most.
+const PASSES: u32 = 10;
+const ROUNDS: u32 = 25;
+/// An element is pushed by this multiple of what it lacks, since neighbours push back.
+const EAGERNESS: f32 = 1.3;
+
+/// Opens turned elements; returns what the elements are after it. `growth` and `list` are memory to work in.
+pub(crate) fn untangle(
+    (volumes, tets): (&Volumes, &[[u32; 4]]),
+    positions: &mut [[f32; 4]],
+    mut survey: Survey,
+    (growth, list): (&mut Vec<Row>, &mut Vec<(u32, f32)>),
+    pool: &Pool,
+) -> Survey {
+    for _ in 0..ROUNDS {
+        if survey.inverted == 0 {
+            break;
+        }
+        volumes.smaller(CRUSHED, growth, list);
+        for _ in 0..PASSES {
+            for &(tet, six_rest) in &*list {
+                open(&tets[tet as usize], LEAST * six_rest, positions);
+            }
+        }
+        survey = volumes.survey(positions, growth, pool);
+    }
+    survey
+}
+
+/// Pushes one element open to six times the volume `least`.
+fn open(tet: &[u32; 4], least: f32, positions: &mut [[f32; 4]]) {
+    let p = tet.map(|v| xyz(positions[v as usize]));
+    let [a, b, c] = [sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0])];
+    let (g1, g2, g3) = (cross(b, c), cross(c, a), cross(a, b));
+    let lack = least - dot(g3, c);
+    if lack <= 0.0 {
+        return;
+    }
+    let gradients = [scale(add(add(g1, g2), g3), -1.0), g1, g2, g3];
+    let weight: f32 = tet.iter().zip(&gradients).map(|(&v, g)| positions[v as usize][3] * dot(*g, *g)).sum();
+    let step = EAGERNESS * lack / weight;
+    // All held, or crushed to a point: nowhere to push.
+    if step.is_finite() {
+        for (&v, g) in tet.iter().zip(&gradients) {
+            let p = &mut positions[v as usize];
+            shift(p, step * p[3], *g);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::tests::block;
+
+    #[test]
+    fn turned_elements_are_opened_and_momentum_is_kept() {
+        let mesh = block([4, 4, 4], 2.0);
+        let mass = |i: usize| 1.0 + (i % 5) as f32;
+        let rest: Vec<[f32; 4]> = (0..mesh.vertices.len())
+            .map(|i| {
+                let v = mesh.vertices[i];
+                [v.x as f32, v.y as f32, v.z as f32, 1.0 / mass(i)]
+            })
+            .collect();
+        let (volumes, pool) = (Volumes::new(&mesh.tets, &rest), Pool::new(1));
+        let (mut growth, mut list) = (Vec::new(), Vec::new());
+        let mut now = rest.clone();
+        for (i, p) in now.iter_mut().enumerate() {
+            (0..3).for_each(|a| p[a] += ((i * 7919 + a * 104_729) % 1000) as f32 / 500.0 - 1.0);
+        }
+        let momentum = |p: &[[f32; 4]]| -> [f32; 3] {
+            core::array::from_fn(|a| p.iter().enumerate().map(|(i, p)| mass(i) * p[a]).sum())
+        };
+        let before = volumes.survey(&now, &mut growth, &pool);
+        assert!(before.inverted > 10, "{before:?}");
+        let start = momentum(&now);
+        let memory = (&mut growth, &mut list);
+        let after = untangle((&volumes, &mesh.tets), &mut now, before, memory, &pool);
+        assert_eq!(after.inverted, 0);
+        for (a, b) in momentum(&now).into_iter().zip(start) {
+            assert!((a - b).abs() < 1e-3 * b.abs(), "{a} {b}");
+        }
+    }
+}

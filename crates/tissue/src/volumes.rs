@@ -1,0 +1,132 @@
+//! Volumes of all elements at once.
+
+use crate::fast::{Kernel, Lanes, Places, Pool, Row, WIDTH, widest};
+use crate::slabs;
+
+/// Corners and volumes at rest of all elements, sixteen a row.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Volumes {
+    corners: Places<4, u32>,
+    /// Six times the volume at rest, mm3.
+    rest: Vec<Row>,
+    tets: usize,
+    /// Pieces for threads.
+    cuts: Vec<usize>,
+}
+
+/// Sums over all elements.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Survey {
+    /// Growth of the whole against rest, mm3.
+    pub(crate) growth: f64,
+    /// Elements without positive volume.
+    pub(crate) inverted: usize,
+}
+
+impl Volumes {
+    pub(crate) fn new(tets: &[[u32; 4]], rest: &[[f32; 4]]) -> Self {
+        let rows = tets.len().div_ceil(WIDTH);
+        // What is missing in the last row repeats the last element.
+        let lane = |r: usize, l: usize| tets[(r * WIDTH + l).min(tets.len() - 1)];
+        let places = (0..rows).map(|r| [0, 1, 2, 3].map(|c| core::array::from_fn(|l| lane(r, l)[c]))).collect();
+        let none = vec![[0.0; WIDTH]; rows];
+        let mut out = Self { corners: Places::new(places), rest: none.clone(), tets: tets.len(), cuts: Vec::new() };
+        let mut at_rest = none;
+        widest(Growth { of: &out, positions: rest, first: 0, out: &mut at_rest });
+        out.rest = at_rest;
+        out.cuts = slabs::even_cuts(rows);
+        out
+    }
+
+    /// Six times the growth of each element against rest, mm3, exactly zero at rest; the last row may have some too many.
+    pub(crate) fn measure(&self, positions: &[[f32; 4]], growth: &mut Vec<Row>, pool: &Pool) {
+        growth.resize(self.rest.len(), [0.0; WIDTH]);
+        pool.each_part(growth, &self.cuts, &mut [(); slabs::PIECES], &|i, out, ()| {
+            widest(Growth { of: self, positions, first: self.cuts[i], out });
+        });
+    }
+
+    /// Lists the elements with less than `share` of their volume at rest, with six times that at rest (mm3), as `growth`
+    /// was measured.
+    pub(crate) fn smaller(&self, share: f32, growth: &[Row], list: &mut Vec<(u32, f32)>) {
+        let (growth, rest) = (growth.as_flattened(), self.rest.as_flattened());
+        list.clear();
+        let lacks = |t: &usize| growth[*t] < (share - 1.0) * rest[*t];
+        list.extend((0..self.tets).filter(lacks).map(|t| (t as u32, rest[t])));
+    }
+
+    /// Sums over all elements; `growth` is memory to work in.
+    pub(crate) fn survey(&self, positions: &[[f32; 4]], growth: &mut Vec<Row>, pool: &Pool) -> Survey {
+        self.measure(positions, growth, pool);
+        let (mut sums, mut inverted) = ([0f64; WIDTH], [0u32; WIDTH]);
+        let full = self.tets / WIDTH;
+        for (growth, rest) in growth.iter().zip(&self.rest).take(full) {
+            for l in 0..WIDTH {
+                sums[l] += f64::from(growth[l]);
+                inverted[l] += u32::from(growth[l] <= -rest[l]);
+            }
+        }
+        for l in 0..self.tets - full * WIDTH {
+            sums[l] += f64::from(growth[full][l]);
+            inverted[l] += u32::from(growth[full][l] <= -self.rest[full][l]);
+        }
+        Survey { growth: sums.iter().sum::<f64>() / 6.0, inverted: inverted.iter().sum::<u32>() as usize }
+    }
+}
+
+/// Six times the growth of elements against rest.
+struct Growth<'a> {
+    of: &'a Volumes,
+    positions: &'a [[f32; 4]],
+    /// Row that the output begins with.
+    first: usize,
+    out: &'a mut [Row],
+}
+
+impl Kernel for Growth<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let corners = self.of.corners.view(self.positions);
+        for (k, out) in self.out.iter_mut().enumerate() {
+            let r = self.first + k;
+            for lane in (0..WIDTH).step_by(V::N) {
+                let p: [V; 4] = corners.gather(r, 0, lane);
+                let [q, s, t]: [[V; 4]; 3] =
+                    [corners.gather(r, 1, lane), corners.gather(r, 2, lane), corners.gather(r, 3, lane)];
+                let (ax, ay, az) = (q[0] - p[0], q[1] - p[1], q[2] - p[2]);
+                let (bx, by, bz) = (s[0] - p[0], s[1] - p[1], s[2] - p[2]);
+                let (cx, cy, cz) = (t[0] - p[0], t[1] - p[1], t[2] - p[2]);
+                let six = (ay * bz - az * by) * cx + (az * bx - ax * bz) * cy + (ax * by - ay * bx) * cz;
+                (six - V::load(&self.of.rest[r], lane)).store(out, lane);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::tests::block;
+    use crate::vec3::{six_volume, xyz};
+
+    #[test]
+    fn growth_and_turned_elements_are_those_of_each_element_by_itself() {
+        let mesh = block([3, 3, 2], 2.0);
+        let rest: Vec<[f32; 4]> = mesh.vertices.iter().map(|v| [v.x as f32, v.y as f32, v.z as f32, 1.0]).collect();
+        let volumes = Volumes::new(&mesh.tets, &rest);
+        let (pool, mut growth) = (Pool::new(2), Vec::new());
+        assert_eq!(volumes.survey(&rest, &mut growth, &pool), Survey::default());
+        let mut now = rest.clone();
+        now[5] = [3.1, 2.7, 0.4, 1.0];
+        now[20][2] += 3.0;
+        let survey = volumes.survey(&now, &mut growth, &pool);
+        let six = |p: &[[f32; 4]], t: [u32; 4]| six_volume(t.map(|v| xyz(p[v as usize])));
+        let expected: f64 = mesh.tets.iter().map(|&t| f64::from(six(&now, t) - six(&rest, t)) / 6.0).sum();
+        let turned = mesh.tets.iter().filter(|&&t| six(&now, t) <= 0.0).count();
+        assert!((survey.growth - expected).abs() < 1e-4, "{survey:?} {expected}");
+        assert!(turned > 0);
+        assert_eq!(survey.inverted, turned);
+    }
+}
