@@ -3,6 +3,8 @@
 //! The shape of the tree is built once at rest; a refit only moves and resizes the spheres, bottom up. Each sphere holds
 //! all vertices below it, so a query never loses an element.
 
+use crate::fast::Pool;
+use crate::slabs;
 use crate::vec3::{V3, axpy, dot, norm, scale, sub, xyz};
 
 const LEAF: usize = 8;
@@ -13,6 +15,11 @@ pub(crate) struct SphereTree {
     nodes: Vec<Node>,
     /// Elements in leaf order.
     order: Vec<u32>,
+    /// Vertices of each leaf, each once, and where those of a leaf begin.
+    vertices: Vec<u32>,
+    starts: Vec<u32>,
+    /// Leaves cut into pieces for threads.
+    cuts: Vec<usize>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -21,11 +28,18 @@ struct Node {
     first: u32,
     /// Elements of a leaf; 0 for an inner node.
     count: u32,
+    /// Number of a leaf among the leaves.
+    leaf: u32,
 }
 
-/// The spheres of one state: centre and radius, one per node of the tree.
+/// The spheres of one state: centre and radius.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Spheres(Vec<[f32; 4]>);
+pub(crate) struct Spheres {
+    /// One per node of the tree.
+    nodes: Vec<[f32; 4]>,
+    /// One per leaf.
+    leaves: Vec<[f32; 4]>,
+}
 
 impl SphereTree {
     /// Builds by median splits of the centroids along the longest axis.
@@ -40,43 +54,38 @@ impl SphereTree {
         let mut order: Vec<u32> = (0..tets.len() as u32).collect();
         let mut nodes = Vec::with_capacity(tets.len() / 2);
         split(&mut nodes, &mut order, 0, &centroids);
-        Self { nodes, order }
+        let (mut vertices, mut starts) = (Vec::new(), vec![0]);
+        for node in nodes.iter_mut().filter(|n| n.count > 0) {
+            node.leaf = starts.len() as u32 - 1;
+            let slots = &order[node.first as usize..(node.first + node.count) as usize];
+            let mut own: Vec<u32> = slots.iter().flat_map(|&t| tets[t as usize]).collect();
+            own.sort_unstable();
+            own.dedup();
+            vertices.extend(own);
+            starts.push(vertices.len() as u32);
+        }
+        let cuts = slabs::even_cuts(starts.len() - 1);
+        Self { nodes, order, vertices, starts, cuts }
     }
 
     /// Fits the spheres to the positions, children before parents.
-    pub(crate) fn refit(&self, spheres: &mut Spheres, positions: &[[f32; 4]], tets: &[[u32; 4]]) {
-        spheres.0.resize(self.nodes.len(), [0.0; 4]);
-        for i in (0..self.nodes.len()).rev() {
-            let node = self.nodes[i];
-            spheres.0[i] = if node.count == 0 {
-                around_two(spheres.0[i + 1], spheres.0[node.first as usize])
+    pub(crate) fn refit(&self, spheres: &mut Spheres, positions: &[[f32; 4]], pool: &Pool) {
+        let Spheres { nodes, leaves } = spheres;
+        leaves.resize(self.starts.len() - 1, [0.0; 4]);
+        pool.each_part(leaves, &self.cuts, &mut [(); slabs::PIECES], &|i, leaves, ()| {
+            for (leaf, sphere) in (self.cuts[i]..).zip(leaves) {
+                let own = self.starts[leaf] as usize..self.starts[leaf + 1] as usize;
+                *sphere = around(&self.vertices[own], positions);
+            }
+        });
+        nodes.resize(self.nodes.len(), [0.0; 4]);
+        for (i, node) in self.nodes.iter().enumerate().rev() {
+            nodes[i] = if node.count == 0 {
+                around_two(nodes[i + 1], nodes[node.first as usize])
             } else {
-                self.around_leaf(node, positions, tets)
+                leaves[node.leaf as usize]
             };
         }
-    }
-
-    fn around_leaf(&self, node: Node, positions: &[[f32; 4]], tets: &[[u32; 4]]) -> [f32; 4] {
-        let slots = &self.order[node.first as usize..(node.first + node.count) as usize];
-        let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        for &t in slots {
-            for v in tets[t as usize] {
-                let p = positions[v as usize];
-                for a in 0..3 {
-                    low[a] = low[a].min(p[a]);
-                    high[a] = high[a].max(p[a]);
-                }
-            }
-        }
-        let centre: V3 = core::array::from_fn(|a| 0.5 * (low[a] + high[a]));
-        let mut radius2 = 0f32;
-        for &t in slots {
-            for v in tets[t as usize] {
-                let d = sub(xyz(positions[v as usize]), centre);
-                radius2 = radius2.max(dot(d, d));
-            }
-        }
-        [centre[0], centre[1], centre[2], radius2.sqrt()]
     }
 
     /// Calls `found` with each element whose leaf comes within `reach` of the segment `a b`.
@@ -92,7 +101,7 @@ impl SphereTree {
         stack.clear();
         stack.push(0);
         while let Some(i) = stack.pop() {
-            let Some(s) = spheres.0.get(i as usize) else { continue };
+            let Some(s) = spheres.nodes.get(i as usize) else { continue };
             // A hair of slack, so that rounding loses nothing.
             let limit = (s[3] + reach) * (1.0 + 1e-5);
             if distance2_to_segment(xyz(*s), a, b) > limit * limit {
@@ -112,7 +121,7 @@ impl SphereTree {
 
 fn split(nodes: &mut Vec<Node>, order: &mut [u32], first: u32, centroids: &[V3]) {
     let at = nodes.len();
-    nodes.push(Node { first, count: order.len() as u32 });
+    nodes.push(Node { first, count: order.len() as u32, leaf: 0 });
     if order.len() <= LEAF {
         return;
     }
@@ -130,8 +139,27 @@ fn split(nodes: &mut Vec<Node>, order: &mut [u32], first: u32, centroids: &[V3])
     });
     let (left, right) = order.split_at_mut(middle);
     split(nodes, left, first, centroids);
-    nodes[at] = Node { first: nodes.len() as u32, count: 0 };
+    nodes[at] = Node { first: nodes.len() as u32, count: 0, leaf: 0 };
     split(nodes, right, first + middle as u32, centroids);
+}
+
+/// A sphere around the box of some vertices.
+fn around(vertices: &[u32], positions: &[[f32; 4]]) -> [f32; 4] {
+    let (mut low, mut high) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
+    for &v in vertices {
+        let p = positions[v as usize];
+        for a in 0..4 {
+            low[a] = if p[a] < low[a] { p[a] } else { low[a] };
+            high[a] = if p[a] > high[a] { p[a] } else { high[a] };
+        }
+    }
+    let centre: V3 = core::array::from_fn(|a| 0.5 * (low[a] + high[a]));
+    let mut radius2 = 0f32;
+    for &v in vertices {
+        let d = sub(xyz(positions[v as usize]), centre);
+        radius2 = radius2.max(dot(d, d));
+    }
+    [centre[0], centre[1], centre[2], radius2.sqrt()]
 }
 
 /// The smallest sphere around two.
@@ -180,7 +208,7 @@ mod tests {
                 v[1] += bend * v[0] * v[2];
             }
             let mut spheres = Spheres::default();
-            tree.refit(&mut spheres, &p, &mesh.tets);
+            tree.refit(&mut spheres, &p, &Pool::new(1));
             let mut found = vec![false; mesh.tets.len()];
             tree.near_segment(&spheres, a, b, reach, &mut Vec::new(), |t| found[t as usize] = true);
             for (t, tet) in mesh.tets.iter().enumerate() {

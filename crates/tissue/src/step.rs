@@ -212,7 +212,7 @@ impl Stepper {
         done: &mut dyn FnMut(Stage),
     ) {
         if !tools.is_empty() {
-            model.tree.refit(&mut self.spheres, &state.positions, &model.tets);
+            model.tree.refit(&mut self.spheres, &state.positions, &self.pool);
         }
         self.touch(model, state, tools, share);
         done(Stage::Collision);

@@ -181,7 +181,7 @@ mod tests {
         let model = Model::new(&mesh, &paper_options()).expect("model");
         let state = model.rest_state();
         let mut spheres = Spheres::default();
-        model.tree.refit(&mut spheres, &state.positions, &model.tets);
+        model.tree.refit(&mut spheres, &state.positions, &crate::fast::Pool::new(1));
         let mut found = Found::default();
         for x in [[0.1, 0.2, 0.3], [-5.9, 5.8, 1.0], [2.0, 2.0, 2.0]] {
             let place = locate(&model, &state, &spheres, x, &mut found).expect("inside");

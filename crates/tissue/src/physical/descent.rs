@@ -41,6 +41,8 @@ pub(crate) struct DescentScratch {
     target: Vec<[f32; 4]>,
     /// Correction of the shear force by averaging, constant during a substep, mN.
     far: Vec<[f32; 4]>,
+    /// Displacement from rest at the start of the substep, mm.
+    displacement: Vec<[f32; 4]>,
     /// Elements with their current pressure.
     elements: Vec<Element>,
     grown: Grown,
@@ -203,20 +205,33 @@ impl Descent {
         if self.far.entries.is_empty() {
             return;
         }
-        let (positions, rest) = (&*body.positions, body.rest);
-        let displacement = |i: usize| -> [f32; 4] { core::array::from_fn(|a| positions[i][a] - rest[i][a]) };
+        let away = |(p, r): (&[f32; 4], &[f32; 4])| core::array::from_fn(|a| p[a] - r[a]);
+        scratch.displacement.clear();
+        scratch.displacement.extend(body.positions.iter().zip(body.rest).map(away));
+        let displacement = &scratch.displacement;
         pool.each_part(&mut scratch.far, &self.far_cuts, &mut [(); slabs::PIECES], &|i, far, ()| {
             for (k, far) in far.iter_mut().enumerate() {
-                let own = displacement(self.far_cuts[i] + k);
-                let mut sum = [0f32; 4];
-                for &(n, w) in self.far.row(self.far_cuts[i] + k) {
-                    let u = displacement(n as usize);
-                    (0..3).for_each(|a| sum[a] += w * (u[a] - own[a]));
-                }
-                *far = sum;
+                let v = self.far_cuts[i] + k;
+                *far = weighted(self.far.row(v), displacement, displacement[v]);
             }
         });
     }
+}
+
+/// Weighted sum of differences from `own`.
+fn weighted(row: &[(u32, f32)], of: &[[f32; 4]], own: [f32; 4]) -> [f32; 4] {
+    // Four sums at a time: one after the other would wait for each addition.
+    let mut sums = [[0f32; 4]; 4];
+    let (fours, rest) = row.as_chunks::<4>();
+    let add = |sum: &mut [f32; 4], (n, w): (u32, f32)| {
+        let u = of[n as usize];
+        (0..4).for_each(|a| sum[a] += w * (u[a] - own[a]));
+    };
+    for four in fours {
+        (0..4).for_each(|i| add(&mut sums[i], four[i]));
+    }
+    rest.iter().zip(&mut sums).for_each(|(&entry, sum)| add(sum, entry));
+    core::array::from_fn(|a| (sums[0][a] + sums[1][a]) + (sums[2][a] + sums[3][a]))
 }
 
 impl DescentScratch {

@@ -114,7 +114,14 @@ impl Pressures {
     #[inline(always)]
     fn step(&self, k: usize, growth: &[f32], advance: bool, nodal: &mut f32, total: &mut f32) {
         let own = &self.around[self.start[k] as usize..self.start[k + 1] as usize];
-        let step = self.rate[k] * own.iter().map(|&t| growth[t as usize]).sum::<f32>();
+        // Four sums at a time: one after the other would wait for each addition.
+        let mut sums = [0f32; 4];
+        let (fours, rest) = own.as_chunks::<4>();
+        for four in fours {
+            (0..4).for_each(|i| sums[i] += growth[four[i] as usize]);
+        }
+        rest.iter().zip(&mut sums).for_each(|(&t, sum)| *sum += growth[t as usize]);
+        let step = self.rate[k] * ((sums[0] + sums[1]) + (sums[2] + sums[3]));
         if advance {
             *nodal = (*nodal + step) * self.share[k];
         }
