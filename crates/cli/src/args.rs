@@ -34,6 +34,8 @@ pub(crate) enum Command {
     Labels(LabelsCommand),
     /// Simulate the insertion of a catheter along the plan of a case.
     Simulate(SimulateArgs),
+    /// Solve a static scene (JSON and meshes in SI) for its displacement and its reactions.
+    Solve(SolveArgs),
     /// Show a live insertion in the browser.
     Serve(ServeArgs),
     /// Play a recorded session again and compare its snapshots with those that were shown.
@@ -195,9 +197,44 @@ pub(crate) struct SimulateArgs {
     /// Which soft body.
     #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
     pub(crate) mode: ModeArg,
+    /// Cerebrospinal fluid drained from the ventricles from the start, ml (negative: infused; physical mode).
+    #[arg(long, value_name = "ML", allow_hyphen_values = true, conflicts_with = "csf_pressure_mmhg")]
+    pub(crate) drain_ml: Option<f64>,
+    /// Pressure in the ventricles above that of the scan, mmHg (physical mode).
+    #[arg(long, value_name = "MMHG", allow_hyphen_values = true)]
+    pub(crate) csf_pressure_mmhg: Option<f64>,
+    /// Acceleration that the tissue has begun to feel since the scan, m/s2, LPS: lost buoyancy, another position of the head.
+    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 3, allow_hyphen_values = true)]
+    pub(crate) gravity: Option<Vec<f64>>,
     /// Overwrite an existing output folder.
     #[arg(long)]
     pub(crate) force: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct SolveArgs {
+    /// The scene: a JSON file with its meshes beside it, in SI, or the folder of a scene.json.
+    #[arg(value_name = "SCENE.json")]
+    pub(crate) scene: PathBuf,
+    /// Which of its meshes.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) mesh: String,
+    /// Which of its cases.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) case: String,
+    /// File to write (metres, point array "displacement"); an existing one is replaced.
+    #[arg(long, value_name = "OUT.vtu")]
+    pub(crate) out: PathBuf,
+    /// Which soft body.
+    #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
+    pub(crate) mode: ModeArg,
+    /// Stop after so many milliseconds with the best so far; its residual is printed.
+    #[arg(long, value_name = "N")]
+    pub(crate) budget_ms: Option<u64>,
+    /// How often every element is cut into eight inside the solver (physical mode; default: as long as that gives no more
+    /// than 80,000). Around rods and spheres the mesh is refined in any case.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=3))]
+    pub(crate) refine: Option<u32>,
 }
 
 #[derive(Debug, Args)]
@@ -409,6 +446,28 @@ pub(crate) enum BenchCommand {
     /// over. With --mesh the mesh is held by its lowest 15 % of vertices while those within 3 mm of the top are driven 60 mm
     /// down in 2 s: the scene that other engines are compared on. Medians leave out the frames at rest.
     Frame(FrameArgs),
+    /// Error against time of every solver on a static scene with a reference, as for "monro solve": the equilibrium under
+    /// growing budgets, both modes stepped to rest, and the baselines of the scene.
+    Error(ErrorArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ErrorArgs {
+    /// The scene: a JSON file with its meshes beside it, in SI, or the folder of a scene.json.
+    #[arg(value_name = "SCENE.json")]
+    pub(crate) scene: PathBuf,
+    /// Which of its meshes.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) mesh: String,
+    /// Which of its cases.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) case: String,
+    /// Longest time for each solver, s.
+    #[arg(long, value_name = "S", default_value_t = 5.0)]
+    pub(crate) seconds: f64,
+    /// Plot to write; an existing one is replaced.
+    #[arg(long, value_name = "FILE.svg")]
+    pub(crate) svg: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

@@ -1,6 +1,7 @@
 //! `monro bench`: speed and memory on this machine. Nothing here is asserted by a test.
 
 mod ball;
+mod error;
 mod frame;
 mod live;
 mod livewire;
@@ -28,6 +29,7 @@ pub(crate) fn run(command: &BenchCommand, console: &Console) -> Result<()> {
         BenchCommand::Latency { frames, rate } => latency(*frames, *rate, console),
         BenchCommand::Live(args) => live::run(args, console),
         BenchCommand::Frame(args) => frame::run(args, console),
+        BenchCommand::Error(args) => error::run(args, console),
     }
 }
 

@@ -18,6 +18,7 @@ mod register;
 mod replay;
 mod serve;
 mod simulate;
+mod solve;
 mod trackers;
 
 use args::{Cli, Command};
@@ -37,6 +38,7 @@ fn main() -> ExitCode {
         Command::Prepare(a) => prepare::run(a, &console),
         Command::Simulate(a) => simulate::run(a, &console),
         Command::Edit(a) => edit::run(a, &console),
+        Command::Solve(a) => solve::run(a, &console),
         Command::Serve(a) => serve::run(a, &console),
         Command::Replay(a) => replay::run(a, &console),
         Command::Labels(a) => labels::run(a, &console),

@@ -19,6 +19,7 @@
 //! tools are rigid and straight.
 
 mod contact;
+mod csf;
 mod error;
 mod fast;
 mod material;
@@ -27,6 +28,7 @@ mod model;
 mod options;
 mod paper;
 mod physical;
+mod reaction;
 mod report;
 mod slabs;
 mod sphere_tree;
@@ -43,11 +45,14 @@ pub use error::ModelError;
 pub use material::{Insertion, Material, PaperCoefficients};
 pub use model::Model;
 pub use options::{
-    Attachment, AttachmentKind, CollisionResponse, DihedralScope, FrameSettings, Mode, ModelOptions, PaperOptions,
+    Attachment, AttachmentKind, CollisionResponse, Csf, DihedralScope, FrameSettings, Mode, ModelOptions, PaperOptions,
     PhysicalOptions,
 };
 pub use report::{Event, StepReport, ToolReport};
 pub use state::State;
-pub use statics::{Pressure, StaticError, StaticOptions, StaticProblem, StaticSolution, Support};
+pub use statics::{
+    EmbeddedRod, Finer, Pressure, SphereContact, StaticError, StaticOptions, StaticProblem, StaticSolution, Support,
+    equilibrium,
+};
 pub use step::{Stage, Stepper};
 pub use tool::{TipShape, Tool, ToolMotion, ToolPose};

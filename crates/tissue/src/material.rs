@@ -9,7 +9,8 @@ pub struct Material {
     pub poisson: f64,
     /// Mass density, kg/m3.
     pub density_kg_m3: f64,
-    /// Kelvin-Voigt damping time, s: viscous stress is this times the elastic modulus times the strain rate.
+    /// Kelvin-Voigt damping time, s: viscous stress is this times the shear modulus times twice the rate of the strain that
+    /// changes shape. Changes of volume, which near-incompressible tissue hardly makes, are not damped.
     pub damping_s: f64,
     /// Normalised coefficients of the paper's constraints (paper mode).
     pub paper: PaperCoefficients,
@@ -63,7 +64,8 @@ impl Material {
         fluid: false,
     };
 
-    /// A ventricle as a very soft, compressible region: E 0.5 kPa, nu 0.3 as in the reference scenes; density of CSF.
+    /// A ventricle as a very soft, compressible region: E 0.5 kPa and nu 0.3 are a numerical stand-in for a fluid, soft
+    /// against the brain and stiff enough to keep its elements upright; density of CSF.
     pub const VENTRICLE: Self = Self {
         young_kpa: 0.5,
         poisson: 0.3,
@@ -76,9 +78,13 @@ impl Material {
 }
 
 impl Insertion {
-    /// Pia and parenchyma. Cutting: a 2.5 mm sphere drawn through living human brain met about 0.08 N (Howard et al. 1999,
-    /// IEEE Trans Biomed Eng 46:891). Friction: static and dynamic in the ratio of catheter on agarose, 0.295 to 0.255;
-    /// its level, and the puncture of the pia, are choices of the right order, to be set per study.
+    /// Pia and parenchyma. Friction: static and dynamic stand in the ratio of the coefficients that commercial catheter
+    /// material has on agarose, 0.295 to 0.255 ("Evaluation of the friction coefficient, the radial stress, and the damage
+    /// work during needle insertions into agarose gels"; lower at 0.2 mm/s than at 1.8 and 10 mm/s, which is not modelled).
+    /// The level of the friction, the force that cuts and the puncture of the pia are **choices** without a measured source:
+    /// of the order of the elastic resistance of the tissue (a bonded 3 mm rod in 3 kPa meets about 0.1 N per mm of drag over
+    /// 40 mm of shaft), to be set per study. Peak forces grow with diameter and depend on the tip (Jiang et al. 2014,
+    /// J Biomech 47:3344), so these are for a rounded rod of 3 mm only.
     pub const BRAIN: Self = Self {
         puncture_force_mn: 150.0,
         puncture_depth_mm: 5.0,

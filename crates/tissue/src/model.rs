@@ -138,6 +138,7 @@ impl Model {
             positions: self.rest.clone(),
             velocities: vec![[0.0; 4]; self.rest.len()],
             pressure: vec![0.0; self.pressures()],
+            csf_kpa: 0.0,
             tools: Vec::new(),
             time_s: 0.0,
         }

@@ -99,6 +99,36 @@ pub struct FrameSettings {
     /// Physical mode: do two iterations of three only where the tissue moves more than on average (the paper's predicted
     /// deformation space).
     pub predicted_space: bool,
+    /// Physical mode: what is done to the fluid of the ventricles.
+    pub csf: Csf,
+}
+
+/// What is done to the fluid in all regions of fluid material, which are one communicating space.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Csf {
+    /// Nothing: the pressure is that at rest.
+    #[default]
+    AtRest,
+    /// This much pressure more than at rest, kPa (1 mmHg is 0.133322 kPa).
+    Pressure {
+        /// The difference, kPa.
+        kpa: f64,
+    },
+    /// This much volume less than at rest, ml; negative for an infusion.
+    Drained {
+        /// The volume, ml.
+        ml: f64,
+    },
+}
+
+impl Csf {
+    fn sane(self) -> Self {
+        match self {
+            Self::Pressure { kpa } if kpa.is_finite() => Self::Pressure { kpa: kpa.clamp(-100.0, 100.0) },
+            Self::Drained { ml } if ml.is_finite() => self,
+            _ => Self::AtRest,
+        }
+    }
 }
 
 impl Default for PaperOptions {
@@ -116,7 +146,14 @@ impl Default for PhysicalOptions {
 
 impl Default for FrameSettings {
     fn default() -> Self {
-        Self { dt_s: 1.0 / 60.0, substeps: 1, iterations: 10, gravity_mm_s2: [0.0; 3], predicted_space: false }
+        Self {
+            dt_s: 1.0 / 60.0,
+            substeps: 1,
+            iterations: 10,
+            gravity_mm_s2: [0.0; 3],
+            predicted_space: false,
+            csf: Csf::AtRest,
+        }
     }
 }
 
@@ -131,6 +168,7 @@ impl FrameSettings {
             iterations: self.iterations.clamp(1, 10_000),
             gravity_mm_s2,
             predicted_space: self.predicted_space,
+            csf: self.csf.sane(),
         }
     }
 }

@@ -23,6 +23,10 @@ pub struct StepReport {
     pub volume_change: f64,
     /// Largest motion of a node in the last iteration, mm: what the solver still had to say.
     pub residual_mm: f64,
+    /// Pressure of the fluid regions above that at rest, kPa (physical mode).
+    pub csf_kpa: f64,
+    /// Volume of the fluid regions above that at rest, ml; 0 unless something is done to the fluid.
+    pub csf_change_ml: f64,
     /// Nodes the solver worked on in the last substep.
     pub active_nodes: usize,
 }

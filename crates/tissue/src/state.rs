@@ -12,6 +12,8 @@ pub struct State {
     pub(crate) velocities: Vec<[f32; 4]>,
     /// Nodal pressure of physical mode, kPa.
     pub(crate) pressure: Vec<f32>,
+    /// Pressure of the fluid above that at rest, kPa.
+    pub(crate) csf_kpa: f64,
     /// One per tool.
     pub(crate) tools: Vec<ToolState>,
     /// Time since rest, s.
@@ -29,6 +31,7 @@ impl State {
         self.positions.clone_from(&other.positions);
         self.velocities.clone_from(&other.velocities);
         self.pressure.clone_from(&other.pressure);
+        self.csf_kpa = other.csf_kpa;
         self.tools.clone_from(&other.tools);
         self.time_s = other.time_s;
     }

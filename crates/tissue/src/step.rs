@@ -6,6 +6,7 @@
 //! half the time step.
 
 use crate::contact::{self, Advance, Coupling, Rule, ToolState};
+use crate::csf::FluidSpace;
 use crate::fast::{Pool, Row};
 use crate::model::Solver;
 use crate::options::FrameSettings;
@@ -55,6 +56,9 @@ pub struct Stepper {
     tethers: Vec<V3>,
     paper: PaperScratch,
     descent: DescentScratch,
+    fluid: FluidSpace,
+    /// Acceleration of each node by the fluid's pressure, mm/s2; empty when there is none.
+    push: Vec<[f32; 4]>,
     events: Vec<Event>,
     residual: f32,
     /// Share of the tissue in the predicted deformation space.
@@ -84,6 +88,8 @@ impl Stepper {
             tethers: vec![[0.0; 3]; model.tethers.len()],
             paper: PaperScratch::default(),
             descent: DescentScratch::default(),
+            fluid: FluidSpace::new(model),
+            push: Vec::new(),
             events: Vec::new(),
             residual: 0.0,
             space: 1.0,
@@ -267,7 +273,9 @@ impl Stepper {
 
     /// Physical mode: one implicit Euler step.
     fn descend(&mut self, solver: &Descent, model: &Model, state: &mut State, settings: &FrameSettings, dt: f32) {
+        self.fluid.push(model, state, settings, &mut self.push);
         let mut body = Body {
+            push: &self.push,
             positions: &mut state.positions,
             velocities: &state.velocities,
             pressure: &mut state.pressure,
@@ -331,6 +339,8 @@ impl Stepper {
         });
         report.max_displacement_mm = f64::from(moved.fold(0f32, f32::max).sqrt());
         report.residual_mm = self.residual.into();
+        report.csf_kpa = state.csf_kpa;
+        report.csf_change_ml = self.fluid.change_ml(model, state);
         let free = state.positions.iter().filter(|p| p[3] > 0.0).count();
         report.active_nodes = match model.solver {
             Solver::Paper(_) => (self.space * free as f64).round() as usize,

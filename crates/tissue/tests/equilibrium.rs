@@ -40,7 +40,7 @@ fn solve(mesh: &TetMesh, options: &ModelOptions, problem: &StaticProblem) -> Sta
 }
 
 fn held(nodes: Vec<u32>, displacement_mm: [Option<f64>; 3]) -> impl Iterator<Item = Support> {
-    nodes.into_iter().map(move |node| Support { node, displacement_mm })
+    nodes.into_iter().map(move |node| Support { node, set: 0, displacement_mm })
 }
 
 /// Lateral stretch of the stable neo-Hookean solid under uniaxial stretch `s`, and its force per area at rest.
@@ -98,7 +98,11 @@ fn a_sheared_block_gives_back_its_shear_modulus_and_an_affine_field_is_exact() {
             let mut problem = StaticProblem::default();
             for n in nodes(&mesh, surface) {
                 let z = mesh.vertices[n as usize].z;
-                problem.supports.push(Support { node: n, displacement_mm: [Some(shear * z), Some(0.0), Some(0.0)] });
+                problem.supports.push(Support {
+                    node: n,
+                    set: 0,
+                    displacement_mm: [Some(shear * z), Some(0.0), Some(0.0)],
+                });
             }
             let solved = solve(&mesh, &o, &problem);
             for (p, d) in mesh.vertices.iter().zip(&solved.displacement) {

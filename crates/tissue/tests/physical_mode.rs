@@ -80,6 +80,7 @@ fn momentum_is_kept_and_a_struck_block_calms_down() {
     }
     let after = momentum(&state);
     assert!((after.0 - before.0).norm() < 0.01 * before.0.norm(), "{before:?} {after:?}");
+    assert!((after.1 - before.1).norm() < 0.01 * before.1.norm(), "{before:?} {after:?}");
     assert!(internal(&state) < 0.2 * lively, "{} of {lively}", internal(&state));
 }
 

@@ -21,6 +21,8 @@ pub struct LinePlot {
     pub x_label: String,
     /// Name and unit of the vertical axis.
     pub y_label: String,
+    /// Whether the horizontal axis is logarithmic.
+    pub log_x: bool,
     /// Whether the vertical axis is logarithmic.
     pub log_y: bool,
     /// The lines.
@@ -32,7 +34,7 @@ pub struct LinePlot {
 const WIDTH: f64 = 460.0;
 const HEIGHT: f64 = 250.0;
 /// Space for labels: left, right, top, bottom.
-const MARGIN: [f64; 4] = [76.0, 14.0, 20.0, 44.0];
+const MARGIN: [f64; 4] = [76.0, 22.0, 20.0, 44.0];
 
 const X_PIXELS: [f64; 2] = [MARGIN[0], WIDTH - MARGIN[1]];
 const Y_PIXELS: [f64; 2] = [HEIGHT - MARGIN[3], MARGIN[2]];
@@ -41,8 +43,10 @@ impl LinePlot {
     /// Draws the plot.
     pub fn figure(&self) -> Figure {
         let all = || self.series.iter().flat_map(|s| &s.points);
-        let (x_low, x_high) = ends(all().map(|p| p[0]).chain(self.events.iter().map(|e| e.0)));
-        let x = Scale::exact(x_low, x_high, X_PIXELS);
+        let wide = || all().map(|p| p[0]).chain(self.events.iter().map(|e| e.0));
+        let (x_low, x_high) = ends(wide());
+        let x =
+            if self.log_x { Scale::covering(wide(), true, X_PIXELS) } else { Scale::exact(x_low, x_high, X_PIXELS) };
         let y = Scale::covering(all().map(|p| p[1]), self.log_y, Y_PIXELS);
         let mut content = axes(&x, &y, [&self.x_label, &self.y_label]);
         for (i, (at, name)) in self.events.iter().enumerate() {
@@ -62,7 +66,7 @@ impl LinePlot {
 /// Colour and pattern of the n-th line.
 const fn stroke_of(i: usize) -> Stroke {
     const DASHES: [Dash; 3] = [Dash::Solid, Dash::Dashed, Dash::Dotted];
-    Stroke { colour: SERIES[i % SERIES.len()], width: 1.8, dash: DASHES[i % DASHES.len()] }
+    Stroke { colour: SERIES[i % SERIES.len()], width: 1.8, dash: DASHES[(i + i / SERIES.len()) % DASHES.len()] }
 }
 
 /// Smallest and largest finite value, never equal.

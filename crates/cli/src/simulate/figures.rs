@@ -178,7 +178,8 @@ fn plots_section(done: &Run) -> Section {
     };
     let plot = |caption: &str, unit: &str, series: Vec<Series>| {
         let (x_label, y_label) = ("time, s".into(), unit.to_owned());
-        LinePlot { caption: caption.into(), x_label, y_label, log_y: false, series, events: events(done) }.figure()
+        LinePlot { caption: caption.into(), x_label, y_label, log_x: false, log_y: false, series, events: events(done) }
+            .figure()
     };
     let force = |f: &Frame| f.step.tools.first().map_or(f64::NAN, |t| t.axial_force_mn);
     let steps = Histogram {

@@ -7,10 +7,10 @@ mod run;
 use crate::args::{ModeArg, SimulateArgs};
 use crate::console::Console;
 use crate::interrupt::Guard;
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use monro_case::{Case, Staging};
 use monro_session::{InsertionSettings, Mode, ModelSettings};
-use monro_tissue::{CollisionResponse, FrameSettings, PaperOptions, PhysicalOptions};
+use monro_tissue::{CollisionResponse, Csf, FrameSettings, PaperOptions, PhysicalOptions};
 use std::path::Path;
 
 pub(crate) use output::{summary_json, summary_text};
@@ -21,17 +21,42 @@ const DIAMETER_MM: f64 = 3.0;
 /// Rest at the target before the end, s: long enough for the tissue to settle.
 const HOLD_S: f64 = 1.0;
 
+/// A millimetre of mercury (conventional), kPa.
+const KPA_PER_MMHG: f64 = 0.133_322;
+
 /// Runs the command.
 pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<()> {
     let staging = Staging::begin(&args.out, args.force)?;
     let guard = Guard::new(&staging);
     let case = console.stage("open case", || Case::open(&args.case))?;
-    let done = insert(&case, &settings(args.mode, args.speed), console)?;
+    let done = insert(&case, &asked(args)?, console)?;
     write(&args.case, &case, &done, &staging, console)?;
     let out = staging.finish()?;
     drop(guard);
     console.result(&summary_json(&done, &out), &summary_text(&done, &out));
     Ok(())
+}
+
+/// Settings with what is done to the fluid and with gravity.
+fn asked(args: &SimulateArgs) -> Result<InsertionSettings> {
+    let mut out = settings(args.mode, args.speed);
+    out.frame.csf = match (args.drain_ml, args.csf_pressure_mmhg) {
+        (Some(ml), _) => Csf::Drained { ml },
+        (_, Some(mmhg)) => Csf::Pressure { kpa: mmhg * KPA_PER_MMHG },
+        (None, None) => Csf::AtRest,
+    };
+    ensure!(
+        args.mode == ModeArg::Physical || out.frame.csf == Csf::AtRest,
+        "paper mode has no pressure: --drain-ml and --csf-pressure-mmhg need --mode physical"
+    );
+    for (name, value) in [("--drain-ml", args.drain_ml), ("--csf-pressure-mmhg", args.csf_pressure_mmhg)] {
+        ensure!(value.is_none_or(|v| v.is_finite() && v.abs() <= 150.0), "{name} {value:?}: wanted -150 to 150");
+    }
+    if let Some([x, y, z]) = args.gravity.as_deref() {
+        ensure!([x, y, z].iter().all(|g| g.is_finite()), "--gravity {x},{y},{z}: wanted three finite numbers");
+        out.frame.gravity_mm_s2 = [x, y, z].map(|g| g * 1e3);
+    }
+    Ok(out)
 }
 
 /// Settings of an insertion in one of the two modes.

@@ -1,6 +1,6 @@
 //! Series, meshes and summary of an insertion as files.
 
-use super::Run;
+use super::{KPA_PER_MMHG, Run};
 use crate::NOTICE;
 use anyhow::{Context, Result};
 use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
@@ -86,6 +86,8 @@ fn summary(done: &Run) -> Value {
         "notice": NOTICE,
         "reached_ventricle": last.is_some_and(monro_session::Frame::in_ventricle),
         "csf": csf,
+        "csf_pressure_change_mmhg": last.map(|f| f.step.csf_kpa / KPA_PER_MMHG),
+        "csf_volume_change_ml": last.map(|f| f.step.csf_change_ml),
         "tip_error_mm": last.map(|f| f.distance_deformed_mm),
         "tip_error_rigid_mm": last.map(|f| f.distance_rigid_mm),
         "target_shift_mm": last.map(|f| f.target_displacement_mm),

@@ -4,4 +4,5 @@ mod bench_frame;
 mod common;
 mod real_scans;
 mod refusals;
+mod solve;
 mod whole_chain;

@@ -63,6 +63,8 @@ pub(crate) struct Substep {
 
 /// A state to be advanced.
 pub(crate) struct Body<'a> {
+    /// Acceleration of each node by what else pushes, mm/s2; empty for nothing.
+    pub(crate) push: &'a [[f32; 4]],
     pub(crate) positions: &'a mut [[f32; 4]],
     pub(crate) velocities: &'a [[f32; 4]],
     pub(crate) pressure: &'a mut [f32],
@@ -169,12 +171,14 @@ impl Descent {
         if damping_ratio(self.damping_s, step.dt) > 0.0 {
             self.sweep(body, scratch, step, true, pool);
         }
-        for ((p, v), target) in body.positions.iter_mut().zip(body.velocities).zip(&mut scratch.target) {
+        for (i, ((p, v), target)) in body.positions.iter_mut().zip(body.velocities).zip(&mut scratch.target).enumerate()
+        {
+            let push = body.push.get(i).copied().unwrap_or_default();
             if p[3] > 0.0 {
                 for a in 0..3 {
                     // The sweeps start without the fall: at rest under a load they then have nothing to undo.
                     p[a] += step.dt * v[a];
-                    target[a] = p[a] + step.dt * step.dt * step.gravity[a];
+                    target[a] = p[a] + step.dt * step.dt * (step.gravity[a] + push[a]);
                 }
             }
         }

@@ -195,6 +195,11 @@ impl Elastic {
         }
     }
 
+    /// Whether an element has no volume left.
+    pub(crate) fn inverted(&self, x: &[D3]) -> bool {
+        self.tets.iter().any(|t| volume_gradient(t.map(|n| x[n as usize])).0 <= 0.0)
+    }
+
     /// An upper bound of the Hessian's diagonal 3x3 blocks (the patch term replaced by its elementwise bound), as the six
     /// entries xx, yy, zz, xy, xz, yz.
     pub(crate) fn diagonal(&self, tangent: &Tangent) -> Vec<[f64; 6]> {

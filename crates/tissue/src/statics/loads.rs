@@ -1,6 +1,7 @@
 //! Supports and loads in the model's numbering.
 
-use super::{StaticError, StaticProblem};
+use super::refine::distance;
+use super::{EmbeddedRod, StaticError, StaticProblem};
 use crate::Model;
 use crate::membrane::OUTSIDE;
 use crate::physical::elastic::{D3, Elastic};
@@ -13,6 +14,8 @@ pub(crate) struct Loads {
     dead: Vec<D3>,
     /// Triangles that a pressure (kPa) pushes along their normal.
     pushed: Vec<([u32; 3], f64)>,
+    /// Nodes that each rod holds.
+    pub(super) rods: Vec<Vec<u32>>,
 }
 
 impl Loads {
@@ -42,21 +45,25 @@ impl Loads {
                 (0..3).for_each(|a| dead[n as usize][a] += problem.body_force_mn_mm3[a] * volume / 4.0);
             }
         }
+        let mut rods = Vec::new();
+        for (rod, r) in problem.rods.iter().enumerate() {
+            rods.push(hold(model, (rod, r), &mut support)?);
+        }
         let pushed = oriented(model, problem, number)?;
-        Ok(Self { support, dead, pushed })
+        Ok(Self { support, dead, pushed, rods })
     }
 
-    /// Adds the loads to the gradient of the energy and returns their potential.
-    pub(crate) fn add(&self, x: &[D3], rest: &[D3], gradient: &mut [D3]) -> f64 {
+    /// Adds a share of the loads to the gradient of the energy and returns their potential.
+    pub(crate) fn add(&self, share: f64, x: &[D3], rest: &[D3], gradient: &mut [D3]) -> f64 {
         let mut energy = 0.0;
         for (i, f) in self.dead.iter().enumerate() {
             for a in 0..3 {
-                gradient[i][a] -= f[a];
-                energy -= f[a] * (x[i][a] - rest[i][a]);
+                gradient[i][a] -= share * f[a];
+                energy -= share * f[a] * (x[i][a] - rest[i][a]);
             }
         }
         for (t, kpa) in &self.pushed {
-            let p = t.map(|n| x[n as usize]);
+            let (p, kpa) = (t.map(|n| x[n as usize]), share * kpa);
             // The potential of a follower pressure is minus pressure times swept volume, exact for a closed cavity.
             energy -= kpa * dot_cross(p[0], p[1], p[2]) / 6.0;
             let third = area(p).map(|v| kpa * v / 3.0);
@@ -68,8 +75,9 @@ impl Loads {
     }
 
     /// Adds the product of the loads' Hessian with `d`.
-    pub(crate) fn add_hessian(&self, x: &[D3], d: &[D3], out: &mut [D3]) {
+    pub(crate) fn add_hessian(&self, share: f64, x: &[D3], d: &[D3], out: &mut [D3]) {
         for (t, kpa) in &self.pushed {
+            let kpa = share * kpa;
             let (p, q) = (t.map(|n| x[n as usize]), t.map(|n| d[n as usize]));
             // Derivative of the volume form, which is symmetric; for a closed surface it equals that of the area form.
             for i in 0..3 {
@@ -89,6 +97,26 @@ impl Loads {
             .map(|(t, kpa)| area(t.map(|n| x[n as usize])).iter().map(|v| (kpa * v / 3.0).powi(2)).sum::<f64>() * 3.0);
         dead + pushed.sum::<f64>()
     }
+}
+
+/// Prescribes the motion of the rod for all nodes inside it that nothing else holds.
+fn hold(
+    model: &Model,
+    (rod, r): (usize, &EmbeddedRod),
+    support: &mut [[Option<f64>; 3]],
+) -> Result<Vec<u32>, StaticError> {
+    let ends = r.ends.map(|p| (p - model.origin).to_array());
+    let reach = r.radius_mm * (1.0 + 1e-5);
+    let inside = |p: &[f32; 4]| distance(ends, [p[0], p[1], p[2]].map(f64::from)) <= reach;
+    let mut held = Vec::new();
+    for (i, p) in model.rest.iter().enumerate() {
+        if inside(p) && support[i].iter().any(Option::is_none) {
+            let way = r.displacement_mm.to_array();
+            support[i] = core::array::from_fn(|a| support[i][a].or(Some(way[a])));
+            held.push(i as u32);
+        }
+    }
+    if held.is_empty() { Err(StaticError::Rod { rod, radius_mm: r.radius_mm }) } else { Ok(held) }
 }
 
 /// Faces of the pressures with normals that point into the tissue.
@@ -126,7 +154,7 @@ fn dot_cross(a: D3, b: D3, c: D3) -> f64 {
     n[0] * c[0] + n[1] * c[1] + n[2] * c[2]
 }
 
-fn area([a, b, c]: [D3; 3]) -> D3 {
+pub(super) fn area([a, b, c]: [D3; 3]) -> D3 {
     let (u, v): (D3, D3) = (core::array::from_fn(|i| b[i] - a[i]), core::array::from_fn(|i| c[i] - a[i]));
     cross(u, v).map(|n| 0.5 * n)
 }

@@ -1,25 +1,49 @@
-//! Newton's method with conjugate gradients and a line search.
+//! Newton's method with conjugate gradients and a line search, along a path of growing motion and load.
 
 use super::StaticOptions;
 use super::loads::Loads;
+use super::sphere::Spheres;
 use crate::physical::elastic::{D3, Elastic, Tangent, dot};
 
-pub(crate) struct Solved {
-    pub(crate) x: Vec<D3>,
-    pub(crate) reaction: Vec<D3>,
-    pub(crate) residual: f64,
-    pub(crate) steps: u32,
-    pub(crate) products: u32,
+/// Tolerance on the way; only the end must be exact.
+const LOOSE: f64 = 1e-2;
+
+/// Shortest step of motion and load that is still tried for the sake of a better start.
+const SHORTEST: f64 = 1.0 / 128.0;
+
+/// Most steps of a contact's pressures.
+const AUGMENTATIONS: u32 = 30;
+
+/// Newton steps after which a step of motion and load counts as too long.
+const PATIENCE: u32 = 40;
+
+pub(super) struct Solved {
+    pub(super) x: Vec<D3>,
+    pub(super) reaction: Vec<D3>,
+    /// Force of each sphere on the tissue, mN.
+    pub(super) contacts: Vec<D3>,
+    pub(super) residual: f64,
+    /// Share of the imposed motion and of the loads that was reached.
+    pub(super) share: f64,
+    pub(super) steps: u32,
+    pub(super) products: u32,
 }
 
 struct Problem<'a> {
     elastic: &'a Elastic,
     loads: &'a Loads,
+    spheres: Spheres,
+    options: StaticOptions,
+    keep_going: &'a mut dyn FnMut() -> bool,
+    /// Share of the loads that acts.
+    share: f64,
+    steps: u32,
     products: u32,
-    most_products: u32,
+    stopped: bool,
 }
 
 /// A state with its derivatives.
+#[derive(Clone)]
 struct Point {
     x: Vec<D3>,
     energy: f64,
@@ -27,37 +51,26 @@ struct Point {
     tangent: Tangent,
 }
 
-pub(crate) fn solve(
+/// Solves from rest, or from `start` with the whole motion imposed at once.
+pub(super) fn solve(
     elastic: &Elastic,
-    loads: &Loads,
+    (loads, spheres): (&Loads, Spheres),
+    start: Option<Vec<D3>>,
     options: &StaticOptions,
     keep_going: &mut dyn FnMut() -> bool,
 ) -> Solved {
-    let mut problem = Problem { elastic, loads, products: 0, most_products: options.products };
-    let mut at = problem.evaluate(elastic.rest.clone());
-    let lift: Vec<D3> = loads.support.iter().map(|s| s.map(|v| v.unwrap_or(0.0))).collect();
-    let (mut steps, mut residual) = (0, f64::INFINITY);
-    if lift.iter().flatten().any(|&v| v != 0.0) {
-        // The first step carries the prescribed displacements, and the tissue along by the tangent at rest.
-        let d = problem.linear(&mut at, Some(&lift), 1e-3, keep_going);
-        at = problem.evaluate(shifted(&at.x, &d, 1.0));
-        steps += 1;
-    }
-    while steps < options.steps {
-        residual = problem.residual(&at);
-        if residual <= options.tolerance || problem.spent(keep_going) {
-            break;
-        }
-        let forcing = (0.5 * residual.sqrt()).clamp(1e-8, 0.1);
-        let d = problem.linear(&mut at, None, forcing, keep_going);
-        let Some(next) = problem.search(&at, &d) else { break };
-        at = next;
-        steps += 1;
-    }
-    residual = problem.residual(&at).min(residual);
+    let options = *options;
+    let mut problem =
+        Problem { elastic, loads, spheres, options, keep_going, share: 0.0, steps: 0, products: 0, stopped: false };
+    let (at, share) = match start {
+        Some(x) => problem.from(x),
+        None => problem.path(),
+    };
+    let residual = problem.residual(&at);
     let reaction = at.gradient.iter().zip(&loads.support);
     let reaction = reaction.map(|(g, s)| core::array::from_fn(|a| if s[a].is_some() { g[a] } else { 0.0 })).collect();
-    Solved { x: at.x, reaction, residual, steps, products: problem.products }
+    let contacts = problem.spheres.forces(&at.x);
+    Solved { x: at.x, reaction, contacts, residual, share, steps: problem.steps, products: problem.products }
 }
 
 fn shifted(x: &[D3], d: &[D3], s: f64) -> Vec<D3> {
@@ -69,15 +82,116 @@ fn inner(a: &[D3], b: &[D3]) -> f64 {
 }
 
 impl Problem<'_> {
+    /// Grows imposed motion and loads from nothing to all of them, in steps as long as they succeed.
+    fn path(&mut self) -> (Point, f64) {
+        self.spheres.place(0.0);
+        let mut at = self.evaluate(self.elastic.rest.clone());
+        let longest = self.spheres.stride();
+        let (mut share, mut stride) = (0.0f64, longest);
+        loop {
+            let next = if share + 1.001 * stride >= 1.0 { 1.0 } else { share + stride };
+            let tolerance = if next == 1.0 { self.options.tolerance } else { LOOSE };
+            let spheres = self.spheres.clone();
+            let patient = next - share > SHORTEST;
+            let reached = self.advance(&at, next, tolerance, patient);
+            match reached {
+                Some(there) => (at, share, stride) = (there, next, (1.5 * stride).min(longest)),
+                None => {
+                    (self.spheres, self.share) = (spheres, share);
+                    stride = 0.5 * (next - share);
+                }
+            }
+            if share == 1.0 || self.stopped {
+                return (at, share);
+            }
+        }
+    }
+
+    /// Solves from a state that is near: the answer on a coarser mesh.
+    fn from(&mut self, start: Vec<D3>) -> (Point, f64) {
+        self.share = 1.0;
+        self.spheres.place(1.0);
+        let mut x = start;
+        for ((x, s), rest) in x.iter_mut().zip(&self.loads.support).zip(&self.elastic.rest) {
+            (0..3).for_each(|a| x[a] = s[a].map_or(x[a], |v| rest[a] + v));
+        }
+        let mut at = self.evaluate(x);
+        self.converge(&mut at, self.options.tolerance, u32::MAX);
+        (at, 1.0)
+    }
+
+    /// The equilibrium at the share `next` of the imposed motion. `None` when the step was too long.
+    fn advance(&mut self, from: &Point, next: f64, tolerance: f64, patient: bool) -> Option<Point> {
+        self.share = next;
+        self.spheres.place(next);
+        let lift: Vec<D3> = (0..from.x.len()).map(|i| self.lift(i, from.x[i], next)).collect();
+        let mut at = self.evaluate(from.x.clone());
+        if lift.iter().flatten().any(|&v| v != 0.0) {
+            // The first step carries the prescribed displacements, and the tissue along by the tangent.
+            let d = self.linear(&mut at, Some(&lift), 1e-2);
+            at = self.evaluate(shifted(&at.x, &d, 1.0));
+            self.steps += 1;
+        }
+        let settled = self.converge(&mut at, tolerance, if patient { PATIENCE } else { u32::MAX });
+        if patient && !self.stopped && (!settled || self.elastic.inverted(&at.x)) {
+            return None;
+        }
+        self.spheres.settle(&at.x);
+        Some(at)
+    }
+
+    /// What is missing of the prescribed displacement of node `i` at the share `next`.
+    fn lift(&self, i: usize, x: D3, next: f64) -> D3 {
+        let rest = self.elastic.rest[i];
+        core::array::from_fn(|a| self.loads.support[i][a].map_or(0.0, |v| rest[a] + next * v - x[a]))
+    }
+
+    /// Newton steps, and steps of the contact pressures between them. Whether the tolerance was met.
+    fn converge(&mut self, at: &mut Point, tolerance: f64, patience: u32) -> bool {
+        let most = if tolerance < LOOSE { AUGMENTATIONS } else { 2 };
+        for _ in 0..most {
+            if !self.newton(at, tolerance, patience) {
+                return false;
+            }
+            if !self.spheres.augment(&at.x) {
+                return true;
+            }
+            *at = self.evaluate(core::mem::take(&mut at.x));
+        }
+        true
+    }
+
+    fn newton(&mut self, at: &mut Point, tolerance: f64, patience: u32) -> bool {
+        for _ in 0..patience {
+            let residual = self.residual(at);
+            if residual <= tolerance {
+                return true;
+            }
+            if self.spent() || self.steps >= self.options.steps {
+                self.stopped = true;
+                return false;
+            }
+            let forcing = (0.5 * residual.sqrt()).clamp(1e-8, 0.1);
+            let d = self.linear(at, None, forcing);
+            let Some(next) = self.search(at, &d) else { return false };
+            *at = next;
+            self.steps += 1;
+        }
+        false
+    }
+
     fn evaluate(&self, x: Vec<D3>) -> Point {
         let (mut gradient, mut tangent) = (Vec::new(), Tangent::default());
         let mut energy = self.elastic.gradient(&x, &mut gradient, &mut tangent);
-        energy += self.loads.add(&x, &self.elastic.rest, &mut gradient);
+        energy += self.loads.add(self.share, &x, &self.elastic.rest, &mut gradient);
+        energy += self.spheres.add(&x, &mut gradient);
         Point { x, energy, gradient, tangent }
     }
 
-    fn spent(&self, keep_going: &mut dyn FnMut() -> bool) -> bool {
-        self.products >= self.most_products || !keep_going()
+    /// Whether products or the caller's patience have run out.
+    fn spent(&mut self) -> bool {
+        self.stopped = self.stopped || self.products >= self.options.products || !(self.keep_going)();
+        self.stopped
     }
 
     /// Keeps only the free components.
@@ -101,25 +215,20 @@ impl Problem<'_> {
     /// Force out of balance over the size of reactions and loads.
     fn residual(&self, at: &Point) -> f64 {
         let out = self.out_of_balance(at);
-        let acting = inner(&at.gradient, &at.gradient) - out + self.loads.size2(&at.x);
+        let acting = inner(&at.gradient, &at.gradient) - out + self.loads.size2(&at.x) + self.spheres.size2(&at.x);
         if out == 0.0 { 0.0 } else { (out / acting.max(f64::MIN_POSITIVE)).sqrt() }
     }
 
     fn product(&mut self, at: &mut Point, d: &[D3], out: &mut Vec<D3>) {
         self.elastic.hessian(&at.x, d, &mut at.tangent, out);
-        self.loads.add_hessian(&at.x, d, out);
+        self.loads.add_hessian(self.share, &at.x, d, out);
+        self.spheres.add_hessian(&at.x, d, out);
         self.products += 1;
     }
 
     /// Solves the Newton system by preconditioned conjugate gradients to the relative residual `tolerance`. With `lift` the
     /// prescribed components move by it and the rest follows. Stops at negative curvature with what it has.
-    fn linear(
-        &mut self,
-        at: &mut Point,
-        lift: Option<&[D3]>,
-        tolerance: f64,
-        keep_going: &mut dyn FnMut() -> bool,
-    ) -> Vec<D3> {
+    fn linear(&mut self, at: &mut Point, lift: Option<&[D3]>, tolerance: f64) -> Vec<D3> {
         let mut d: Vec<D3> = lift.map_or_else(|| vec![[0.0; 3]; at.x.len()], <[D3]>::to_vec);
         let mut hp = Vec::new();
         let mut r: Vec<D3> = at.gradient.iter().map(|g| g.map(|v| -v)).collect();
@@ -133,7 +242,7 @@ impl Problem<'_> {
         self.mask(&mut z);
         let (mut p, mut rz) = (z.clone(), inner(&r, &z));
         let goal = rz * tolerance * tolerance;
-        while rz > goal && rz > 0.0 && !self.spent(keep_going) {
+        while rz > goal && rz > 0.0 && !self.spent() {
             self.product(at, &p, &mut hp);
             self.mask(&mut hp);
             let curvature = inner(&p, &hp);
@@ -158,6 +267,7 @@ impl Problem<'_> {
     /// Inverses of the Hessian's diagonal blocks, prescribed components taken out.
     fn preconditioner(&self, at: &Point) -> Vec<[f64; 6]> {
         let mut blocks = self.elastic.diagonal(&at.tangent);
+        self.spheres.add_diagonal(&at.x, &mut blocks);
         for (b, s) in blocks.iter_mut().zip(&self.loads.support) {
             // Entries xx, yy, zz, xy, xz, yz.
             const OFF: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];

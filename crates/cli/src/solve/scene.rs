@@ -1,0 +1,213 @@
+//! Scenes of static problems: a JSON file beside its meshes, all in SI. What is read is in mm, mN and kPa.
+
+use anyhow::{Context, Result, bail, ensure};
+use monro_case::vtu::{self, DataArray, UnstructuredGrid};
+use monro_geometry::{Patient, Point, TetMesh, Vector, tet_signed_volume};
+use monro_tissue::{EmbeddedRod, Material, Pressure, SphereContact, StaticProblem, Support};
+use serde_json::{Map, Value};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const MM: f64 = 1e3;
+
+/// One case on one mesh.
+#[derive(Debug)]
+pub(crate) struct Scene {
+    pub(crate) grid: UnstructuredGrid,
+    /// The mesh in mm; labels are the regions.
+    pub(crate) mesh: TetMesh,
+    pub(crate) materials: BTreeMap<u16, Material>,
+    pub(crate) problem: StaticProblem,
+    /// Nodes of each set that is held, by name; the numbers of `Support::set` count them.
+    pub(crate) sets: Vec<(String, Vec<u32>)>,
+}
+
+/// Reads a case of a scene on one of its meshes.
+pub(crate) fn read(path: &Path, mesh: &str, case: &str) -> Result<Scene> {
+    let file = if path.is_dir() { path.join("scene.json") } else { path.to_owned() };
+    let text = fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
+    let scene: Value = serde_json::from_str(&text).with_context(|| format!("{}: not JSON", file.display()))?;
+    let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
+    build(&scene, &folder, mesh, case).with_context(|| file.display().to_string())
+}
+
+fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Result<Scene> {
+    let mesh = pick(scene, "meshes", "mesh", mesh_name)?;
+    let case = pick(scene, "cases", "case", case_name)?;
+    let energy = scene["energy"]["name"].as_str().unwrap_or("stable_neo_hookean");
+    ensure!(energy == "stable_neo_hookean", "the energy is \"{energy}\"; only stable_neo_hookean is known");
+    let name = mesh["file"].as_str().with_context(|| format!("mesh \"{mesh_name}\" names no file"))?;
+    let file = folder.join(name);
+    let bytes = fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
+    let grid = vtu::decode(&bytes).with_context(|| file.display().to_string())?;
+    let materials = materials(case).with_context(|| format!("case \"{case_name}\""))?;
+    let tets = mesh_mm(&grid, &materials)?;
+    let (problem, sets) = problem(&grid, mesh, case).with_context(|| format!("case \"{case_name}\""))?;
+    Ok(Scene { grid, mesh: tets, materials, problem, sets })
+}
+
+/// The entry of a map by name, or an error that lists the names there are.
+fn pick<'a>(scene: &'a Value, map: &str, what: &str, name: &str) -> Result<&'a Value> {
+    let entries = scene[map].as_object().with_context(|| format!("no \"{map}\""))?;
+    let names = || entries.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
+    entries.get(name).with_context(|| format!("no {what} \"{name}\"; there are: {}", names()))
+}
+
+fn materials(case: &Value) -> Result<BTreeMap<u16, Material>> {
+    let entries = case["materials"].as_object().context("no \"materials\"")?;
+    let one = |(region, m): (&String, &Value)| {
+        let label =
+            region.parse::<u16>().with_context(|| format!("region \"{region}\" is no number from 0 to 65535"))?;
+        let (young, poisson) =
+            moduli(m).with_context(|| format!("material of region {region}: neither E and nu nor mu and lam"))?;
+        Ok((label, Material { young_kpa: young * 1e-3, poisson, ..Material::BRAIN }))
+    };
+    entries.iter().map(one).collect()
+}
+
+/// Young's modulus (Pa) and Poisson's ratio.
+fn moduli(m: &Value) -> Option<(f64, f64)> {
+    if let (Some(young), Some(poisson)) = (m["E"].as_f64(), m["nu"].as_f64()) {
+        return Some((young, poisson));
+    }
+    let (mu, lam) = (m["mu"].as_f64()?, m["lam"].as_f64()?);
+    Some((mu * (3.0 * lam + 2.0 * mu) / (lam + mu), lam / (2.0 * (lam + mu))))
+}
+
+fn mesh_mm(grid: &UnstructuredGrid, materials: &BTreeMap<u16, Material>) -> Result<TetMesh> {
+    let labels = match (vtu::find(&grid.cell_data, "region"), materials.len()) {
+        (Some(array), _) => array.values.iter().map(|&v| v as u16).collect(),
+        (None, 1) => materials.keys().cycle().take(grid.tets.len()).copied().collect(),
+        (None, n) => bail!("the mesh has no cell array \"region\", but the case has {n} materials"),
+    };
+    let vertices: Vec<Point<Patient>> = grid.points.iter().map(|p| Point::from_array(p.map(|v| v * MM))).collect();
+    let mut tets = grid.tets.clone();
+    let corner = |v: u32| vertices.get(v as usize).copied().unwrap_or(Point::ORIGIN);
+    if tets.iter().all(|t| tet_signed_volume(t.map(corner)) < 0.0) {
+        // A mesh of the other orientation throughout is as good; a mixed one is refused when the model is made.
+        tets.iter_mut().for_each(|t| t.swap(2, 3));
+    }
+    Ok(TetMesh { vertices, tets, labels })
+}
+
+type Sets = Vec<(String, Vec<u32>)>;
+
+fn problem(grid: &UnstructuredGrid, mesh: &Value, case: &Value) -> Result<(StaticProblem, Sets)> {
+    let mut problem = StaticProblem::default();
+    let mut sets = Sets::new();
+    for entry in list(&case["dirichlet"]) {
+        let name = entry["set"].as_str().context("an entry of \"dirichlet\" names no set")?;
+        let nodes = set(grid, name)?;
+        hold(grid, entry, &nodes, sets.len() as u32, &mut problem.supports)
+            .with_context(|| format!("set \"{name}\""))?;
+        sets.push((name.to_owned(), nodes));
+    }
+    if !case["body_force"].is_null() {
+        // 1 N/m3 is 1e-6 mN/mm3.
+        problem.body_force_mn_mm3 = vector(&case["body_force"], "body_force")?.map(|v| v * 1e-6);
+    }
+    for p in list(&case["pressure"]) {
+        problem.pressures.push(pressure(mesh, p)?);
+    }
+    for c in list(&case["contact"]) {
+        problem.contacts.push(contact(c)?);
+    }
+    for r in list(&case["embedded_rod"]) {
+        problem.rods.push(rod(r)?);
+    }
+    Ok((problem, sets))
+}
+
+/// The items of a list; a single object is a list of one, nothing is an empty list.
+fn list(value: &Value) -> Vec<&Value> {
+    match value {
+        Value::Null => Vec::new(),
+        Value::Array(items) => items.iter().collect(),
+        other => vec![other],
+    }
+}
+
+fn array<'a>(grid: &'a UnstructuredGrid, name: &str) -> Result<&'a DataArray> {
+    let names = || grid.point_data.iter().map(|a| a.name.as_str()).collect::<Vec<_>>().join(", ");
+    vtu::find(&grid.point_data, name)
+        .with_context(|| format!("the mesh has no point array \"{name}\"; there are: {}", names()))
+}
+
+fn set(grid: &UnstructuredGrid, name: &str) -> Result<Vec<u32>> {
+    let flags = array(grid, &format!("set_{name}"))?;
+    Ok((0..flags.values.len() as u32).filter(|&i| flags.values[i as usize] != 0.0).collect())
+}
+
+fn hold(grid: &UnstructuredGrid, entry: &Value, nodes: &[u32], set: u32, out: &mut Vec<Support>) -> Result<()> {
+    let components = entry["components"].as_str().context("no \"components\" out of \"xyz\"")?;
+    ensure!(components.chars().all(|c| "xyz".contains(c)), "components \"{components}\"; wanted letters of \"xyz\"");
+    let held = |a: usize| components.contains(["x", "y", "z"][a]);
+    let field = match entry["value"].as_str() {
+        Some(text) => {
+            let name = text.strip_prefix("field:").with_context(|| format!("value \"{text}\"; wanted field:NAME"))?;
+            let field = array(grid, name)?;
+            ensure!(field.components == 3, "the array \"{name}\" has {} components, wanted 3", field.components);
+            Some(&field.values)
+        }
+        None => None,
+    };
+    let constant = if field.is_none() { vector(&entry["value"], "value")? } else { [0.0; 3] };
+    for &node in nodes {
+        let at = |a: usize| field.map_or(constant[a], |f| f[3 * node as usize + a]);
+        let displacement_mm = core::array::from_fn(|a| held(a).then(|| at(a) * MM));
+        out.push(Support { node, set, displacement_mm });
+    }
+    Ok(())
+}
+
+fn pressure(mesh: &Value, p: &Value) -> Result<Pressure> {
+    let name = p["faces"].as_str().context("an entry of \"pressure\" names no faces")?;
+    let lists = mesh["face_sets"].as_object().or_else(|| mesh["faces"].as_object());
+    let there = || lists.map(Map::keys).into_iter().flatten().map(String::as_str).collect::<Vec<_>>().join(", ");
+    let faces = lists.and_then(|l| l.get(name)?.as_array());
+    let faces = faces.with_context(|| format!("the mesh has no face list \"{name}\"; there are: {}", there()))?;
+    let corner = |f: &Value, i: usize| f[i].as_u64().and_then(|v| u32::try_from(v).ok());
+    let face = |f: &Value| Some([corner(f, 0)?, corner(f, 1)?, corner(f, 2)?]);
+    let faces = faces.iter().map(face).collect::<Option<_>>();
+    let faces = faces.with_context(|| format!("face list \"{name}\": a face is not three vertex numbers"))?;
+    Ok(Pressure { faces, kpa: number(&p["pressure"], "pressure")? * 1e-3 })
+}
+
+fn contact(c: &Value) -> Result<SphereContact> {
+    let kind = ["kind", "type", "shape"].iter().find_map(|k| c[*k].as_str()).unwrap_or("rigid_sphere");
+    ensure!(kind == "rigid_sphere", "contact of kind \"{kind}\"; only rigid_sphere is known");
+    let c = if c["rigid_sphere"].is_object() { &c["rigid_sphere"] } else { c };
+    let place = |name: &str| Ok::<_, anyhow::Error>(Point::from_array(vector(&c[name], name)?.map(|v| v * MM)));
+    let friction = if c["friction"].is_null() { 0.0 } else { number(&c["friction"], "friction")? };
+    Ok(SphereContact {
+        radius_mm: number(&c["radius"], "radius")? * MM,
+        friction,
+        from: place("centre_start")?,
+        to: place("centre_end")?,
+    })
+}
+
+fn rod(r: &Value) -> Result<EmbeddedRod> {
+    let coupling = r["coupling"].as_str().unwrap_or("bonded");
+    ensure!(
+        coupling.starts_with("bonded"),
+        "embedded_rod with coupling \"{coupling}\"; only bonded (no slip) is known"
+    );
+    let place = |name: &str| Ok::<_, anyhow::Error>(Point::from_array(vector(&r[name], name)?.map(|v| v * MM)));
+    Ok(EmbeddedRod {
+        radius_mm: number(&r["radius"], "radius")? * MM,
+        ends: [place("p0")?, place("p1")?],
+        displacement_mm: Vector::from_array(vector(&r["displacement"], "displacement")?.map(|v| v * MM)),
+    })
+}
+
+fn number(value: &Value, name: &str) -> Result<f64> {
+    value.as_f64().with_context(|| format!("\"{name}\" is {value}, wanted a number"))
+}
+
+fn vector(value: &Value, name: &str) -> Result<[f64; 3]> {
+    let numbers = value.as_array().map(|v| v.iter().filter_map(Value::as_f64).collect::<Vec<_>>());
+    let three = numbers.and_then(|v| <[f64; 3]>::try_from(v).ok());
+    three.with_context(|| format!("\"{name}\" is {value}, wanted three numbers"))
+}

@@ -1,0 +1,128 @@
+//! `monro solve` on a scene made here: a cube of six tetrahedra.
+
+use crate::common::{json, point, refusal, text};
+use serde_json::{Value, json};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const CORNERS: [[u8; 3]; 8] = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]];
+const TETS: [[u8; 4]; 6] = [[0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 6], [0, 5, 1, 6]];
+
+/// A cube of 20 mm in metres, ASCII, with its sides as sets.
+fn vtu() -> String {
+    let rows = |f: &dyn Fn(&[u8; 3]) -> String| CORNERS.iter().map(f).collect::<Vec<_>>().join(" ");
+    let points = rows(&|c| c.map(|v| format!("{}", f64::from(v) * 0.02)).join(" "));
+    let array = |kind: &str, name: &str, n: u8, body: &str| {
+        format!(
+            "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{n}\" format=\"ascii\">{body}</DataArray>"
+        )
+    };
+    let sets: String = ["x", "y", "z"]
+        .iter()
+        .enumerate()
+        .flat_map(|(a, axis)| [0, 1].map(|side| (a, format!("set_{axis}{side}"), side)))
+        .map(|(a, name, side)| array("UInt8", &name, 1, &rows(&|c| u8::from(c[a] == side).to_string())))
+        .collect();
+    let tets = TETS.map(|t| t.map(|v| v.to_string()).join(" ")).join(" ");
+    format!(
+        "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\"><UnstructuredGrid>\
+         <Piece NumberOfPoints=\"8\" NumberOfCells=\"6\"><Points>{}</Points><Cells>{}{}{}</Cells>\
+         <PointData>{sets}</PointData><CellData>{}</CellData></Piece></UnstructuredGrid></VTKFile>",
+        array("Float64", "Points", 3, &points),
+        array("Int32", "connectivity", 1, &tets),
+        array("Int32", "offsets", 1, "4 8 12 16 20 24"),
+        array("UInt8", "types", 1, "10 10 10 10 10 10"),
+        array("Int32", "region", 1, "1 1 1 1 1 1"),
+    )
+}
+
+fn held(set: &str, components: &str, value: [f64; 3]) -> Value {
+    json!({ "set": set, "components": components, "value": value })
+}
+
+fn scene(dir: &Path) -> PathBuf {
+    let material = json!({ "1": { "E": 3000.0, "nu": 0.3 } });
+    let slide = [held("x0", "x", [0.0; 3]), held("y0", "y", [0.0; 3]), held("z0", "z", [0.0; 3])];
+    let stretched: Vec<Value> = slide.iter().cloned().chain([held("x1", "x", [0.006, 0.0, 0.0])]).collect();
+    let clamped = [held("z0", "xyz", [0.0; 3])];
+    let cases = json!({
+        "stretch": { "materials": material, "dirichlet": stretched },
+        "punch": { "materials": material, "dirichlet": clamped, "contact": [{
+            "kind": "rigid_sphere", "radius": 0.02, "friction": 0.0,
+            "centre_start": [0.01, 0.01, 0.041], "centre_end": [0.01, 0.01, 0.037] }] },
+        "weight": { "materials": material, "dirichlet": clamped, "body_force": [0.0, 0.0, -1000.0] },
+    });
+    let meshes = json!({ "cube": { "file": "cube.vtu", "nodes": 8, "tets": 6 } });
+    let scene = json!({ "energy": { "name": "stable_neo_hookean" }, "cases": cases, "meshes": meshes });
+    fs::write(dir.join("cube.vtu"), vtu()).expect("mesh");
+    let path = dir.join("scene.json");
+    fs::write(&path, scene.to_string()).expect("scene");
+    path
+}
+
+fn displacement(path: &Path) -> Vec<[f64; 3]> {
+    let grid = monro_case::vtu::decode(&fs::read(path).expect("result")).expect("a VTU");
+    assert_eq!(grid.points[6], [0.02; 3]);
+    let array = monro_case::vtu::find(&grid.point_data, "displacement").expect("displacement");
+    array.values.as_chunks::<3>().0.to_vec()
+}
+
+#[test]
+fn a_stretched_cube_has_the_closed_form_in_metres_and_newtons() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (scene, out) = (scene(dir.path()), dir.path().join("out.vtu"));
+    let told = json(&["solve", text(&scene), "--mesh", "cube", "--case", "stretch", "--out", text(&out)]);
+    assert_eq!(told["converged"], true);
+    // E 3 kPa, nu 0.3, stretch 1.3: the lateral stretch and the stress of the reference material.
+    let (lateral, stress) = (0.916_644_252_9, 1.885_569_482_9 / 0.05 / 0.05);
+    let corner = displacement(&out)[6];
+    for (got, wanted) in corner.iter().zip([0.006, (lateral - 1.0) * 0.02, (lateral - 1.0) * 0.02]) {
+        assert!((got - wanted).abs() < 1e-8, "{corner:?}");
+    }
+    let force = point(&told["reactions_N"]["x1"])[0];
+    assert!((force / (stress * 4e-4) - 1.0).abs() < 1e-6, "{force} N");
+}
+
+#[test]
+fn a_punch_is_felt_and_weight_is_borne() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (scene, out) = (scene(dir.path()), dir.path().join("out.vtu"));
+    let ask = |case: &str, mode: &str| {
+        let what = ["solve", text(&scene), "--mesh", "cube", "--case", case, "--mode", mode];
+        json(&[&what[..], &["--out", text(&out), "--refine", "1"]].concat())
+    };
+    let punch = ask("punch", "physical");
+    let (force, borne) = (punch["punch_force_N"].as_f64().expect("force"), point(&punch["reactions_N"]["z0"])[2]);
+    assert!(force > 1e-3 && (force - borne).abs() < 1e-5 * force.max(1.0), "{punch}");
+    let weight = ask("weight", "physical");
+    assert!((point(&weight["reactions_N"]["z0"])[2] - 1000.0 * 8e-6).abs() < 1e-8, "{weight}");
+    let paper = ask("weight", "paper");
+    assert_eq!(paper["converged"], true, "{paper}");
+    assert!(displacement(&out)[6][2] < 0.0);
+}
+
+#[test]
+fn no_time_gives_what_there_is_and_says_so() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (scene, out) = (scene(dir.path()), dir.path().join("out.vtu"));
+    let args = ["solve", text(&scene), "--mesh", "cube", "--case", "weight", "--out", text(&out), "--budget-ms", "0"];
+    let told = json(&args);
+    assert_eq!(told["converged"], false, "{told}");
+    assert_eq!(displacement(&out).len(), 8);
+}
+
+#[test]
+fn what_a_scene_does_not_have_is_listed() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (scene, out) = (scene(dir.path()), dir.path().join("out.vtu"));
+    let ask = |mesh: &str, case: &str, mode: &str| {
+        refusal(&["solve", text(&scene), "--mesh", mesh, "--case", case, "--out", text(&out), "--mode", mode])
+    };
+    let said = ask("fine", "stretch", "physical");
+    assert!(said.contains("\"fine\"") && said.contains("there are: cube"), "{said}");
+    let said = ask("cube", "bend", "physical");
+    assert!(said.contains("\"bend\"") && ["stretch", "punch", "weight"].iter().all(|c| said.contains(c)), "{said}");
+    let said = ask("cube", "stretch", "paper");
+    assert!(said.contains("\"x0\"") && said.contains("physical mode"), "{said}");
+    assert!(!out.exists());
+}

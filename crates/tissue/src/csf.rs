@@ -1,0 +1,81 @@
+//! Cerebrospinal fluid as an input: a pressure in all fluid regions, or a volume drained from them.
+//!
+//! The fluid regions are one communicating space. A pressure `p` above that at rest adds `-p dV` to the energy, so it pushes
+//! the walls along the gradient of the space's volume and follows them. A drained volume is a condition on that volume; its
+//! multiplier is the pressure, found by integral control over the substeps with the stiffness of a cavity in a wide elastic
+//! solid, `dp = 4/3 mu dV / V` (Lame), as the gain.
+
+use crate::vec3::{V3, cross, six_volume, sub, xyz};
+use crate::{Csf, FrameSettings, Model, State};
+
+/// Share of the missing pressure that a substep adds.
+const GAIN: f64 = 0.15;
+
+/// The fluid space: its elements and the stiffness around it.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct FluidSpace {
+    tets: Vec<u32>,
+    /// Volume at rest, mm3.
+    rest_mm3: f64,
+    /// Largest shear modulus of the tissue, kPa.
+    shear_kpa: f64,
+}
+
+impl FluidSpace {
+    pub(crate) fn new(model: &Model) -> Self {
+        let of = |t: u32| &model.regions[model.region[t as usize] as usize].material;
+        let all = 0..model.tets.len() as u32;
+        let tets: Vec<u32> = all.clone().filter(|&t| of(t).fluid).collect();
+        let shear_kpa = all.map(|t| of(t).shear_kpa()).fold(0.0, f64::max);
+        let mut out = Self { tets, rest_mm3: 0.0, shear_kpa };
+        out.rest_mm3 = out.volume_mm3(model, &model.rest);
+        out
+    }
+
+    fn volume_mm3(&self, model: &Model, positions: &[[f32; 4]]) -> f64 {
+        let corners = |&t: &u32| model.tets[t as usize].map(|v| xyz(positions[v as usize]));
+        self.tets.iter().map(|t| f64::from(six_volume(corners(t))) / 6.0).sum()
+    }
+
+    /// Volume above that at rest, ml.
+    pub(crate) fn change_ml(&self, model: &Model, state: &State) -> f64 {
+        if self.tets.is_empty() { 0.0 } else { (self.volume_mm3(model, &state.positions) - self.rest_mm3) * 1e-3 }
+    }
+
+    /// Sets the pressure of this substep and fills the acceleration of each node by it, mm/s2; left empty when there is
+    /// none.
+    pub(crate) fn push(&self, model: &Model, state: &mut State, settings: &FrameSettings, out: &mut Vec<[f32; 4]>) {
+        out.clear();
+        state.csf_kpa = match settings.csf {
+            _ if self.tets.is_empty() => 0.0,
+            Csf::AtRest => 0.0,
+            Csf::Pressure { kpa } => kpa,
+            Csf::Drained { ml } => {
+                let missing = -ml - self.change_ml(model, state);
+                let stiff = 4.0 / 3.0 * self.shear_kpa / (self.rest_mm3 * 1e-3);
+                state.csf_kpa + GAIN * stiff * missing
+            }
+        };
+        if state.csf_kpa != 0.0 {
+            out.resize(model.rest.len(), [0.0; 4]);
+            self.add_forces(model, &state.positions, state.csf_kpa, |node, force| {
+                let mass = model.mass[node as usize];
+                (0..3).for_each(|a| out[node as usize][a] += force[a] / mass);
+            });
+        }
+    }
+
+    /// Calls `add` with each node of the fluid and its share of the force of pressure `kpa`, mN: inside they cancel.
+    pub(crate) fn add_forces(&self, model: &Model, positions: &[[f32; 4]], kpa: f64, mut add: impl FnMut(u32, V3)) {
+        // Opposite faces seen so that their area vector is six times the gradient of the volume by the corner.
+        const OPPOSITE: [[usize; 3]; 4] = [[1, 3, 2], [0, 2, 3], [0, 3, 1], [0, 1, 2]];
+        for &t in &self.tets {
+            let nodes = model.tets[t as usize];
+            let p = nodes.map(|v| xyz(positions[v as usize]));
+            for (corner, [a, b, c]) in OPPOSITE.into_iter().enumerate() {
+                let area = cross(sub(p[b], p[a]), sub(p[c], p[a]));
+                add(nodes[corner], area.map(|v| v * (kpa / 6.0) as f32));
+            }
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! Carries a static problem over to a finer mesh, and its answer back.
+
+use super::bisect::{Cuts, Fine, P, key};
+use super::{EmbeddedRod, SphereContact, StaticProblem, Support};
+use crate::membrane;
+use monro_geometry::{Patient, Point, TetMesh, Vector};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Elements at the surface of a rod over its radius.
+const ROD_SIZE: f64 = 0.6;
+
+/// Elements under a sphere over the radius of the contact that Hertz expects at this depth.
+const CONTACT_SIZE: f64 = 0.2;
+
+/// Growth of the elements with the distance from a tool, mm per mm.
+const GROWTH: f64 = 0.7;
+
+/// No mesh is refined beyond this.
+const MOST_TETS: usize = 400_000;
+
+/// Vertices as near to the surface of a rod as this share of their shortest edge are put on it.
+const SNAP: f64 = 0.4;
+
+/// A capsule around which elements must be small.
+#[derive(Debug, Clone, Copy)]
+struct Zone {
+    ends: [P; 2],
+    radius: f64,
+    size: f64,
+    /// Only the surface needs small elements, or all that is inside as well.
+    surface: bool,
+}
+
+/// A problem on a mesh that has been refined for it.
+#[derive(Debug, Clone)]
+pub(super) struct Refined {
+    pub(super) mesh: TetMesh,
+    pub(super) problem: StaticProblem,
+    fine: Fine,
+}
+
+impl Refined {
+    pub(super) fn new(mesh: &TetMesh, problem: &StaticProblem) -> Self {
+        let points = mesh.vertices.iter().map(|p| p.to_array()).collect();
+        let fine = Fine::new(points, mesh.tets.clone(), mesh.labels.clone());
+        Self { mesh: mesh.clone(), problem: problem.clone(), fine }
+    }
+
+    /// Makes the elements around tools small enough to tell their radius.
+    pub(super) fn around_tools(mut self) -> Self {
+        let zones = zones(&self.problem, &self.fine);
+        if zones.is_empty() {
+            return self;
+        }
+        let size = |x: P| zones.iter().map(|z| z.size_at(x)).fold(f64::INFINITY, f64::min);
+        while self.fine.tets.len() < MOST_TETS {
+            let before = outer_faces(&self.fine);
+            let old = self.fine.tets.clone();
+            let Some(cuts) = self.fine.bisect(&size) else { break };
+            self.inherit(&cuts, &old, &before, false);
+        }
+        for rod in &self.problem.rods {
+            snap(&mut self.fine, rod);
+        }
+        self.finished()
+    }
+
+    /// Each element into eight.
+    pub(super) fn halved(mut self) -> Self {
+        let before = outer_faces(&self.fine);
+        let old = self.fine.tets.clone();
+        let cuts = self.fine.eight();
+        self.inherit(&cuts, &old, &before, true);
+        self.finished()
+    }
+
+    fn finished(mut self) -> Self {
+        let vertices = self.fine.points.iter().map(|&p| Point::from_array(p)).collect();
+        self.mesh = TetMesh { vertices, tets: self.fine.tets.clone(), labels: self.fine.labels.clone() };
+        self
+    }
+
+    /// Supports and pressures of the new vertices.
+    fn inherit(&mut self, cuts: &Cuts, tets: &[[u32; 4]], outer: &[[u32; 3]], eight: bool) {
+        let mut sets: BTreeMap<u32, BTreeMap<u32, [Option<f64>; 3]>> = BTreeMap::new();
+        for s in &self.problem.supports {
+            sets.entry(s.set).or_default().insert(s.node, s.displacement_mm);
+        }
+        for (set, held) in sets {
+            for e in held_edges(&held, tets, outer) {
+                let Some(&node) = cuts.get(&e) else { continue };
+                let [a, b] = e.map(|v| held[&v]);
+                let displacement_mm = core::array::from_fn(|k| Some(0.5 * (a[k]? + b[k]?)));
+                self.problem.supports.push(Support { node, set, displacement_mm });
+            }
+        }
+        for p in &mut self.problem.pressures {
+            let old = core::mem::take(&mut p.faces);
+            old.into_iter().for_each(|f| self.fine.cut_face(f, cuts, eight, &mut p.faces));
+        }
+    }
+
+    /// Prolongs displacements of the vertices before the last refinement to all.
+    pub(super) fn prolonged(&self, coarse: &[Vector<Patient>]) -> Vec<Vector<Patient>> {
+        let mut out = coarse.to_vec();
+        for &[a, b] in &self.fine.parents[coarse.len() - self.fine.first..] {
+            out.push((out[a as usize] + out[b as usize]) * 0.5);
+        }
+        out
+    }
+
+    /// Forces on the vertices of the given mesh: those of a new vertex go to the two it lies between.
+    pub(super) fn gathered(&self, mut force: Vec<Vector<Patient>>) -> Vec<Vector<Patient>> {
+        for (i, &[a, b]) in self.fine.parents.iter().enumerate().rev() {
+            let half = force[self.fine.first + i] * 0.5;
+            force[a as usize] += half;
+            force[b as usize] += half;
+        }
+        force.truncate(self.fine.first);
+        force
+    }
+
+    /// Vertices of the mesh as given.
+    pub(super) const fn given(&self) -> usize {
+        self.fine.first
+    }
+}
+
+/// Edges of outer faces and of elements whose vertices are all held by one set.
+fn held_edges(held: &BTreeMap<u32, [Option<f64>; 3]>, tets: &[[u32; 4]], outer: &[[u32; 3]]) -> BTreeSet<[u32; 2]> {
+    let mut out = BTreeSet::new();
+    let mut all = |nodes: &[u32]| {
+        if nodes.iter().all(|v| held.contains_key(v)) {
+            for (i, &a) in nodes.iter().enumerate() {
+                out.extend(nodes[..i].iter().map(|&b| key(a, b)));
+            }
+        }
+    };
+    tets.iter().for_each(|t| all(t));
+    outer.iter().for_each(|f| all(f));
+    out
+}
+
+fn outer_faces(fine: &Fine) -> Vec<[u32; 3]> {
+    // A mesh with crowded faces is refused when its model is made.
+    let found = membrane::find(&fine.tets, &vec![0; fine.tets.len()]).unwrap_or_default();
+    found.faces.iter().map(|m| m.nodes).collect()
+}
+
+impl Fine {
+    /// A face of the old mesh in the new one.
+    fn cut_face(&self, face: [u32; 3], cuts: &Cuts, eight: bool, out: &mut Vec<[u32; 3]>) {
+        let [a, b, c] = face;
+        let middle = |a: u32, b: u32| cuts.get(&key(a, b)).copied();
+        if let (true, Some(ab), Some(bc), Some(ca)) = (eight, middle(a, b), middle(b, c), middle(c, a)) {
+            out.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+            return;
+        }
+        let edges = [key(a, b), key(b, c), key(c, a)].into_iter().filter(|e| cuts.contains_key(e));
+        let Some(e) = self.longest_of(edges) else {
+            out.push(face);
+            return;
+        };
+        for end in e {
+            self.cut_face(face.map(|v| if v == end { cuts[&e] } else { v }), cuts, eight, out);
+        }
+    }
+}
+
+impl Zone {
+    fn size_at(&self, x: P) -> f64 {
+        let apart = distance(self.ends, x) - self.radius;
+        self.size + GROWTH * if self.surface { apart.abs() } else { apart.max(0.0) }
+    }
+}
+
+fn zones(problem: &StaticProblem, fine: &Fine) -> Vec<Zone> {
+    let rods = problem.rods.iter().map(|r| Zone {
+        ends: r.ends.map(Point::to_array),
+        radius: r.radius_mm,
+        size: ROD_SIZE * r.radius_mm,
+        surface: true,
+    });
+    let contacts = problem.contacts.iter().filter_map(|c| {
+        let depth = depth(c, fine)?;
+        let size = (CONTACT_SIZE * (c.radius_mm * depth).sqrt()).clamp(c.radius_mm / 40.0, c.radius_mm / 5.0);
+        Some(Zone { ends: [c.from.to_array(), c.to.to_array()], radius: c.radius_mm, size, surface: false })
+    });
+    rods.chain(contacts).collect()
+}
+
+/// How deep the sphere ends up in the tissue at rest, mm; `None` when it stays outside.
+fn depth(c: &SphereContact, fine: &Fine) -> Option<f64> {
+    let centre = c.to.to_array();
+    let nearest = outer_faces(fine).into_iter().map(|f| {
+        let [p, q, r] = f.map(|v| fine.points[v as usize].map(|x| x as f32));
+        let at = centre.map(|x| x as f32);
+        crate::contact::closest::point_triangle(at, [p, q, r], 0.0).distance2.sqrt()
+    });
+    let near = f64::from(nearest.fold(f32::INFINITY, f32::min));
+    (near < c.radius_mm).then_some(c.radius_mm - near)
+}
+
+/// Distance of `x` from the segment.
+pub(super) fn distance([a, b]: [P; 2], x: P) -> f64 {
+    let along: P = core::array::from_fn(|k| b[k] - a[k]);
+    let to: P = core::array::from_fn(|k| x[k] - a[k]);
+    let (l2, p): (f64, f64) = (along.iter().map(|v| v * v).sum(), (0..3).map(|k| along[k] * to[k]).sum());
+    let t = if l2 > 0.0 { (p / l2).clamp(0.0, 1.0) } else { 0.0 };
+    (0..3).map(|k| (to[k] - t * along[k]).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Puts new inner vertices near the surface of the rod on it, so that the vertices inside fill its true radius.
+fn snap(fine: &mut Fine, rod: &EmbeddedRod) {
+    let ends = rod.ends.map(Point::to_array);
+    let outer: BTreeSet<u32> = outer_faces(fine).into_iter().flatten().collect();
+    let mut around: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    for (t, tet) in fine.tets.iter().enumerate() {
+        tet.iter().for_each(|&v| around.entry(v).or_default().push(t as u32));
+    }
+    for v in fine.first as u32..fine.points.len() as u32 {
+        let x = fine.points[v as usize];
+        let off = distance(ends, x) - rod.radius_mm;
+        if outer.contains(&v) || off == 0.0 || off.abs() > 0.5 * rod.radius_mm {
+            continue;
+        }
+        let near = &around[&v];
+        let edges = near.iter().flat_map(|&t| fine.tets[t as usize]).filter(|&w| w != v);
+        let short = edges.map(|w| distance([fine.points[w as usize]; 2], x)).fold(f64::INFINITY, f64::min);
+        if off.abs() > SNAP * short {
+            continue;
+        }
+        let before: Vec<f64> = near.iter().map(|&t| fine.volume(fine.tets[t as usize])).collect();
+        fine.points[v as usize] = on_surface(ends, rod.radius_mm, x);
+        let thin = |(&t, v): (&u32, &f64)| fine.volume(fine.tets[t as usize]) < 0.3 * v;
+        if near.iter().zip(&before).any(thin) {
+            fine.points[v as usize] = x;
+        }
+    }
+}
+
+/// The point of a capsule's surface on the way from its axis through `x`.
+fn on_surface([a, b]: [P; 2], radius: f64, x: P) -> P {
+    let along: P = core::array::from_fn(|k| b[k] - a[k]);
+    let (l2, p): (f64, f64) =
+        (along.iter().map(|v| v * v).sum(), (0..3).map(|k| along[k] * (x[k] - a[k])).sum::<f64>());
+    let t = if l2 > 0.0 { (p / l2).clamp(0.0, 1.0) } else { 0.0 };
+    let foot: P = core::array::from_fn(|k| a[k] + t * along[k]);
+    let far = (0..3).map(|k| (x[k] - foot[k]).powi(2)).sum::<f64>().sqrt();
+    if far == 0.0 { x } else { core::array::from_fn(|k| foot[k] + (x[k] - foot[k]) * radius / far) }
+}

@@ -1,0 +1,279 @@
+//! Contact of the outer surface with rigid spheres: an augmented Lagrangian on the surface's vertices.
+//!
+//! Of each vertex with the surface area `A` around it, pressed by `p` (kPa) and reaching `g` into the sphere, the energy is
+//! `A / (2 e) (max(0, p + e g)^2 - p^2)`; the pressures take the step `p <- max(0, p + e g)` until nothing reaches in any
+//! more (Alart and Curnier 1991; Simo and Laursen 1992). Friction (Coulomb) holds a vertex by a spring to the place on the
+//! sphere where it touched first, up to the coefficient times the pressure of the last step.
+
+use super::StaticProblem;
+use crate::Model;
+use crate::membrane::OUTSIDE;
+use crate::physical::elastic::{D3, Elastic, dot};
+
+/// Penalty over Young's modulus, per length of an edge.
+const PENALTY: f64 = 10.0;
+
+/// What may still reach in, over the radius of the sphere.
+const REACH: f64 = 1e-4;
+
+/// Longest step of a sphere over its radius.
+const STRIDE: f64 = 0.1;
+
+/// A vertex of the outer surface.
+#[derive(Debug, Clone, Copy)]
+struct Site {
+    node: u32,
+    /// Area around it at rest, mm2.
+    area: f64,
+    /// Penalty, kPa/mm.
+    penalty: f64,
+}
+
+/// A sphere and what it does to each site.
+#[derive(Debug, Clone)]
+struct Sphere {
+    radius: f64,
+    friction: f64,
+    from: D3,
+    to: D3,
+    centre: D3,
+    /// Pressure on each site, kPa.
+    pressure: Vec<f64>,
+    /// Where on the sphere each site is held, from the centre.
+    held: Vec<Option<D3>>,
+}
+
+/// All spheres.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Spheres {
+    sites: Vec<Site>,
+    spheres: Vec<Sphere>,
+}
+
+/// How a site is touched.
+#[derive(Debug, Clone, Copy)]
+struct Touch {
+    /// Towards the site from the centre.
+    normal: D3,
+    /// Pressure, kPa.
+    pressure: f64,
+    /// Whether friction holds the site.
+    held: bool,
+    /// Drift along the surface from where the site is held, mm, and its size.
+    drift: D3,
+    slid: f64,
+    /// Largest shear traction, kPa.
+    limit: f64,
+}
+
+fn sub(a: D3, b: D3) -> D3 {
+    core::array::from_fn(|k| a[k] - b[k])
+}
+
+fn axpy(a: D3, s: f64, b: D3) -> D3 {
+    core::array::from_fn(|k| a[k] + s * b[k])
+}
+
+impl Touch {
+    /// Shear traction over the drift, kPa/mm.
+    fn stiffness(&self, penalty: f64) -> f64 {
+        match (self.held, self.slides(penalty)) {
+            (false, _) => 0.0,
+            (true, false) => penalty,
+            (true, true) => self.limit / self.slid,
+        }
+    }
+
+    fn slides(&self, penalty: f64) -> bool {
+        penalty * self.slid > self.limit
+    }
+
+    /// Traction on the tissue, kPa.
+    fn traction(&self, penalty: f64) -> D3 {
+        axpy(self.normal.map(|n| n * self.pressure), -self.stiffness(penalty), self.drift)
+    }
+
+    /// Energy of friction over the area.
+    fn friction(&self, penalty: f64) -> f64 {
+        if self.slides(penalty) {
+            self.limit * self.slid - 0.5 * self.limit * self.limit / penalty
+        } else {
+            0.5 * penalty * self.slid * self.slid
+        }
+    }
+
+    /// Change of the traction's opposite when the site moves by `d`.
+    fn change(&self, penalty: f64, d: D3) -> D3 {
+        let along = dot(d, self.normal);
+        let across = axpy(d, -along, self.normal);
+        let k = self.stiffness(penalty);
+        // The turning of the normal is left out: it only ever softens, and small against the tissue it would spoil the
+        // conjugate gradients where a step begins deep inside the sphere.
+        let mut out = axpy(self.normal.map(|n| n * along * penalty), k, across);
+        if self.slides(penalty) {
+            let way = self.drift.map(|v| v / self.slid);
+            out = axpy(out, -k * dot(way, across), way);
+        }
+        out
+    }
+}
+
+impl Sphere {
+    fn touch(&self, i: usize, site: &Site, x: D3) -> Option<Touch> {
+        let out = sub(x, self.centre);
+        let far = dot(out, out).sqrt();
+        let pressure = self.pressure[i] + site.penalty * (self.radius - far);
+        if pressure <= 0.0 || far == 0.0 {
+            return None;
+        }
+        let normal = out.map(|v| v / far);
+        let drift = self.held[i].map_or([0.0; 3], |held| {
+            let drift = sub(out, held);
+            axpy(drift, -dot(drift, normal), normal)
+        });
+        let (held, limit) = (self.held[i].is_some(), self.friction * self.pressure[i]);
+        Some(Touch { normal, pressure, held, drift, slid: dot(drift, drift).sqrt(), limit })
+    }
+
+    /// The next pressure of each site, and how far one reaches in or holds off, mm.
+    fn next(&self, sites: &[Site], x: &[D3]) -> (Vec<f64>, f64) {
+        let at = |i: usize, s: &Site| self.touch(i, s, x[s.node as usize]).map_or(0.0, |t| t.pressure);
+        let next: Vec<f64> = sites.iter().enumerate().map(|(i, s)| at(i, s)).collect();
+        let gaps = next.iter().zip(&self.pressure).zip(sites).map(|((n, p), s)| (n - p).abs() / s.penalty);
+        let worst = gaps.fold(0.0, f64::max);
+        (next, worst)
+    }
+
+    /// After a step of the load: new sites are held where they are, sliding ones where their friction still reaches.
+    fn settle(&mut self, sites: &[Site], x: &[D3]) {
+        for (i, site) in sites.iter().enumerate() {
+            let at = x[site.node as usize];
+            self.held[i] = self.touch(i, site, at).filter(|_| self.friction > 0.0).map(|t| {
+                let out = sub(at, self.centre);
+                let kept = if t.slides(site.penalty) { t.limit / (site.penalty * t.slid) } else { 1.0 };
+                axpy(out, -kept, t.drift)
+            });
+        }
+    }
+}
+
+impl Spheres {
+    pub(super) fn new(model: &Model, elastic: &Elastic, problem: &StaticProblem) -> Self {
+        let sites = if problem.contacts.is_empty() { Vec::new() } else { sites(model, elastic) };
+        let local = |p: monro_geometry::Point<monro_geometry::Patient>| (p - model.origin).to_array();
+        let spheres = problem.contacts.iter().map(|c| Sphere {
+            radius: c.radius_mm,
+            friction: c.friction,
+            from: local(c.from),
+            to: local(c.to),
+            centre: local(c.from),
+            pressure: vec![0.0; sites.len()],
+            held: vec![None; sites.len()],
+        });
+        Self { spheres: spheres.collect(), sites }
+    }
+
+    /// Puts the spheres a share of their way.
+    pub(super) fn place(&mut self, share: f64) {
+        for s in &mut self.spheres {
+            s.centre = axpy(s.from, share, sub(s.to, s.from));
+        }
+    }
+
+    /// Largest share of the way that no sphere moves further than a part of its radius in.
+    pub(super) fn stride(&self) -> f64 {
+        let share = |s: &Sphere| {
+            let way = sub(s.to, s.from);
+            // Friction depends on the path.
+            let radii = if s.friction > 0.0 { 0.2 * STRIDE } else { STRIDE };
+            radii * s.radius / dot(way, way).sqrt().max(f64::MIN_POSITIVE)
+        };
+        self.spheres.iter().map(share).fold(1.0, f64::min)
+    }
+
+    fn touches<'a>(&'a self, x: &'a [D3]) -> impl Iterator<Item = (usize, usize, &'a Site, Touch)> {
+        self.spheres.iter().enumerate().flat_map(move |(k, s)| {
+            let sites = self.sites.iter().enumerate();
+            sites.filter_map(move |(i, site)| Some((k, i, site, s.touch(i, site, x[site.node as usize])?)))
+        })
+    }
+
+    /// Adds to the gradient and returns the energy.
+    pub(super) fn add(&self, x: &[D3], gradient: &mut [D3]) -> f64 {
+        let mut energy = 0.0;
+        for (_, _, site, t) in self.touches(x) {
+            energy += site.area * (0.5 * t.pressure.powi(2) / site.penalty + t.friction(site.penalty));
+            let force = t.traction(site.penalty);
+            (0..3).for_each(|a| gradient[site.node as usize][a] -= site.area * force[a]);
+        }
+        energy
+    }
+
+    pub(super) fn add_hessian(&self, x: &[D3], d: &[D3], out: &mut [D3]) {
+        for (_, _, site, t) in self.touches(x) {
+            let change = t.change(site.penalty, d[site.node as usize]);
+            (0..3).for_each(|a| out[site.node as usize][a] += site.area * change[a]);
+        }
+    }
+
+    /// Adds an upper bound of the diagonal blocks (xx, yy, zz, xy, xz, yz).
+    pub(super) fn add_diagonal(&self, x: &[D3], blocks: &mut [[f64; 6]]) {
+        for (_, _, site, t) in self.touches(x) {
+            let (n, k) = (t.normal, site.area * site.penalty);
+            let shear = site.area * t.stiffness(site.penalty);
+            let b = &mut blocks[site.node as usize];
+            let pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
+            for (b, (p, q)) in b.iter_mut().zip(pairs) {
+                let unit = f64::from(u8::from(p == q));
+                *b += k * n[p] * n[q] + shear * (unit - n[p] * n[q]);
+            }
+        }
+    }
+
+    /// Square of the forces on the sites, mN2.
+    pub(super) fn size2(&self, x: &[D3]) -> f64 {
+        self.touches(x)
+            .map(|(_, _, s, t)| t.traction(s.penalty).iter().map(|f| (f * s.area).powi(2)).sum::<f64>())
+            .sum()
+    }
+
+    /// A step of the pressures where a site still reaches in; whether one did.
+    pub(super) fn augment(&mut self, x: &[D3]) -> bool {
+        let next: Vec<(Vec<f64>, f64)> = self.spheres.iter().map(|s| s.next(&self.sites, x)).collect();
+        let open = self.spheres.iter().zip(&next).any(|(s, n)| n.1 > REACH * s.radius);
+        if open {
+            // Otherwise they stay as they are, in balance with the tissue.
+            self.spheres.iter_mut().zip(next).for_each(|(s, n)| s.pressure = n.0);
+        }
+        open
+    }
+
+    pub(super) fn settle(&mut self, x: &[D3]) {
+        self.spheres.iter_mut().for_each(|s| s.settle(&self.sites, x));
+    }
+
+    /// Force of each sphere on the tissue, mN.
+    pub(super) fn forces(&self, x: &[D3]) -> Vec<D3> {
+        let mut out = vec![[0.0; 3]; self.spheres.len()];
+        for (k, _, site, t) in self.touches(x) {
+            out[k] = axpy(out[k], site.area, t.traction(site.penalty));
+        }
+        out
+    }
+}
+
+/// Vertices of the outer surface.
+fn sites(model: &Model, elastic: &Elastic) -> Vec<Site> {
+    let (mut area, mut young) = (vec![0.0; elastic.rest.len()], vec![0.0f64; elastic.rest.len()]);
+    for face in model.membranes.faces.iter().filter(|m| m.outer == OUTSIDE) {
+        let [a, b, c] = face.nodes.map(|n| elastic.rest[n as usize]);
+        let size = super::loads::area([a, b, c]);
+        let modulus = model.regions[face.inner as usize].material.young_kpa;
+        for &n in &face.nodes {
+            area[n as usize] += dot(size, size).sqrt() / 3.0;
+            young[n as usize] = young[n as usize].max(modulus);
+        }
+    }
+    let nodes = (0..area.len()).filter(|&n| area[n] > 0.0);
+    nodes.map(|n| Site { node: n as u32, area: area[n], penalty: PENALTY * young[n] / area[n].sqrt() }).collect()
+}

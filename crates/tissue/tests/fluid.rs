@@ -1,0 +1,117 @@
+//! Ventricle pressure, drainage, and the forces at attachments, against closed forms.
+
+mod common;
+
+use common::{block, nodes, options, physical};
+use monro_geometry::{Patient, Point, TetMesh, Vector};
+use monro_tissue::{Csf, FrameSettings, Material, Model, ModelOptions, State, Stepper};
+
+const INNER: f64 = 20.0;
+const OUTER: f64 = 60.0;
+
+/// A ball of tissue (4) around a ball of fluid (5): the cubes of a block drawn out to spherical shells.
+fn ball(cells: usize) -> TetMesh {
+    let half = cells as f64 / 2.0;
+    let inner = cells as f64 * INNER / OUTER / 2.0;
+    let shell = |c: [usize; 3]| c.iter().map(|&v| (v as f64 + 0.5 - half).abs()).fold(0.0, f64::max);
+    let mut mesh = block([cells; 3], 1.0, |c| if shell(c) < inner { 5 } else { 4 });
+    for p in &mut mesh.vertices {
+        let q = p.to_array().map(|v| v - half);
+        let most = q.iter().fold(0f64, |m, v| m.max(v.abs()));
+        let length = q.iter().map(|v| v * v).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+        *p = Point::from_array(q.map(|v| v * most / length * OUTER / half));
+    }
+    mesh
+}
+
+fn radius(p: Point<Patient>) -> f64 {
+    (p - Point::ORIGIN).norm()
+}
+
+/// Tissue of nu 0.45 with the outside held, around a fluid that resists nothing itself.
+fn model(mesh: &TetMesh) -> (Model, ModelOptions) {
+    let mut o = options(physical(), &nodes(mesh, |p| radius(p) > OUTER - 1e-6));
+    o.materials.insert(4, Material { poisson: 0.45, ..Material::BRAIN });
+    o.materials.insert(5, Material { young_kpa: 1e-3, poisson: 0.0, ..Material::VENTRICLE });
+    (Model::new(mesh, &o).expect("model"), o)
+}
+
+/// Lame: `u = a r + b / r^2` with the outside held and the wall moved by `wall`; the pressure that does it.
+fn lame(m: &Material, wall: f64) -> (impl Fn(f64) -> f64, f64) {
+    let b = wall / (INNER.powi(-2) - INNER * OUTER.powi(-3));
+    let a = -b * OUTER.powi(-3);
+    let (mu, lam) = (m.shear_kpa(), m.lame_kpa());
+    let stress = (3.0 * lam + 2.0 * mu) * a - 4.0 * mu * b * INNER.powi(-3);
+    (move |r: f64| a * r + b / (r * r), -stress)
+}
+
+fn settle(model: &Model, settings: &FrameSettings) -> (State, monro_tissue::StepReport) {
+    let (mut state, mut stepper) = (model.rest_state(), Stepper::new(model));
+    let mut last = monro_tissue::StepReport::default();
+    for _ in 0..150 {
+        last = stepper.step(model, &mut state, &[], settings);
+    }
+    (state, last)
+}
+
+/// Mean outward displacement of the vertices at this distance from the centre.
+fn swelling(mesh: &TetMesh, model: &Model, state: &State, r: f64) -> f64 {
+    let at = nodes(mesh, |p| (radius(p) - r).abs() < 1e-6);
+    let out = |&v: &u32| {
+        let p = mesh.vertices[v as usize] - Point::ORIGIN;
+        model.displacement(state, v as usize).dot(p) / p.norm()
+    };
+    at.iter().map(out).sum::<f64>() / at.len() as f64
+}
+
+#[test]
+fn a_drained_ventricle_gives_the_volume_and_its_wall_follows_as_lame_says() {
+    let mesh = ball(12);
+    let (model, o) = model(&mesh);
+    let ml = 1.0;
+    let (state, report) = settle(&model, &FrameSettings { csf: Csf::Drained { ml }, ..FrameSettings::default() });
+    assert!((report.csf_change_ml + ml).abs() < 0.01 * ml, "{} ml", report.csf_change_ml);
+    // The cavity of this mesh is a little smaller than its ball: take the wall's motion from the volume.
+    let wall = swelling(&mesh, &model, &state, INNER);
+    assert!((wall * 4.0 * core::f64::consts::PI * INNER.powi(2) / -1000.0 / ml - 1.0).abs() < 0.1, "{wall} mm");
+    let (u, pressure) = lame(&o.materials[&4], wall);
+    for r in [30.0, 40.0, 50.0] {
+        let moved = swelling(&mesh, &model, &state, r);
+        assert!((moved - u(r)).abs() < 0.05 * wall.abs(), "at {r}: {moved} mm, Lame {} mm", u(r));
+    }
+    // The wall of this mesh has 192 facets and does not move evenly; the pressure feels that more than the motion does.
+    assert!((report.csf_kpa / pressure - 1.0).abs() < 0.2, "{} kPa, Lame {pressure} kPa", report.csf_kpa);
+}
+
+#[test]
+fn a_ventricle_under_pressure_swells_as_lame_says_and_the_skull_bears_it() {
+    let mesh = ball(12);
+    let (model, o) = model(&mesh);
+    let kpa = 0.05;
+    let settings = FrameSettings { csf: Csf::Pressure { kpa }, ..FrameSettings::default() };
+    let (state, report) = settle(&model, &settings);
+    assert_eq!(report.csf_kpa, kpa);
+    let wall = swelling(&mesh, &model, &state, INNER);
+    let (_, per_mm) = lame(&o.materials[&4], 1.0);
+    assert!((wall * per_mm / kpa - 1.0).abs() < 0.12, "{wall} mm, Lame {} mm", kpa / per_mm);
+    // Each half of the skull bears the stress that Lame gives there, times the area of the great circle.
+    let reactions = model.reactions(&state, &settings).expect("physical");
+    let half = reactions.iter().zip(&mesh.vertices).filter(|(_, p)| p.x > 1e-6).map(|(r, _)| r.x).sum::<f64>();
+    let (b, m) = (wall / (INNER.powi(-2) - INNER * OUTER.powi(-3)), &o.materials[&4]);
+    let a = -b * OUTER.powi(-3);
+    let stress = (3.0 * m.lame_kpa() + 2.0 * m.shear_kpa()) * a - 4.0 * m.shear_kpa() * b * OUTER.powi(-3);
+    let borne = stress * core::f64::consts::PI * OUTER.powi(2);
+    assert!((half / borne - 1.0).abs() < 0.15, "{half} mN, Lame {borne} mN");
+}
+
+#[test]
+fn attachments_bear_the_weight() {
+    let mesh = block([3, 3, 3], 6.0, |_| 4);
+    let model = Model::new(&mesh, &options(physical(), &nodes(&mesh, |p| p.z == 0.0))).expect("model");
+    let settings = FrameSettings { gravity_mm_s2: [0.0, 0.0, -9810.0], ..FrameSettings::default() };
+    let (state, _) = settle(&model, &settings);
+    let reactions = model.reactions(&state, &settings).expect("physical");
+    let sum = reactions.iter().fold(Vector::ZERO, |s, &r| s + r);
+    let weight = model.mass_kg() * 9810.0;
+    assert!((sum.z / weight - 1.0).abs() < 1e-3 && sum.x.abs() + sum.y.abs() < 1e-3 * weight, "{sum:?}, {weight} mN");
+}

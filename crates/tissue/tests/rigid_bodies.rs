@@ -1,0 +1,135 @@
+//! The equilibrium solver with rods and spheres, against closed forms.
+
+mod common;
+
+use common::{block, nodes, options, physical};
+use monro_geometry::{Point, TetMesh, Vector};
+use monro_tissue::{
+    EmbeddedRod, Finer, Material, ModelOptions, SphereContact, StaticError, StaticOptions, StaticProblem,
+    StaticSolution, Support, equilibrium,
+};
+
+fn material(poisson: f64) -> ModelOptions {
+    let mut o = options(physical(), &[]);
+    o.materials.insert(4, Material { poisson, ..Material::BRAIN });
+    o
+}
+
+fn solve(mesh: &TetMesh, o: &ModelOptions, problem: &StaticProblem) -> StaticSolution {
+    let solved = equilibrium(mesh, o, problem, &StaticOptions::default(), &mut || true).expect("solved");
+    assert!(solved.converged, "{} after {} steps", solved.residual, solved.steps);
+    solved
+}
+
+fn hold(problem: &mut StaticProblem, set: u32, nodes: Vec<u32>, displacement_mm: [Option<f64>; 3]) {
+    problem.supports.extend(nodes.into_iter().map(|node| Support { node, set, displacement_mm }));
+}
+
+fn sum(forces: &[Vector<monro_geometry::Patient>]) -> Vector<monro_geometry::Patient> {
+    forces.iter().fold(Vector::ZERO, |s, &f| s + f)
+}
+
+/// A rod through the whole thickness of a square plate that is held at its sides and slides along its faces only in the
+/// rod's direction: antiplane shear, `F = 2 pi mu L u / ln(R / a)` with the conformal radius of the square, 1.0787 b.
+#[test]
+fn the_drag_on_a_bonded_rod_is_that_of_antiplane_shear_whatever_the_mesh() {
+    let (b, thick, radius, u) = (20.0, 10.0, 1.5, 0.1);
+    let o = material(0.45);
+    let mu = o.materials[&4].shear_kpa();
+    let expected = core::f64::consts::TAU * mu * thick * u / (1.0787f64 * b / radius).ln();
+    for (cells, size) in [([8, 8, 2], 5.0), ([12, 12, 3], 10.0 / 3.0)] {
+        let mesh = block(cells, size, |_| 4);
+        let near = |v: f64, w: f64| (v - w).abs() < 1e-9;
+        let mut problem = StaticProblem::default();
+        let sides = |p: Point<_>| near(p.x, 0.0) || near(p.x, 2.0 * b) || near(p.y, 0.0) || near(p.y, 2.0 * b);
+        hold(&mut problem, 0, nodes(&mesh, sides), [Some(0.0); 3]);
+        for (set, z) in [(1, 0.0), (2, thick)] {
+            hold(&mut problem, set, nodes(&mesh, |p| near(p.z, z)), [Some(0.0), Some(0.0), None]);
+        }
+        problem.rods.push(EmbeddedRod {
+            radius_mm: radius,
+            ends: [Point::new(19.3, 20.4, -5.0), Point::new(19.3, 20.4, 15.0)],
+            displacement_mm: Vector::new(0.0, 0.0, u),
+        });
+        let solved = solve(&mesh, &o, &problem);
+        let force = solved.rods[0].z;
+        assert!((force / expected - 1.0).abs() < 0.05, "{force} mN, closed form {expected} mN");
+        // What the rod gives, the supports take; the reactions at the given vertices hold both.
+        assert!(sum(&solved.reaction).norm() < 1e-3 * force, "{:?}", sum(&solved.reaction));
+    }
+}
+
+fn press(cells: usize, depth: f64, sideways: f64, friction: f64) -> StaticSolution {
+    let size = 90.0;
+    let mesh = block([cells; 3], size / cells as f64, |_| 4);
+    let mut problem = StaticProblem::default();
+    hold(&mut problem, 0, nodes(&mesh, |p| p.z == 0.0), [Some(0.0); 3]);
+    let top = size + 10.0;
+    problem.contacts.push(SphereContact {
+        radius_mm: 10.0,
+        friction,
+        from: Point::new(44.0, 46.0, top),
+        to: Point::new(44.0 + sideways, 46.0, top - depth),
+    });
+    solve(&mesh, &material(0.3), &problem)
+}
+
+#[test]
+fn a_sphere_meets_the_force_of_hertz_and_whatever_it_meets_the_supports_bear() {
+    let depth = 0.3f64;
+    // F = 4/3 E / (1 - nu^2) sqrt(R) d^1.5.
+    let hertz = 4.0 / 3.0 * 3.0 / (1.0 - 0.09) * 10f64.sqrt() * depth.powf(1.5);
+    for cells in [4, 6] {
+        let solved = press(cells, depth, 0.0, 0.0);
+        let force = -solved.contacts[0].z;
+        assert!((force / hertz - 1.0).abs() < 0.05, "{force} mN, Hertz {hertz} mN");
+        assert!((sum(&solved.reaction) + solved.contacts[0]).norm() < 1e-3 * force);
+    }
+}
+
+#[test]
+fn friction_drags_the_tissue_up_to_its_coefficient() {
+    let (smooth, rough) = (press(4, 0.3, 1.2, 0.0), press(4, 0.3, 1.2, 0.2));
+    assert!(smooth.contacts[0].x < 0.05 * -smooth.contacts[0].z, "{:?}", smooth.contacts[0]);
+    let ratio = rough.contacts[0].x / -rough.contacts[0].z;
+    // Dragged four times as far as pressed, all of the contact slides.
+    assert!((ratio - 0.2).abs() < 0.04, "{ratio}: {:?}", rough.contacts[0]);
+}
+
+#[test]
+fn a_finer_mesh_inside_keeps_an_affine_field_and_its_forces() {
+    let mesh = block([2, 2, 2], 10.0, |_| 4);
+    let mut problem = StaticProblem::default();
+    let surface = |p: Point<_>| p.to_array().iter().any(|v| *v == 0.0 || *v == 20.0);
+    for node in nodes(&mesh, surface) {
+        let z = mesh.vertices[node as usize].z;
+        let displacement_mm = [Some(0.2 * z), Some(0.0), Some(0.0)];
+        problem.supports.push(Support { node, set: 0, displacement_mm });
+    }
+    let o = material(0.49);
+    for times in 0..3 {
+        let finer = StaticOptions { finer: Finer::Times(times), ..StaticOptions::default() };
+        let solved = equilibrium(&mesh, &o, &problem, &finer, &mut || true).expect("solved");
+        assert_eq!(solved.tets, 48 * 8usize.pow(times));
+        assert_eq!(solved.displacement.len(), mesh.vertices.len());
+        let middle = solved.displacement[13];
+        assert!((middle.x - 2.0).abs() + middle.y.abs() + middle.z.abs() < 1e-4, "{middle:?}");
+        let moment: f64 = solved.reaction.iter().zip(&mesh.vertices).map(|(r, p)| r.x * p.z).sum();
+        assert!((moment / 8000.0 / 0.2 / o.materials[&4].shear_kpa() - 1.0).abs() < 0.01, "{moment}");
+    }
+}
+
+#[test]
+fn bodies_that_cannot_be_are_named() {
+    let mesh = block([2, 2, 2], 5.0, |_| 4);
+    let ask = |p: &StaticProblem| equilibrium(&mesh, &material(0.45), p, &StaticOptions::default(), &mut || true).err();
+    let rod = EmbeddedRod {
+        radius_mm: 1.0,
+        ends: [Point::new(50.0, 0.0, 0.0), Point::new(60.0, 0.0, 0.0)],
+        displacement_mm: Vector::new(1.0, 0.0, 0.0),
+    };
+    let far = StaticProblem { rods: vec![rod], ..StaticProblem::default() };
+    assert_eq!(ask(&far), Some(StaticError::Rod { rod: 0, radius_mm: 1.0 }));
+    let flat = StaticProblem { rods: vec![EmbeddedRod { radius_mm: 0.0, ..rod }], ..StaticProblem::default() };
+    assert!(matches!(ask(&flat), Some(StaticError::Body { what: "rod", index: 0, .. })));
+}
