@@ -1,6 +1,6 @@
 //! Which tetrahedron holds a point.
 
-use crate::{Bvh, Patient, Point, TetMesh, TetMeshError, TriangleMesh};
+use crate::{Bvh, Nearest, Patient, Point, TetMesh, TetMeshError, TriangleMesh};
 
 /// "No neighbour behind this face."
 const NONE: u32 = u32::MAX;
@@ -25,6 +25,8 @@ pub struct NearestFace {
     pub tet: usize,
     /// Its corner that does not belong to the face.
     pub opposite: usize,
+    /// Number of the face on the boundary.
+    pub face: usize,
     /// The nearest point.
     pub point: Point<Patient>,
     /// Its distance, mm.
@@ -91,9 +93,27 @@ impl TetLocator {
 
     /// The nearest point of the boundary; `None` for an empty mesh or a non-finite point.
     pub fn nearest_face(&self, p: Point<Patient>) -> Option<NearestFace> {
-        let n = self.boundary.nearest(p)?;
+        self.boundary.nearest(p).map(|n| self.face(&n))
+    }
+
+    /// As [`TetLocator::nearest_face`], faster where `near` is a face thought to be near.
+    pub fn nearest_face_from(&self, near: usize, p: Point<Patient>) -> Option<NearestFace> {
+        self.boundary.nearest_from(near, p).map(|n| self.face(&n))
+    }
+
+    fn face(&self, n: &Nearest) -> NearestFace {
         let (tet, opposite) = self.behind[n.triangle];
-        Some(NearestFace { tet: tet as usize, opposite: opposite as usize, point: n.point, distance: n.distance })
+        let (tet, opposite) = (tet as usize, opposite as usize);
+        NearestFace { tet, opposite, face: n.triangle, point: n.point, distance: n.distance }
+    }
+
+    /// The numbers of points in an order in which neighbours follow each other: row by row through the cells of the mesh,
+    /// there and back.
+    pub(super) fn coherent_order(&self, points: &[Point<Patient>]) -> Vec<u32> {
+        let mut keys: Vec<u64> =
+            points.iter().enumerate().map(|(i, &p)| u64::from(self.cells.row(p)) << 32 | i as u64).collect();
+        keys.sort_unstable();
+        keys.into_iter().map(|k| k as u32).collect()
     }
 
     /// Barycentric weights of any point in an element (negative outside of it).
@@ -188,6 +208,19 @@ impl Cells {
                 }
             }
         }
+    }
+
+    /// Place of a point's cell on a way through all cells; points outside take the nearest cell.
+    fn row(&self, p: Point<Patient>) -> u32 {
+        let at: [usize; 3] = core::array::from_fn(|a| {
+            let c = (p.to_array()[a] - self.origin[a]) * self.inverse_step;
+            (c.max(0.0) as usize).min(self.dims[a] - 1)
+        });
+        // Every second row and plane runs backwards.
+        let turned = |x: usize, n: usize, turn: usize| if turn.is_multiple_of(2) { x } else { n - 1 - x };
+        let j = turned(at[1], self.dims[1], at[2]);
+        let i = turned(at[0], self.dims[0], at[2] * self.dims[1] + j);
+        ((at[2] * self.dims[1] + j) * self.dims[0] + i) as u32
     }
 
     fn candidates(&self, p: Point<Patient>) -> &[u32] {

@@ -78,58 +78,56 @@ impl Embedding {
         tets: &TetMesh,
         points: &[Point<Patient>],
     ) -> Result<Self, EmbeddingError> {
+        if let Some(bad) = points.iter().position(|p| !p.is_finite()) {
+            return Err(EmbeddingError::NotFinite(bad));
+        }
         let mut out = Self {
-            bindings: Vec::with_capacity(points.len()),
+            bindings: vec![Binding { nodes: [0; 4], weights: [0.0; 4] }; points.len()],
             riders: Vec::new(),
             nodes: tets.vertices.len(),
             outside: 0,
             farthest: 0.0,
         };
-        let mut near = 0;
-        for (i, &p) in points.iter().enumerate() {
-            if !p.is_finite() {
-                return Err(EmbeddingError::NotFinite(i));
-            }
+        let (mut near, mut face) = (0, 0);
+        for i in locator.coherent_order(points) {
+            let p = points[i as usize];
             near = match locator.locate_from(near, p) {
                 Some(found) => {
-                    out.bind(locator.nodes(found.tet), found.weights);
+                    out.bind(i, locator.nodes(found.tet), found.weights);
                     found.tet
                 }
-                None => out.bind_outside(locator, tets, i, p)?,
+                None => {
+                    let found = locator.nearest_face_from(face, p).ok_or(EmbeddingError::NotFinite(i as usize))?;
+                    out.bind_outside(locator, tets, i, p, &found);
+                    face = found.face;
+                    found.tet
+                }
             };
         }
+        out.riders.sort_unstable_by_key(|r| r.point);
         Ok(out)
     }
 
-    fn bind(&mut self, nodes: [u32; 4], weights: [f64; 4]) {
-        self.bindings.push(Binding { nodes, weights: weights.map(|w| w as f32) });
+    fn bind(&mut self, i: u32, nodes: [u32; 4], weights: [f64; 4]) {
+        self.bindings[i as usize] = Binding { nodes, weights: weights.map(|w| w as f32) };
     }
 
-    fn bind_outside(
-        &mut self,
-        locator: &TetLocator,
-        tets: &TetMesh,
-        i: usize,
-        p: Point<Patient>,
-    ) -> Result<usize, EmbeddingError> {
-        let face = locator.nearest_face(p).ok_or(EmbeddingError::NotFinite(i))?;
+    fn bind_outside(&mut self, locator: &TetLocator, tets: &TetMesh, i: u32, p: Point<Patient>, face: &NearestFace) {
         self.outside += 1;
         self.farthest = self.farthest.max(face.distance);
         let nodes = locator.nodes(face.tet);
         let weights = locator.weights(face.tet, p);
         if weights.iter().all(|&w| w >= LINEAR) {
-            self.bind(nodes, weights);
-            return Ok(face.tet);
+            return self.bind(i, nodes, weights);
         }
-        self.bind(nodes, locator.weights(face.tet, face.point));
+        self.bind(i, nodes, locator.weights(face.tet, face.point));
         let mut corners = (0..4).filter(|&c| c != face.opposite).map(|c| nodes[c]);
         let triangle: [u32; 3] = core::array::from_fn(|_| corners.next().unwrap_or(nodes[0]));
         let at = triangle.map(|v| tets.vertices[v as usize].to_array());
         let frame = face_frame(at).unwrap_or([[0.0; 3]; 3]);
         let offset = (p - face.point).to_array();
         let offset = frame.map(|axis| dot(axis, offset) as f32);
-        self.riders.push(Rider { point: i as u32, face: triangle, offset });
-        Ok(face.tet)
+        self.riders.push(Rider { point: i, face: triangle, offset });
     }
 
     /// Number of bound points.
