@@ -31,11 +31,59 @@ pub(crate) fn extent<T: Copy + Sync>(labels: &Volume<T>, keep: &(impl Fn(T) -> b
     let [nx, ny, _] = labels.grid().dims();
     let slices = labels.data().par_chunks(nx * ny).enumerate();
     let parts: Vec<Extent> = slices.filter_map(|(k, slice)| slice_extent(slice, nx, k, keep)).collect();
-    parts.into_iter().reduce(|a, b| Extent {
-        low: [0, 1, 2].map(|i| a.low[i].min(b.low[i])),
-        high: [0, 1, 2].map(|i| a.high[i].max(b.high[i])),
-        count: a.count + b.count,
-    })
+    parts.into_iter().reduce(Extent::joined)
+}
+
+impl Extent {
+    /// The extent of two sets together.
+    pub(crate) fn joined(self, other: Self) -> Self {
+        Self {
+            low: [0, 1, 2].map(|i| self.low[i].min(other.low[i])),
+            high: [0, 1, 2].map(|i| self.high[i].max(other.high[i])),
+            count: self.count + other.count,
+        }
+    }
+}
+
+/// The extents of several labels in one pass: `index` holds for each label its number among them plus one, or 0.
+pub(crate) fn extents<T: Copy + Into<u16> + Sync>(
+    labels: &Volume<T>,
+    index: &[u8],
+    count: usize,
+) -> Vec<Option<Extent>> {
+    let [nx, ny, _] = labels.grid().dims();
+    let slices = labels.data().par_chunks(nx * ny).enumerate();
+    let parts: Vec<Vec<Option<Extent>>> = slices.map(|(k, slice)| slice_extents(slice, nx, k, index, count)).collect();
+    let join = |a: Option<Extent>, b: Option<Extent>| match (a, b) {
+        (Some(a), Some(b)) => Some(a.joined(b)),
+        _ => a.or(b),
+    };
+    (0..count).map(|l| parts.iter().fold(None, |sum, part| join(sum, part[l]))).collect()
+}
+
+fn slice_extents<T: Copy + Into<u16>>(
+    slice: &[T],
+    nx: usize,
+    k: usize,
+    index: &[u8],
+    count: usize,
+) -> Vec<Option<Extent>> {
+    let mut all = vec![None; count];
+    let of = |v: T| index[usize::from(v.into())];
+    for (j, row) in slice.chunks(nx).enumerate() {
+        let mut from = 0;
+        // Labels come in runs.
+        for run in row.chunk_by(|&a, &b| of(a) == of(b)) {
+            if let Some(l) = of(run[0]).checked_sub(1) {
+                let (low, high) = ([from, j, k], [from + run.len() - 1, j, k]);
+                let here = Extent { low, high, count: run.len() };
+                let sum: &mut Option<Extent> = &mut all[usize::from(l)];
+                *sum = Some(sum.map_or(here, |s| s.joined(here)));
+            }
+            from += run.len();
+        }
+    }
+    all
 }
 
 fn slice_extent<T: Copy>(slice: &[T], nx: usize, k: usize, keep: &impl Fn(T) -> bool) -> Option<Extent> {

@@ -3,7 +3,8 @@
 //! One field for everything that is kept, and one for each label but the last, which is what remains. Inside, a point
 //! carries the label of the largest field, so a septum thinner than a cell survives between two ventricles.
 
-use crate::surface::even::{Even, even, even_step, extent};
+use super::vec3::{V3, sub};
+use crate::surface::even::{Even, Extent, even, even_step, extents};
 use monro_geometry::{Affine, Patient, Point, Volume, Voxel};
 use rayon::prelude::*;
 
@@ -29,23 +30,51 @@ impl Field {
         &self.volume
     }
 
-    pub(super) fn at(&self, p: [f64; 3]) -> f64 {
+    pub(super) fn at(&self, p: V3) -> f64 {
+        let Some((at, t)) = self.cell(p) else { return 0.0 };
+        let d = self.volume.grid().dims();
+        let data = self.volume.data();
+        let line = |at: usize| f64::from(data[at]) * (1.0 - t[0]) + f64::from(data[at + 1]) * t[0];
+        let sheet = |at: usize| line(at) * (1.0 - t[1]) + line(at + d[0]) * t[1];
+        sheet(at) * (1.0 - t[2]) + sheet(at + d[0] * d[1]) * t[2]
+    }
+
+    /// The value and its gradient per mm inside the cell.
+    pub(super) fn with_slope(&self, p: V3) -> (f64, V3) {
+        let Some((at, t)) = self.cell(p) else { return (0.0, [0.0; 3]) };
+        let d = self.volume.grid().dims();
+        let data = self.volume.data();
+        let line = |at: usize| {
+            let (low, high) = (f64::from(data[at]), f64::from(data[at + 1]));
+            (low + (high - low) * t[0], high - low)
+        };
+        let sheet = |at: usize| {
+            let (low, high) = (line(at), line(at + d[0]));
+            let mix = |a: f64, b: f64| a + (b - a) * t[1];
+            (mix(low.0, high.0), mix(low.1, high.1), high.0 - low.0)
+        };
+        let (low, high) = (sheet(at), sheet(at + d[0] * d[1]));
+        let mix = |a: f64, b: f64| a + (b - a) * t[2];
+        let g = [mix(low.1, high.1), mix(low.2, high.2), high.0 - low.0];
+        let rows = self.voxel_from_patient.linear.rows;
+        let slope = std::array::from_fn(|a| rows[0][a] * g[0] + rows[1][a] * g[1] + rows[2][a] * g[2]);
+        (mix(low.0, high.0), slope)
+    }
+
+    /// First index of the cell around a point and the fractions inside; `None` outside of the box.
+    fn cell(&self, p: V3) -> Option<(usize, V3)> {
         let v = self.voxel_from_patient.point(Point::from_array(p)).to_array();
         let d = self.volume.grid().dims();
         let mut base = [0usize; 3];
         let mut t = [0f64; 3];
         for a in 0..3 {
             if !(v[a] >= 0.0 && v[a] < (d[a] - 1) as f64) {
-                return 0.0;
+                return None;
             }
             base[a] = v[a] as usize;
             t[a] = v[a] - base[a] as f64;
         }
-        let data = self.volume.data();
-        let at = (base[2] * d[1] + base[1]) * d[0] + base[0];
-        let line = |at: usize| f64::from(data[at]) * (1.0 - t[0]) + f64::from(data[at + 1]) * t[0];
-        let sheet = |at: usize| line(at) * (1.0 - t[1]) + line(at + d[0]) * t[1];
-        sheet(at) * (1.0 - t[2]) + sheet(at + d[0] * d[1]) * t[2]
+        Some(((base[2] * d[1] + base[1]) * d[0] + base[0], t))
     }
 }
 
@@ -69,11 +98,13 @@ pub(super) struct LabelFields {
 impl LabelFields {
     /// Fields of the labels in `keep` that occur; `None` when none does. The label with most voxels is the remainder.
     pub(super) fn new<T: Copy + Into<u16> + Sync>(labels: &Volume<T>, keep: &[u16]) -> Option<Self> {
-        let all = |l: T| keep.contains(&l.into());
-        let whole = extent(labels, &all)?;
+        let mut index = vec![0u8; 1 << 16];
+        keep.iter().zip(1..).for_each(|(&k, i)| index[usize::from(k)] = i);
+        let all = |l: T| index[usize::from(l.into())] != 0;
+        let found = extents(labels, &index, keep.len());
+        let whole = found.iter().flatten().copied().reduce(Extent::joined)?;
         let step = even_step(labels.grid(), &whole, MOST_CELLS);
-        let mut present: Vec<_> =
-            keep.iter().filter_map(|&k| extent(labels, &|l: T| l.into() == k).map(|e| (k, e))).collect();
+        let mut present: Vec<(u16, Extent)> = keep.iter().zip(found).filter_map(|(&k, e)| Some((k, e?))).collect();
         let largest = (0..present.len()).max_by_key(|&i| (present[i].1.count, std::cmp::Reverse(i)))?;
         let rest = present.remove(largest);
         present.push(rest);
@@ -115,16 +146,25 @@ impl LabelFields {
         own - other.max(rest)
     }
 
-    /// Positive on the side of label `a`, zero on its surface with label `b` (`None`: with the outside).
-    pub(super) fn between(&self, a: u8, b: Option<u8>, p: [f64; 3]) -> f64 {
-        let Some(b) = b else { return self.union.at(p) - 0.5 };
-        self.value(usize::from(a), p) - self.value(usize::from(b), p)
+    /// Positive on the side of label `a`, zero on its surface with label `b` (`None`: with the outside); and the gradient
+    /// per mm.
+    pub(super) fn between(&self, a: u8, b: Option<u8>, p: V3) -> (f64, V3) {
+        let Some(b) = b else {
+            let (value, slope) = self.union.with_slope(p);
+            return (value - 0.5, slope);
+        };
+        let (one, two) = (self.value(usize::from(a), p), self.value(usize::from(b), p));
+        (one.0 - two.0, sub(one.1, two.1))
     }
 
-    fn value(&self, l: usize, p: [f64; 3]) -> f64 {
+    fn value(&self, l: usize, p: V3) -> (f64, V3) {
+        let rest = |sum: (f64, V3), part: &Field| {
+            let (value, slope) = part.with_slope(p);
+            (sum.0 - value, sub(sum.1, slope))
+        };
         match self.parts.get(l) {
-            Some(part) => part.at(p),
-            None => self.union.at(p) - self.parts.iter().map(|f| f.at(p)).sum::<f64>(),
+            Some(part) => part.with_slope(p),
+            None => self.parts.iter().fold(self.union.with_slope(p), rest),
         }
     }
 

@@ -20,8 +20,9 @@ pub use report::{EdgeBand, InterfaceDistance, LabelReport, MeshReport};
 use cut::{RawMesh, cut_all};
 use fields::LabelFields;
 use improve::{Coarse, Work};
-use monro_geometry::{Patient, Point, TetMesh, Volume};
+use monro_geometry::{Patient, Point, TetMesh, TriangleMesh, Volume};
 use octree::Octree;
+use repair::Crumb;
 use size::SizeField;
 use thiserror::Error;
 
@@ -31,6 +32,9 @@ const CELL_PER_EDGE: f64 = 1.083;
 const SPLIT: f64 = 1.41;
 /// Levels of the octree at most: coordinates are packed into 21 bits.
 const MOST_LEVELS: u32 = 18;
+
+/// Numbers of elements that can be asked for.
+pub const ELEMENTS: std::ops::RangeInclusive<usize> = 500..=20_000_000;
 
 /// What to mesh and how finely.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,7 +51,8 @@ pub struct MeshOptions {
     pub growth: f64,
     /// Longest edge over the finest.
     pub coarsest: f64,
-    /// Refuse a mesh in which a label's surface is not two-manifold; otherwise the report says so.
+    /// Refuse a mesh in which a label's surface is not two-manifold, or has another Euler number or number of pieces than
+    /// the smoothed labels; otherwise the report's remarks say so.
     pub strict: bool,
 }
 
@@ -98,6 +103,22 @@ pub enum MeshError {
         /// A point of that label, LPS mm.
         place: [f64; 3],
     },
+    /// A label's surface has another topology than the labels.
+    #[error("the surface of label {label} has Euler number {found} in {surfaces} piece(s), its voxels' {wanted} in {wanted_surfaces}; look near ({:.1}, {:.1}, {:.1}) mm, ask for more elements or smooth the labels", place[0], place[1], place[2])]
+    Euler {
+        /// The label.
+        label: u16,
+        /// Euler number of its surface in the mesh.
+        found: i64,
+        /// Euler number of the smoothed labels' surface.
+        wanted: i64,
+        /// Connected surfaces in the mesh.
+        surfaces: usize,
+        /// Connected surfaces of the smoothed labels.
+        wanted_surfaces: usize,
+        /// A point of the smallest piece, LPS mm.
+        place: [f64; 3],
+    },
     /// The count cannot be met.
     #[error(
         "{wanted} elements were asked for, the nearest mesh has {found}; ask for a count near that or change the grading"
@@ -133,10 +154,26 @@ pub enum Stage {
     Size,
     /// Octree, lattice and cuts, as often as the count needs.
     Cut,
-    /// Coarsening and improvement.
+    /// Two-manifold labels, coarsening to the count.
+    Coarsen,
+    /// Volumes of the labels, shapes of the elements.
     Improve,
     /// Report.
     Report,
+}
+
+impl Stage {
+    /// Its name in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Fields => "fields",
+            Self::Size => "size",
+            Self::Cut => "cut",
+            Self::Coarsen => "coarsen",
+            Self::Improve => "improve",
+            Self::Report => "report",
+        }
+    }
 }
 
 /// As [`mesh`], telling `done` at the end of each stage (for progress and timing; this crate has no clock).
@@ -157,19 +194,50 @@ pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
     done(Stage::Size);
     let start = to_count(&fields, &size, options.elements)?;
     done(Stage::Cut);
-    let raw = improved(start, &fields, &size, options.elements);
+    let (raw, crumbs) = improved(start, &fields, &size, options.elements, &mut done);
     let mesh = finish(raw, &fields);
     done(Stage::Improve);
     let found = mesh.tets.len();
     if (found as f64 / options.elements as f64 - 1.0).abs() > 0.05 {
         return Err(MeshError::Count { wanted: options.elements, found });
     }
-    let report = report::report(&mesh, &fields, &size);
+    let report = report::report(&mesh, &fields, &size, &crumbs);
     done(Stage::Report);
-    match report.labels.iter().find(|l| options.strict && !(l.closed && l.manifold)) {
-        Some(bad) => Err(MeshError::Topology { label: bad.label, place: pinch(&mesh, bad.label) }),
-        None => Ok((mesh, report)),
+    if options.strict {
+        strictly(&mesh, &report)?;
     }
+    Ok((mesh, report))
+}
+
+/// Refuses surfaces that are not two-manifold, or of another topology than the labels.
+fn strictly(mesh: &TetMesh, report: &MeshReport) -> Result<(), MeshError> {
+    for l in &report.labels {
+        if !(l.closed && l.manifold) {
+            return Err(MeshError::Topology { label: l.label, place: pinch(mesh, l.label) });
+        }
+        if (l.euler, l.surfaces) != (l.euler_labels, l.surfaces_labels) {
+            let surface = mesh.surface(|x| x == l.label);
+            return Err(MeshError::Euler {
+                label: l.label,
+                found: l.euler,
+                wanted: l.euler_labels,
+                surfaces: l.surfaces,
+                wanted_surfaces: l.surfaces_labels,
+                place: smallest_piece(&surface),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// A point of the smallest connected piece of a surface, where a change of topology is likeliest.
+fn smallest_piece(surface: &TriangleMesh) -> [f64; 3] {
+    let (piece, count) = surface.components();
+    let mut size = vec![0usize; count];
+    piece.iter().for_each(|&p| size[p as usize] += 1);
+    let least = (0..count).min_by_key(|&p| size[p]).unwrap_or(0);
+    let triangle = piece.iter().position(|&p| p as usize == least);
+    triangle.map_or([0.0; 3], |t| surface.corners(t)[0].to_array())
 }
 
 /// Where a label's surface is not manifold: a point of an edge without two faces, else any of its points.
@@ -193,13 +261,17 @@ fn check(options: &MeshOptions) -> Result<(), MeshError> {
     let rule = |name, value: f64, low: f64, high: f64, rule| {
         if value >= low && value <= high { Ok(()) } else { Err(MeshError::Option { name, value, rule }) }
     };
-    rule("elements", options.elements as f64, 100.0, 2e7, "between 100 and 20 million")?;
+    let (low, high) = (*ELEMENTS.start() as f64, *ELEMENTS.end() as f64);
+    rule("elements", options.elements as f64, low, high, "between 500 and 20 million")?;
     rule("growth", options.growth, 0.01, 2.0, "between 0.01 and 2 mm a mm")?;
     rule("coarsest", options.coarsest, 1.0, 64.0, "between 1 and 64 times the finest")
 }
 
 /// Coarsening takes back this part of the elements that the powers of two waste.
 const SURPLUS: f64 = 1.22;
+/// The count of the lattice may miss its aim by this part: coarsening does the rest.
+const NEAR: f64 = 0.06;
+const MOST_TRIES: usize = 8;
 /// Elements a lattice should have at least so that it does not miss thin parts; below, surfaces are coarsened too
 /// (but not to less than a quarter).
 const LEAST_LATTICE: f64 = 20_000.0;
@@ -216,18 +288,24 @@ fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<Sta
     let aim = (wanted as f64 * SURPLUS).max(LEAST_LATTICE.min(4.0 * wanted as f64));
     let mut ratio = 1.0;
     let mut best: Option<Start> = None;
-    let miss = |n: usize| (n as f64 / aim).ln().abs();
-    for _ in 0..8 {
+    let mut last: Option<(f64, f64)> = None;
+    let miss = |n: usize| (n as f64 / aim).ln();
+    for _ in 0..MOST_TRIES {
         let lattice_edge = finest_for(size, aim / ratio);
         let raw = build(fields, size, lattice_edge);
-        let found = raw.tets.len();
-        if best.as_ref().is_none_or(|b| miss(found) < miss(b.raw.tets.len())) {
+        let now = miss(raw.tets.len());
+        if best.as_ref().is_none_or(|b| now.abs() < miss(b.raw.tets.len()).abs()) {
             best = Some(Start { raw, lattice_edge, finest: lattice_edge });
         }
-        if found == 0 || miss(found) < 0.03 {
+        if now.is_infinite() || now.abs() < NEAR {
             break;
         }
-        ratio *= found as f64 / aim;
+        // A secant in the logarithms, with bounded slopes and steps: where a lattice sees next to nothing, neither means
+        // much.
+        let at = ratio.ln();
+        let slope = last.map_or(1.0, |(a, m)| ((m - now) / (at - a)).clamp(0.7, 2.0));
+        last = Some((at, now));
+        ratio *= (now / slope).clamp(-1.5, 1.5).exp();
     }
     match best {
         Some(mut start) if !start.raw.tets.is_empty() => {
@@ -241,9 +319,15 @@ fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<Sta
 }
 
 /// Coarsens to the count and improves the shapes.
-fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize) -> RawMesh {
+fn improved(
+    start: Start,
+    fields: &LabelFields,
+    size: &SizeField,
+    wanted: usize,
+    done: &mut impl FnMut(Stage),
+) -> (RawMesh, Vec<Crumb>) {
     let Start { mut raw, lattice_edge, finest } = start;
-    repair::repair(&mut raw, fields.labels.len() as u8, 0.5 * lattice_edge.powi(3));
+    let crumbs = repair::repair(&mut raw, fields.labels.len() as u8, 0.5 * lattice_edge.powi(3));
     let mut work = Work::new(raw, fields);
     // Points almost in one place, where surfaces meet.
     let close = Coarse { finest: lattice_edge, target: wanted, limit: 0.3, sag: 0.08, floor: 0.3 };
@@ -256,13 +340,16 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize)
             work.coarsen(size, &Coarse { sag, limit, ..inside });
         }
     }
+    done(Stage::Coarsen);
     work.improve();
     if work.count() > wanted {
         work.coarsen(size, &Coarse { limit: 3.0, sag: 0.1, floor: 0.3, ..inside });
         work.improve();
     }
-    work.restore_volumes(&fields.volumes);
-    work.into_raw()
+    work.restore_volumes(&fields.volumes, 3, 0.40);
+    work.finish();
+    work.restore_volumes(&fields.volumes, 3, 0.47);
+    (work.into_raw(), crumbs)
 }
 
 /// Bisects for the finest edge whose estimated count is `count`.

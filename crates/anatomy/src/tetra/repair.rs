@@ -3,20 +3,37 @@
 use super::cut::{Incidence, OUTSIDE, RawMesh, drop_outside};
 
 /// Rounds at most; each may uncover a few new places.
-const ROUNDS: usize = 12;
+const ROUNDS: usize = 24;
+/// Rounds in which as little as possible is relabelled. Two labels may then pass elements to and fro for ever; later rounds
+/// give all that is around such a point to one of them.
+const GENTLE: usize = 6;
 
 /// Relabels the smaller part wherever a label (or what lies around it) meets itself in a point or edge only, and pieces
 /// of a label too small to matter: below `crumb` mm3 and a hundredth of the label.
-pub(super) fn repair(mesh: &mut RawMesh, labels: u8, crumb: f64) {
+///
+/// Returns the pieces given away.
+pub(super) fn repair(mesh: &mut RawMesh, labels: u8, crumb: f64) -> Vec<Crumb> {
+    let mut given = Vec::new();
     for round in 0..ROUNDS {
-        let changed = crumbs(mesh, labels, crumb) + pinches(mesh);
+        let changed = crumbs(mesh, labels, crumb, if round == 0 { Some(&mut given) } else { None })
+            + pinches(mesh, round >= GENTLE);
         if mesh.labels.contains(&OUTSIDE) {
             drop_outside(mesh);
         }
         if changed == 0 && round > 0 {
-            return;
+            break;
         }
     }
+    given
+}
+
+/// A separate piece of a label that was too small to keep.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Crumb {
+    /// Index of the label.
+    pub(super) label: u8,
+    /// Volume, mm3.
+    pub(super) volume: f64,
 }
 
 /// "No element": the outside.
@@ -47,8 +64,8 @@ fn volume(mesh: &RawMesh, t: u32) -> f64 {
     super::vec3::volume6(mesh.corners(mesh.tets[t as usize])) / 6.0
 }
 
-/// Gives small separate pieces of a label to their commonest neighbour.
-fn crumbs(mesh: &mut RawMesh, labels: u8, crumb: f64) -> usize {
+/// Gives small separate pieces of a label to their commonest neighbour, and lists them.
+fn crumbs(mesh: &mut RawMesh, labels: u8, crumb: f64, list: Option<&mut Vec<Crumb>>) -> usize {
     let pairs = face_pairs(mesh);
     let mut sets = Sets::new(mesh.tets.len());
     for &(a, b) in pairs.iter().filter(|p| p.1 != OUT) {
@@ -63,10 +80,15 @@ fn crumbs(mesh: &mut RawMesh, labels: u8, crumb: f64) -> usize {
         size[sets.root(t) as usize] += v;
         whole[usize::from(mesh.labels[t as usize])] += v;
     }
-    let mut small = |t: u32, labels: &[u8]| {
-        let s = size[sets.root(t) as usize];
+    let roots: Vec<u32> = (0..mesh.tets.len() as u32).map(|t| sets.root(t)).collect();
+    let small = |t: u32, labels: &[u8]| {
+        let s = size[roots[t as usize] as usize];
         s < crumb && s < 0.01 * whole[usize::from(labels[t as usize])]
     };
+    if let Some(list) = list {
+        let roots = (0..mesh.tets.len() as u32).filter(|&t| size[t as usize] > 0.0 && small(t, &mesh.labels));
+        list.extend(roots.map(|t| Crumb { label: mesh.labels[t as usize], volume: size[t as usize] }));
+    }
     let mut new: Vec<(u32, u8)> = Vec::new();
     for &(a, b) in &pairs {
         let other = |x: u32| if x == OUT { OUTSIDE } else { mesh.labels[x as usize] };
@@ -87,7 +109,7 @@ fn crumbs(mesh: &mut RawMesh, labels: u8, crumb: f64) -> usize {
 }
 
 /// Relabels the smaller part of a label, or of its complement, around each point where it is in two pieces.
-fn pinches(mesh: &mut RawMesh) -> usize {
+fn pinches(mesh: &mut RawMesh, firmly: bool) -> usize {
     let around = Incidence::new(mesh);
     let outer = outer_faces(mesh);
     let mut changed = 0;
@@ -98,7 +120,7 @@ fn pinches(mesh: &mut RawMesh) -> usize {
         if !on_rim && star.iter().all(|&t| mesh.labels[t as usize] == first) {
             continue;
         }
-        changed += usize::from(unpinch(mesh, v, star, &outer));
+        changed += usize::from(unpinch(mesh, v, star, &outer, firmly));
     }
     changed
 }
@@ -114,10 +136,13 @@ fn outer_faces(mesh: &RawMesh) -> Vec<(u32, u32)> {
 }
 
 /// Looks at one point; true if something was relabelled.
-fn unpinch(mesh: &mut RawMesh, v: u32, star: &[u32], outer: &[(u32, u32)]) -> bool {
+fn unpinch(mesh: &mut RawMesh, v: u32, star: &[u32], outer: &[(u32, u32)], firmly: bool) -> bool {
     let mut labels: Vec<u8> = star.iter().map(|&t| mesh.labels[t as usize]).collect();
     labels.sort_unstable();
+    let kept = labels.chunk_by(|a, b| a == b).filter(|c| c[0] != OUTSIDE);
+    let commonest = kept.max_by_key(|c| c.len()).map(|c| c[0]);
     labels.dedup();
+    let several = labels.len() > 1;
     for l in labels {
         let inside = |t: u32| mesh.labels[t as usize] == l;
         // The outside is one more element, after the last, that belongs to the complement.
@@ -151,6 +176,10 @@ fn unpinch(mesh: &mut RawMesh, v: u32, star: &[u32], outer: &[(u32, u32)]) -> bo
             (false, true) => false,
             _ => continue,
         };
+        if let (true, true, Some(to)) = (firmly, several, commonest) {
+            star.iter().for_each(|&t| mesh.labels[t as usize] = to);
+            return true;
+        }
         // The piece joined with the outside cannot be filled.
         let smallest = pieces
             .iter()

@@ -1,6 +1,7 @@
 //! What can be said of a mesh: shape, spacing, and how well it keeps each label.
 
 use super::fields::LabelFields;
+use super::repair::Crumb;
 use super::size::SizeField;
 use crate::surface::isosurface;
 use monro_geometry::{Bvh, Point, TetMesh, TriangleMesh, Volume};
@@ -85,15 +86,18 @@ pub struct MeshReport {
     pub labels: Vec<LabelReport>,
     /// Something kept reaches the border of the volume and is cut there.
     pub open_at_border: bool,
+    /// What a user should know: pieces given away, labels that lost their shape, volume or topology.
+    pub remarks: Vec<String>,
 }
 
-pub(super) fn report(mesh: &TetMesh, fields: &LabelFields, size: &SizeField) -> MeshReport {
+pub(super) fn report(mesh: &TetMesh, fields: &LabelFields, size: &SizeField, crumbs: &[Crumb]) -> MeshReport {
     let shapes: Vec<_> = (0..mesh.tets.len()).into_par_iter().map(|t| mesh.quality(t)).collect();
     let mut low: Vec<f64> = shapes.iter().map(|q| q.min_dihedral.to_degrees()).collect();
     let mut ratio: Vec<f64> = shapes.iter().map(|q| q.radius_ratio).collect();
     low.sort_unstable_by(f64::total_cmp);
     ratio.sort_unstable_by(f64::total_cmp);
     let (edge_bands, core_edge_mean) = spacing(mesh, size);
+    let labels: Vec<LabelReport> = (0..fields.labels.len()).map(|l| label_report(mesh, fields, l)).collect();
     let at = |sorted: &[f64], part: usize| sorted.get(sorted.len() * part / 100).copied().unwrap_or(0.0);
     MeshReport {
         elements: mesh.tets.len(),
@@ -105,9 +109,44 @@ pub(super) fn report(mesh: &TetMesh, fields: &LabelFields, size: &SizeField) -> 
         radius_ratio_median: at(&ratio, 50),
         core_edge_mean,
         edge_bands,
-        labels: (0..fields.labels.len()).map(|l| label_report(mesh, fields, l)).collect(),
+        remarks: remarks(&labels, crumbs),
+        labels,
         open_at_border: fields.at_border,
     }
+}
+
+/// Beyond this part the volume of a label is worth a remark.
+const VOLUME_ERROR: f64 = 0.01;
+/// Beyond this mean distance, mm, the surface of a label is.
+const SURFACE_ERROR: f64 = 1.5;
+
+fn remarks(labels: &[LabelReport], crumbs: &[Crumb]) -> Vec<String> {
+    let mut all = Vec::new();
+    for (i, l) in labels.iter().enumerate() {
+        let of_label = || crumbs.iter().filter(|c| usize::from(c.label) == i);
+        let (pieces, volume) = (of_label().count(), of_label().map(|c| c.volume).sum::<f64>());
+        if pieces > 0 {
+            let size = volume / 1000.0;
+            all.push(format!("label {}: {pieces} separate piece(s) of {size:.3} ml in all are too small for elements of their own and are counted to what lies around them", l.label));
+        }
+        if l.elements == 0 {
+            all.push(format!("label {} has no element: it is too thin for this number of elements", l.label));
+            continue;
+        }
+        if (l.euler, l.surfaces) != (l.euler_labels, l.surfaces_labels) {
+            all.push(format!(
+                "label {}: its surface has Euler number {} in {} piece(s), that of the labels {} in {}",
+                l.label, l.euler, l.surfaces, l.euler_labels, l.surfaces_labels
+            ));
+        }
+        if l.volume_error.abs() > VOLUME_ERROR {
+            all.push(format!("label {}: {:+.1} % of its volume", l.label, l.volume_error * 100.0));
+        }
+        if let Some(d) = l.interface.filter(|d| d.mean > SURFACE_ERROR) {
+            all.push(format!("label {} is a coarse region: its surface is {:.1} mm off on average", l.label, d.mean));
+        }
+    }
+    all
 }
 
 fn spacing(mesh: &TetMesh, size: &SizeField) -> (Vec<EdgeBand>, f64) {

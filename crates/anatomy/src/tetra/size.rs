@@ -18,8 +18,8 @@ pub(super) struct SizeField {
     distance: super::fields::Field,
     /// Longest edge that thin places allow.
     cap: super::fields::Field,
-    /// Cells of the lattice inside the meshed region: their distance and cap, for estimates of the count.
-    inside: Vec<(f32, f32)>,
+    /// Distances and caps inside the meshed region with the number of lattice cells that have them, for estimates.
+    inside: Vec<(f32, f32, f32)>,
     growth: f64,
     coarsest: f64,
     low: [f64; 3],
@@ -56,8 +56,9 @@ impl SizeField {
             grid.centre(i, j, k).to_array()
         };
         let cap = thickness_cap(fields, fine, 2.0 * growth, &grid);
-        let inside = (0..grid.len()).filter(|&at| fields.side(0, centre(at)) >= 0.0);
-        let inside = inside.map(|at| (distance[at], cap[at])).collect();
+        let inside = (0..grid.len()).filter(|&at| fields.union.at(centre(at)) >= 0.5);
+        let mut inside = census(inside.map(|at| (distance[at], cap[at])));
+        to_volume(&mut inside, fields.volumes.iter().sum());
         let distance = super::fields::Field::new(Volume::new(grid, distance).ok()?);
         let cap = super::fields::Field::new(Volume::new(grid, cap).ok()?);
         Some(Self { distance, cap, inside, growth, coarsest, low, high })
@@ -91,9 +92,43 @@ impl SizeField {
 
     /// Elements that a lattice with this finest edge would have, before cutting: 12 to each cell.
     pub(super) fn estimate(&self, finest: f64, cell: impl Fn(f64) -> f64) -> f64 {
-        let per = |&(d, cap): &(f32, f32)| 12.0 / cell(self.edge_at(f64::from(d), f64::from(cap), finest)).powi(3);
+        let per = |&(d, cap, cells): &(f32, f32, f32)| {
+            f64::from(cells) * 12.0 / cell(self.edge_at(f64::from(d), f64::from(cap), finest)).powi(3)
+        };
         self.inside.iter().map(per).sum::<f64>() * STEP.powi(3)
     }
+}
+
+/// How many cells have about the same distance (to a quarter of a cell) and the same cap (to 0.2 mm, up to 40).
+fn census(cells: impl Iterator<Item = (f32, f32)>) -> Vec<(f32, f32, f32)> {
+    const CAPS: usize = 200;
+    let (far, thick) = (STEP as f32 / 4.0, 0.2f32);
+    let mut counts: Vec<[u32; CAPS + 1]> = Vec::new();
+    for (distance, cap) in cells {
+        let (d, c) = ((distance / far) as usize, ((cap / thick) as usize).min(CAPS));
+        if d >= counts.len() {
+            counts.resize(d + 1, [0; CAPS + 1]);
+        }
+        counts[d][c] += 1;
+    }
+    let mut out = Vec::new();
+    for (d, row) in counts.iter().enumerate() {
+        for (c, &n) in row.iter().enumerate().filter(|(_, n)| **n > 0) {
+            let cap = if c == CAPS { super::thickness::THICK } else { (c as f32 + 0.5) * thick };
+            out.push(((d as f32 + if d == 0 { 0.0 } else { 0.5 }) * far, cap, n as f32));
+        }
+    }
+    out
+}
+
+/// Scales the numbers of cells to a volume in mm3: parts smaller than a cell may have been missed.
+fn to_volume(inside: &mut Vec<(f32, f32, f32)>, volume: f64) {
+    if inside.is_empty() {
+        inside.push((0.0, super::thickness::THICK, 1.0));
+    }
+    let cells: f64 = inside.iter().map(|c| f64::from(c.2)).sum();
+    let scale = (volume / STEP.powi(3) / cells) as f32;
+    inside.iter_mut().for_each(|c| c.2 *= scale);
 }
 
 fn mark_labels(fields: &LabelFields, fine: &[usize], grid: &Grid, sites: &mut [bool]) {

@@ -23,7 +23,9 @@ impl Work<'_> {
                 return false;
             }
         }
-        if !inner && !self.surface_keeps(v, w, sag) {
+        // A surface cannot go further than its point.
+        let near = distance(self.points[v as usize], self.points[w as usize]) <= sag;
+        if !inner && !near && !self.surface_keeps(v, w, sag) {
             return false;
         }
         self.merge(v, w, inner);

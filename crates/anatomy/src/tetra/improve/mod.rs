@@ -3,6 +3,7 @@
 //! Every change must better the worst element it touches, so the passes can stop at any time.
 
 mod collapse;
+mod relabel;
 mod relax;
 mod ring;
 mod volume;
@@ -13,7 +14,13 @@ use super::vec3::{distance, lerp};
 pub(super) use work::Work;
 
 /// Bars of the passes: elements below are worked on. 0.46 is the sine of 27 degrees.
-const BARS: [f64; 6] = [0.30, 0.36, 0.40, 0.43, 0.46, 0.46];
+const BARS: [f64; 4] = [0.30, 0.38, 0.44, 0.47];
+/// Passes once points have the places that the volumes ask for.
+const LAST_BARS: [f64; 3] = [0.40, 0.46, 0.485];
+/// Worst elements may be left to the last resorts below this bar: leaving the surface by a little, changing the label.
+const RESORT: f64 = 0.45;
+/// By how much of an edge they may leave the surface.
+const LOOSE: [f64; 6] = [0.04, 0.08, 0.12, 0.16, 0.2, 0.2];
 
 /// Edges shorter than this part of an element's longest are merged first.
 const SHORT: f64 = 0.3;
@@ -25,15 +32,24 @@ const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 impl Work<'_> {
     /// Improves until the bars are met or the passes are used up.
     pub(super) fn improve(&mut self) {
-        for bar in BARS {
-            let bad = self.below(bar);
-            if bad.is_empty() {
-                continue;
-            }
-            for t in bad {
-                if self.is_alive(t) && self.quality[t as usize] < bar {
-                    self.mend(t, bar);
-                }
+        BARS.into_iter().for_each(|bar| self.pass(bar));
+    }
+
+    /// The last passes, with resorts for elements that nothing else betters.
+    pub(super) fn finish(&mut self) {
+        LAST_BARS.into_iter().for_each(|bar| self.pass(bar));
+        for loose in LOOSE {
+            self.loose = loose;
+            self.pass(RESORT);
+            self.relabel_worst(RESORT);
+        }
+        self.loose = 0.0;
+    }
+
+    fn pass(&mut self, bar: f64) {
+        for t in self.below(bar) {
+            if self.is_alive(t) && self.quality[t as usize] < bar {
+                self.mend(t, bar);
             }
         }
     }
@@ -70,7 +86,7 @@ impl Work<'_> {
         let tet = self.tets[t as usize];
         [(tet[i], tet[j]), (tet[j], tet[i])].into_iter().any(|(v, w)| {
             let floor = self.worst_around(v) + 1e-6;
-            self.collapse(v, w, floor, SAG * size)
+            self.collapse(v, w, floor, SAG.max(self.loose) * size)
         })
     }
 
@@ -90,9 +106,7 @@ impl Work<'_> {
                 let floor = aim.floor.min(self.worst_around(v) + 1e-6);
                 let sag = aim.sag * size.edge(self.points[w as usize], aim.finest);
                 if self.collapse(v, w, floor, sag) {
-                    for &t in &self.stars[w as usize] {
-                        self.tets[t as usize].iter().for_each(|&x| used[x as usize] = true);
-                    }
+                    (used[v as usize], used[w as usize]) = (true, true);
                 }
             }
             if self.count() == before {

@@ -35,29 +35,15 @@ impl Work<'_> {
         }
     }
 
-    /// Gradient of the function whose zero is the surface of a pair.
-    fn slope(&self, pair: Pair, p: V3) -> V3 {
-        let h = 0.25 * self.fields.step;
-        let f = |q: V3| self.fields.between(pair.0, pair.1, q);
-        let d = |a: usize| {
-            let mut q = [p, p];
-            q[0][a] += h;
-            q[1][a] -= h;
-            (f(q[0]) - f(q[1])) / (2.0 * h)
-        };
-        [d(0), d(1), d(2)]
-    }
-
     /// The nearest point of a surface by Newton steps; `None` where the field is flat or the surface further off than
     /// `reach`.
     pub(super) fn project(&self, pair: Pair, mut p: V3, reach: f64) -> Option<V3> {
         let start = p;
         for _ in 0..4 {
-            let value = self.fields.between(pair.0, pair.1, p);
+            let (value, g) = self.fields.between(pair.0, pair.1, p);
             if value.abs() < 2e-3 {
                 return Some(p);
             }
-            let g = self.slope(pair, p);
             let g2 = dot(g, g);
             if g2 < 1e-6 {
                 return None;
@@ -69,13 +55,36 @@ impl Work<'_> {
                 return None;
             }
         }
-        (self.fields.between(pair.0, pair.1, p).abs() < 2e-2).then_some(p)
+        (self.fields.between(pair.0, pair.1, p).0.abs() < 2e-2).then_some(p)
     }
 
-    fn constrain(&self, freedom: &Freedom, p: V3, reach: f64) -> Option<V3> {
+    /// The nearest place to `p` where the point `v` may be: on its surface, lifted off it as far as its label's volume
+    /// asks, or within the work's tolerance of that.
+    fn constrain(&self, v: u32, freedom: &Freedom, p: V3, edge: f64) -> Option<V3> {
+        let loose = self.loose * edge;
+        let place = match *freedom {
+            Freedom::Free => return Some(p),
+            Freedom::Fixed => None,
+            Freedom::Surface(pair) => self.project(pair, p, 0.5 * edge).map(|q| self.lifted(v, pair, q)),
+            Freedom::Line(..) => self.on_line(freedom, p, 0.5 * edge),
+        };
+        // Where the field does not tell the place, as it does not where surfaces were mended, the point's own serves.
+        let place = place.or((loose > 0.0).then_some(self.points[v as usize]))?;
+        let off = sub(p, place);
+        let length = dot(off, off).sqrt();
+        Some(if length <= loose { p } else { add(place, scale(off, loose / length)) })
+    }
+
+    fn lifted(&self, v: u32, pair: Pair, p: V3) -> V3 {
+        let lift = self.lift[v as usize];
+        if lift == 0.0 {
+            return p;
+        }
+        add(p, scale(unit(self.fields.between(pair.0, pair.1, p).1), lift))
+    }
+
+    fn on_line(&self, freedom: &Freedom, p: V3, reach: f64) -> Option<V3> {
         match *freedom {
-            Freedom::Free => Some(p),
-            Freedom::Surface(pair) => self.project(pair, p, reach),
             Freedom::Line(one, two) => {
                 let mut p = p;
                 for _ in 0..3 {
@@ -83,14 +92,14 @@ impl Work<'_> {
                 }
                 Some(p)
             }
-            Freedom::Fixed => None,
+            _ => None,
         }
     }
 
     /// Moves a point to where its worst element is better: the middle of its star, else a pattern search.
     pub(super) fn relax(&mut self, v: u32) -> bool {
         let freedom = self.freedom(v);
-        if matches!(freedom, Freedom::Fixed) {
+        if matches!(freedom, Freedom::Fixed) && self.loose == 0.0 {
             return false;
         }
         let mut best = self.worst_around(v);
@@ -116,8 +125,8 @@ impl Work<'_> {
 
     fn directions(&self, freedom: &Freedom, v: u32) -> [V3; 6] {
         let axes = match *freedom {
-            Freedom::Surface(pair) => {
-                let g = self.slope(pair, self.points[v as usize]);
+            Freedom::Surface(pair) if self.loose == 0.0 => {
+                let g = self.fields.between(pair.0, pair.1, self.points[v as usize]).1;
                 let low = if g[0].abs() < 0.6 * dot(g, g).sqrt() { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
                 let s = unit(cross(g, low));
                 let t = unit(cross(g, s));
@@ -148,7 +157,7 @@ impl Work<'_> {
     }
 
     fn try_place(&mut self, v: u32, freedom: &Freedom, target: V3, edge: f64, best: &mut f64) -> bool {
-        let Some(target) = self.constrain(freedom, target, 0.5 * edge) else { return false };
+        let Some(target) = self.constrain(v, freedom, target, edge) else { return false };
         let from = std::mem::replace(&mut self.points[v as usize], target);
         let mut worst = f64::INFINITY;
         for &t in &self.stars[v as usize] {

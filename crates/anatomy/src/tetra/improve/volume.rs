@@ -11,9 +11,6 @@ use super::work::{DEAD, Work};
 
 /// Largest part of the height over its neighbours that a point is moved by in one pass.
 const MOST: f64 = 0.5;
-const PASSES: usize = 4;
-/// Elements may get as bad as this on the way (the sine of 23.6 degrees), not worse.
-const FLOOR: f64 = 0.40;
 
 /// A surface point: its area normal, and how far it stands out over its neighbours.
 #[derive(Debug, Clone, Copy)]
@@ -26,17 +23,18 @@ struct Stand {
 }
 
 impl Work<'_> {
-    /// Moves the points of each surface so that labels have the volumes `wanted` (mm3, in the order of the labels).
-    pub(in super::super) fn restore_volumes(&mut self, wanted: &[f64]) {
+    /// Moves the points of each surface so that labels have the volumes `wanted` (mm3, in the order of the labels). No
+    /// element gets worse than `floor`, or than it was.
+    pub(in super::super) fn restore_volumes(&mut self, wanted: &[f64], passes: usize, floor: f64) {
         let faces = self.surface_faces();
-        for _ in 0..PASSES {
+        for _ in 0..passes {
             let stands = self.stands(&faces);
             let now = self.volumes(wanted.len());
             let missing = wanted.iter().sum::<f64>() - now.iter().sum::<f64>();
-            self.inflate(&stands, missing, |pair| pair.1.is_none());
+            self.inflate(&stands, missing, floor, |pair| pair.1.is_none());
             for l in 0..wanted.len() - 1 {
                 let missing = wanted[l] - now[l];
-                self.inflate(&stands, missing, |pair| usize::from(pair.0) == l && pair.1.is_some());
+                self.inflate(&stands, missing, floor, |pair| usize::from(pair.0) == l && pair.1.is_some());
             }
         }
     }
@@ -93,7 +91,7 @@ impl Work<'_> {
     }
 
     /// Moves the points of some surfaces by one part of their heights, for a gain of `missing` mm3.
-    fn inflate(&mut self, stands: &[Stand], missing: f64, of: impl Fn(Pair) -> bool) {
+    fn inflate(&mut self, stands: &[Stand], missing: f64, floor: f64, of: impl Fn(Pair) -> bool) {
         let chosen = || stands.iter().filter(|s| of(s.pair));
         let gain: f64 = chosen().map(|s| s.area * s.height).sum();
         let area: f64 = chosen().map(|s| s.area).sum();
@@ -105,20 +103,23 @@ impl Work<'_> {
         let part = (missing / gain).clamp(-MOST, MOST);
         for s in chosen() {
             let step = scale(s.normal, part * s.height);
-            if !self.try_shift(s.point, step) {
-                self.try_shift(s.point, scale(step, 0.5));
+            if !self.try_shift(s, step, floor) {
+                self.try_shift(s, scale(step, 0.5), floor);
             }
         }
     }
 
-    fn try_shift(&mut self, v: u32, step: V3) -> bool {
-        let floor = self.worst_around(v).min(FLOOR);
+    fn try_shift(&mut self, stand: &Stand, step: V3, floor: f64) -> bool {
+        let v = stand.point;
+        let floor = self.worst_around(v).min(floor);
         let from = self.points[v as usize];
         self.points[v as usize] = add(from, step);
         if self.stars[v as usize].iter().any(|&t| self.worth(self.tets[t as usize]) < floor) {
             self.points[v as usize] = from;
             return false;
         }
+        // The normal looks out of the lower label, the field's gradient into it.
+        self.lift[v as usize] -= dot(step, stand.normal);
         self.rate_around(v);
         true
     }

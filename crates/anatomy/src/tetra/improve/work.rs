@@ -20,6 +20,10 @@ pub(in super::super) struct Work<'a> {
     pub(super) stars: Vec<Vec<u32>>,
     /// Labels around each point as bits, and [`OUTSIDE_BIT`] at the outer surface.
     pub(super) masks: Vec<u64>,
+    /// How far each point on a surface stands off it towards the higher values, mm: what the volume of its label asks.
+    pub(super) lift: Vec<f64>,
+    /// Points may leave their surface by this part of the mean edge around them.
+    pub(super) loose: f64,
     pub(super) fields: &'a LabelFields,
     free: Vec<u32>,
     alive: usize,
@@ -42,7 +46,8 @@ impl<'a> Work<'a> {
         }
         let alive = raw.tets.len();
         let RawMesh { points, tets, labels } = raw;
-        Self { points, tets, labels, quality: worth, stars, masks, fields, free: Vec::new(), alive }
+        let lift = vec![0.0; points.len()];
+        Self { points, tets, labels, quality: worth, stars, masks, lift, loose: 0.0, fields, free: Vec::new(), alive }
     }
 
     /// The mesh without removed elements and unused points.
@@ -84,7 +89,10 @@ impl<'a> Work<'a> {
     pub(super) fn refresh_mask(&mut self, v: u32) {
         let outside = self.masks[v as usize] & OUTSIDE_BIT;
         let labels = self.stars[v as usize].iter().fold(0, |m, &t| m | 1 << self.labels[t as usize]);
-        self.masks[v as usize] = outside | labels;
+        if self.masks[v as usize] != outside | labels {
+            self.masks[v as usize] = outside | labels;
+            self.lift[v as usize] = 0.0;
+        }
     }
 
     pub(super) fn remove(&mut self, t: u32) {

@@ -1,0 +1,131 @@
+//! Giving a bad element on a surface to the other side of it, or to the outside.
+//!
+//! An element with all corners on surfaces has little to gain from moving them. On the other side of its surface it may be
+//! flipped away like any other, and a flat one changes neither the shape nor the volume of the labels to speak of.
+
+use super::work::{OUTSIDE_BIT, Work};
+
+const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]];
+const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+
+/// What is on the other side of a face.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Side {
+    Label(u8),
+    Outside,
+}
+
+/// A part of space.
+#[derive(Debug, Clone, Copy)]
+enum Region {
+    Of(Side),
+    AllBut(Side),
+}
+
+impl Region {
+    fn holds(self, side: Side) -> bool {
+        match self {
+            Self::Of(s) => s == side,
+            Self::AllBut(s) => s != side,
+        }
+    }
+}
+
+impl Work<'_> {
+    /// Relabels elements below `bar` where the surfaces stay two-manifold of the same topology and the worst element
+    /// around gets better by it.
+    pub(super) fn relabel_worst(&mut self, bar: f64) {
+        for t in self.below(bar) {
+            if self.is_alive(t) && self.quality[t as usize] < bar {
+                self.relabel(t);
+            }
+        }
+    }
+
+    fn relabel(&mut self, t: u32) -> bool {
+        let own = self.labels[t as usize];
+        let sides = [0, 1, 2, 3].map(|i| self.behind(t, i));
+        let mut others: Vec<Side> = sides.into_iter().filter(|&s| s != Side::Label(own)).collect();
+        others.dedup();
+        // One neighbour besides its own label.
+        if others.is_empty() || others.iter().any(|&s| s != others[0]) {
+            return false;
+        }
+        let regions = [Side::Label(own), others[0]].into_iter().flat_map(|s| [Region::Of(s), Region::AllBut(s)]);
+        if !regions.into_iter().all(|r| self.meets_in_a_disk(t, r, sides)) {
+            return false;
+        }
+        match others[0] {
+            Side::Outside => self.drop_outer(t),
+            Side::Label(to) => self.try_label(t, to),
+        }
+    }
+
+    /// What lies behind the face of `t` opposite to its corner `i`.
+    fn behind(&self, t: u32, i: usize) -> Side {
+        let tet = self.tets[t as usize];
+        let [p, q, r] = FACES[i].map(|k| tet[k]);
+        let holds = |&x: &u32| x != t && [q, r].iter().all(|v| self.tets[x as usize].contains(v));
+        let other = self.stars[p as usize].iter().copied().find(holds);
+        other.map_or(Side::Outside, |x| Side::Label(self.labels[x as usize]))
+    }
+
+    /// Whether the rest of a region touches `t` in one to three faces and nowhere else: then the region keeps its
+    /// topology with and without `t`.
+    fn meets_in_a_disk(&self, t: u32, region: Region, sides: [Side; 4]) -> bool {
+        let tet = self.tets[t as usize];
+        let shared = || (0..4).filter(|&i| region.holds(sides[i]));
+        let count = shared().count();
+        let corner_in = |k: usize| shared().any(|i| i != k);
+        let edge_in = |e: [usize; 2]| shared().any(|i| !e.contains(&i));
+        (1..=3).contains(&count)
+            && (0..4).all(|k| corner_in(k) || !self.touches(t, region, &[tet[k]]))
+            && EDGES.into_iter().all(|e| edge_in(e) || !self.touches(t, region, &e.map(|k| tet[k])))
+    }
+
+    /// Whether a region without `t` holds a corner or an edge.
+    fn touches(&self, t: u32, region: Region, simplex: &[u32]) -> bool {
+        let around = || self.stars[simplex[0] as usize].iter().copied();
+        let holds = |x: u32| simplex.iter().all(|v| self.tets[x as usize].contains(v));
+        let label = |x: u32| Side::Label(self.labels[x as usize]);
+        around().any(|x| x != t && region.holds(label(x)) && holds(x))
+            || (region.holds(Side::Outside) && around().any(|x| holds(x) && self.opens_at(x, simplex)))
+    }
+
+    /// Whether an element has an outer face with all of a simplex.
+    fn opens_at(&self, t: u32, simplex: &[u32]) -> bool {
+        let tet = self.tets[t as usize];
+        (0..4).any(|i| !simplex.contains(&tet[i]) && self.behind(t, i) == Side::Outside)
+    }
+
+    /// Takes away an element at the outer surface.
+    fn drop_outer(&mut self, t: u32) -> bool {
+        let tet = self.tets[t as usize];
+        self.remove(t);
+        for v in tet {
+            self.masks[v as usize] |= OUTSIDE_BIT;
+            self.refresh_mask(v);
+        }
+        true
+    }
+
+    /// Gives `t` to another label if something can then be done about it.
+    fn try_label(&mut self, t: u32, to: u8) -> bool {
+        let own = std::mem::replace(&mut self.labels[t as usize], to);
+        let tet = self.tets[t as usize];
+        let lifts = tet.map(|v| self.lift[v as usize]);
+        tet.into_iter().for_each(|v| self.refresh_mask(v));
+        let before = self.quality[t as usize];
+        let better = EDGES.into_iter().any(|[i, j]| self.remove_edge(tet[i], tet[j]))
+            || (0..4).any(|i| self.swap_face(t, i))
+            || tet.into_iter().any(|v| self.relax(v) && self.quality[t as usize] > before);
+        if !better {
+            self.labels[t as usize] = own;
+            for (v, lift) in tet.into_iter().zip(lifts) {
+                self.refresh_mask(v);
+                self.lift[v as usize] = lift;
+            }
+        }
+        better
+    }
+}
