@@ -4,13 +4,17 @@
 //! `ct.nii.gz`, `labels.nii.gz`, `skin.ply`, `brain.ply`, `ventricles.ply`, `tets.vtu`, `plan.mrk.json`,
 //! `landmarks.mrk.json`. Image files pass through here as bytes: this crate does not decode them.
 //!
-//! The codecs ([`vtu`], [`ply`], [`markups`]) work on bytes and know no files; [`Case`] and [`Staging`] do.
+//! The codecs ([`vtu`], [`msh`], [`ply`], [`stl`], [`obj`], [`glb`], [`markups`]) work on bytes and know no files; [`Case`] and [`Staging`] do.
 
 mod case;
+pub mod glb;
 mod manifest;
 pub mod markups;
+pub mod msh;
+pub mod obj;
 pub mod ply;
 mod staging;
+pub mod stl;
 pub mod vtu;
 
 pub use case::{Case, CaseError, CaseFiles};

@@ -129,7 +129,7 @@ pub(crate) struct PrepareArgs {
     #[arg(long, value_name = "CASE")]
     pub(crate) out: PathBuf,
     /// Wanted number of tetrahedra.
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_ELEMENTS)]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_ELEMENTS, value_parser = elements)]
     pub(crate) elements: usize,
     /// Side of the entry (default: right, or the side of --plan).
     #[arg(long, value_enum)]
@@ -357,8 +357,8 @@ pub(crate) struct ReplayArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct MeshArgs {
-    /// A label volume (NIfTI, NRRD, MetaImage) or a case.
-    #[arg(value_name = "LABELS|CASE")]
+    /// A label volume (NIfTI, NRRD, MetaImage) or a case; or a mesh to check and convert (.vtu, .msh, .ply, .stl).
+    #[arg(value_name = "LABELS|CASE|MESH")]
     pub(crate) labels: PathBuf,
     /// Labels to mesh (default: all but 0; of a case, everything inside the skull).
     #[arg(long, value_name = "LABEL,..", value_delimiter = ',')]
@@ -370,10 +370,11 @@ pub(crate) struct MeshArgs {
     #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true)]
     pub(crate) path: Option<String>,
     /// Wanted number of tetrahedra.
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_ELEMENTS)]
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_ELEMENTS, value_parser = elements)]
     pub(crate) elements: usize,
-    /// File to write, .vtu.
-    #[arg(long, value_name = "FILE.vtu")]
+    /// File to write: tetrahedra as .vtu or .msh (Gmsh 4.1, with the interfaces as triangles), the outer surface as .ply or
+    /// .stl, the surface of each label as .obj or .glb.
+    #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
     /// Overwrite an existing file.
     #[arg(long)]
@@ -408,7 +409,7 @@ pub(crate) enum BenchCommand {
         /// A scan as for "monro prepare"; without it the built-in phantom.
         scan: Option<PathBuf>,
         /// Wanted number of tetrahedra.
-        #[arg(long, value_name = "N", default_value_t = DEFAULT_ELEMENTS)]
+        #[arg(long, value_name = "N", default_value_t = DEFAULT_ELEMENTS, value_parser = elements)]
         elements: usize,
     },
     /// Monte-Carlo of tip calibration and registration with simulated cameras: errors at the foramen, predicted and actual.
@@ -521,4 +522,11 @@ fn frames_in_range(text: &str) -> Result<usize, String> {
 fn whole_in_range(text: &str, least: usize, most: usize) -> Result<usize, String> {
     let n: usize = text.trim().parse().map_err(|_| format!("\"{text}\" is no whole number"))?;
     if (least..=most).contains(&n) { Ok(n) } else { Err(format!("{n} is not within {least} to {most}")) }
+}
+
+/// A number of tetrahedra that the mesher takes.
+fn elements(text: &str) -> Result<usize, String> {
+    let range = monro_anatomy::tetra::ELEMENTS;
+    let rule = || format!("the number of elements must be from {} to {}", range.start(), range.end());
+    text.parse().ok().filter(|n| range.contains(n)).ok_or_else(rule)
 }

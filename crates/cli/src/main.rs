@@ -10,6 +10,7 @@ mod inspect;
 mod interrupt;
 mod labels;
 mod mesh;
+mod mesh_file;
 mod phantom;
 
 mod prepare;

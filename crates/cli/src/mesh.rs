@@ -2,15 +2,16 @@
 
 use crate::args::MeshArgs;
 use crate::console::{Console, seconds_json};
+use crate::mesh_file::{AnyMesh, Format};
 use anyhow::{Context, Result, bail};
-use monro_anatomy::tetra::{self, LabelReport, MeshOptions, MeshReport};
+use monro_anatomy::tetra::{self, LabelReport, MeshOptions, MeshReport, Stage};
 use monro_case::Case;
-use monro_case::vtu::{self, UnstructuredGrid};
 use monro_geometry::{Patient, Point, Structure, Volume};
 use monro_prepare::simulated_labels;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
+use std::time::Instant;
 
 /// What is to be meshed.
 struct Input {
@@ -25,14 +26,22 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
     if args.out.exists() && !args.force {
         bail!("{} exists already; give --force to overwrite it, or another --out", args.out.display());
     }
-    if args.out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("vtu")) {
-        bail!("{}: only .vtu is written", args.out.display());
+    let format = Format::to_write(&args.out)?;
+    if args.labels.is_file()
+        && let Some(mesh) = console.stage("read", || Format::read(&args.labels))?
+    {
+        return convert(&mesh, format, args, console);
     }
     let input = console.stage("read", || input(args))?;
     let options = MeshOptions { path: input.path, ..MeshOptions::new(&input.keep, &input.fine, args.elements) };
-    let (mesh, report) = console.stage("mesh", || tetra::mesh(&input.labels, &options))?;
-    console.stage("write", || write(&args.out, &vtu::encode(&UnstructuredGrid::from_mesh(&mesh))))?;
-    let json = as_json(&report, &args.out, &console.stages());
+    let mut parts = Parts::new();
+    let (mesh, report) = console.stage("mesh", || tetra::mesh_observed(&input.labels, &options, |s| parts.done(s)))?;
+    let mesh = AnyMesh::Tetrahedra(mesh);
+    console.stage("write", || write(&args.out, &format.encode(&mesh)?))?;
+    for remark in &report.remarks {
+        console.warn(remark);
+    }
+    let json = as_json(&report, &args.out, &console.stages(), &parts);
     let text = format!(
         "{} tetrahedra, {} vertices, dihedral angles {:.1} to {:.1} degrees, radius ratio at least {:.2}: {}",
         report.elements,
@@ -44,6 +53,38 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
     );
     console.result(&json, &text);
     Ok(())
+}
+
+/// Writes a mesh that was read, which has been checked on the way.
+fn convert(mesh: &AnyMesh, format: Format, args: &MeshArgs, console: &Console) -> Result<()> {
+    console.stage("write", || write(&args.out, &format.encode(mesh)?))?;
+    let (name, elements, vertices) = match mesh {
+        AnyMesh::Tetrahedra(m) => ("tetrahedra", m.tets.len(), m.vertices.len()),
+        AnyMesh::Surface(m) => ("triangles", m.triangles.len(), m.vertices.len()),
+    };
+    let out = args.out.display().to_string();
+    let json =
+        json!({ "out": out, "elements": elements, "vertices": vertices, "seconds": seconds_json(&console.stages()) });
+    console.result(&json, &format!("{elements} {name}, {vertices} vertices: {out}"));
+    Ok(())
+}
+
+/// Seconds of each part of the meshing.
+struct Parts {
+    since: Instant,
+    seconds: Vec<(String, f64)>,
+}
+
+impl Parts {
+    fn new() -> Self {
+        Self { since: Instant::now(), seconds: Vec::new() }
+    }
+
+    fn done(&mut self, stage: Stage) {
+        let now = Instant::now();
+        self.seconds.push((stage.name().to_owned(), (now - self.since).as_secs_f64()));
+        self.since = now;
+    }
 }
 
 fn input(args: &MeshArgs) -> Result<Input> {
@@ -115,12 +156,13 @@ fn write(out: &Path, bytes: &[u8]) -> Result<()> {
     fs::rename(&aside, out).with_context(|| format!("cannot write {}", out.display()))
 }
 
-fn as_json(report: &MeshReport, out: &Path, stages: &[(String, f64)]) -> Value {
+fn as_json(report: &MeshReport, out: &Path, stages: &[(String, f64)], parts: &Parts) -> Value {
     json!({
         "out": out.display().to_string(),
         "elements": report.elements,
         "vertices": report.vertices,
         "seconds": seconds_json(stages),
+        "mesh_seconds": seconds_json(&parts.seconds),
         "dihedral_min_deg": report.dihedral_min,
         "dihedral_max_deg": report.dihedral_max,
         "dihedral_p1_deg": report.dihedral_p1,
@@ -129,6 +171,7 @@ fn as_json(report: &MeshReport, out: &Path, stages: &[(String, f64)]) -> Value {
         "core_edge_mean_mm": report.core_edge_mean,
         "edge_bands": report.edge_bands.iter().map(|b| json!({ "from_mm": b.from, "to_mm": b.to, "mean_mm": b.mean, "edges": b.edges })).collect::<Vec<_>>(),
         "open_at_border": report.open_at_border,
+        "remarks": report.remarks,
         "labels": report.labels.iter().map(label_json).collect::<Vec<_>>(),
     })
 }
@@ -143,6 +186,8 @@ fn label_json(l: &LabelReport) -> Value {
         "interface_max_mm": l.interface.map(|i| i.max),
         "euler": l.euler,
         "euler_labels": l.euler_labels,
+        "surfaces": l.surfaces,
+        "surfaces_labels": l.surfaces_labels,
         "closed": l.closed,
         "manifold": l.manifold,
     })

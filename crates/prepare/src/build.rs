@@ -46,7 +46,8 @@ pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<P
     let (tets, mesh) =
         stage(observer, Stage::Tetrahedra, || tetrahedra(&segmentation.labels, &planned, request.elements))?;
     let volumes_ml = volumes_ml(&segmentation.labels);
-    let findings = findings(&scan, &segmentation, &planned, &surfaces);
+    let mut findings = findings(&scan, &segmentation, &planned, &surfaces);
+    findings.extend(mesh.remarks.iter().map(|remark| format!("tetrahedra: {remark}")));
     for finding in findings.iter().skip(scan.warnings.len() + usize::from(scan.resampled.is_some())) {
         observer.remark(finding);
     }

@@ -1,0 +1,81 @@
+//! Gmsh meshes (`.msh`) of labelled linear tetrahedra.
+//!
+//! Written as MSH 4.1 binary: one volume entity for each label and one surface entity for each interface between two
+//! labels or to the outside, each a physical group of its own. Read as MSH 4.1 (ASCII or binary) and 2.2 (ASCII): the
+//! tetrahedra, with their physical group as label, or their entity where there is none.
+//! File format: Gmsh reference manual, "MSH file format". Coordinates are LPS mm by convention.
+
+mod read;
+mod source;
+mod write;
+
+use monro_geometry::TetMeshError;
+use thiserror::Error;
+
+pub use read::decode;
+pub use write::encode;
+
+/// Why a `.msh` file was refused.
+#[derive(Debug, Error)]
+pub enum MshError {
+    /// A version that is not read.
+    #[error("MSH: version {0} is not read; save it as version 4.1, or as 2.2 ASCII")]
+    Version(String),
+    /// Something that an MSH file must have is missing or faulty.
+    #[error("MSH {section}: {reason}")]
+    Section {
+        /// The section, as `$Nodes`.
+        section: &'static str,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A tetrahedron names a node that no section holds.
+    #[error("MSH element {element} uses node {node}, which does not exist")]
+    Node {
+        /// Tag of the element.
+        element: u64,
+        /// Tag of the node.
+        node: u64,
+    },
+    /// A physical group or entity that is no label.
+    #[error("MSH element {element}: its group {group} is no label (0 to 65535)")]
+    Group {
+        /// Tag of the element.
+        element: u64,
+        /// Its physical group or entity.
+        group: i64,
+    },
+    /// The mesh itself is faulty.
+    #[error("MSH mesh: {0}")]
+    Mesh(#[from] TetMeshError),
+}
+
+/// Gmsh's numbers of the linear triangle and tetrahedron.
+const TRIANGLE: i32 = 2;
+const TETRAHEDRON: i32 = 4;
+
+/// Nodes of an element of a Gmsh type; `None` for types that are not known here.
+const fn nodes_of(kind: i32) -> Option<usize> {
+    Some(match kind {
+        1 | 8 => kind as usize / 8 + 2,
+        2 => 3,
+        3 | 4 => 4,
+        5 => 8,
+        6 | 9 => 6,
+        7 => 5,
+        10 => 9,
+        11 => 10,
+        12 => 27,
+        13 => 18,
+        14 => 14,
+        15 => 1,
+        16 => 8,
+        17 => 20,
+        18 => 15,
+        19 => 13,
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests;

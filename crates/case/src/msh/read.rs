@@ -1,0 +1,230 @@
+//! Reading.
+
+use super::source::{Encoding, Source};
+use super::{MshError, TETRAHEDRON, nodes_of};
+use monro_geometry::{Point, TetMesh};
+use std::collections::HashMap;
+
+/// Decodes the tetrahedra of an MSH file. Other elements, and nodes that no tetrahedron uses, are left out.
+///
+/// # Errors
+/// A version that is not read, a section that cannot be read, a missing node, a group that is no label, an inverted
+/// element: each by name. Never allocates more than the file's own size suggests.
+pub fn decode(bytes: &[u8]) -> Result<TetMesh, MshError> {
+    let mut source = Source { bytes, encoding: Encoding::Ascii };
+    let mut found = Found::default();
+    let modern = format(&mut source)?;
+    while let Some(line) = source.line() {
+        let name = match (line, modern) {
+            ("$Entities", true) => "$Entities",
+            ("$Nodes", _) => "$Nodes",
+            ("$Elements", _) => "$Elements",
+            _ => continue,
+        };
+        let read = match (name, modern) {
+            ("$Entities", _) => found.entities(&mut source),
+            ("$Nodes", true) => found.nodes(&mut source),
+            ("$Nodes", false) => found.nodes_2(&mut source),
+            (_, true) => found.elements(&mut source),
+            (_, false) => found.elements_2(&mut source),
+        };
+        read.map_err(|reason| MshError::Section { section: name, reason })?;
+    }
+    found.mesh()
+}
+
+/// Reads `$MeshFormat`; true for 4.1, false for 2.2.
+fn format(source: &mut Source<'_>) -> Result<bool, MshError> {
+    let fail = |reason: &str| MshError::Section { section: "$MeshFormat", reason: reason.into() };
+    if source.line() != Some("$MeshFormat") {
+        return Err(fail("the file does not begin with it"));
+    }
+    let line = source.line().ok_or_else(|| fail("the file ends here"))?;
+    match line.split_whitespace().collect::<Vec<_>>()[..] {
+        ["4.1", "0", "8"] => Ok(true),
+        ["4.1", "1", "8"] => {
+            // The number 1 as the writer's machine stores it.
+            source.encoding = Encoding::Little;
+            match source.int() {
+                Ok(1) => {}
+                Ok(0x0100_0000) => source.encoding = Encoding::Big,
+                _ => return Err(fail("the number that tells the order of bytes is not 1")),
+            }
+            Ok(true)
+        }
+        ["2.2", "0", _] => Ok(false),
+        _ => Err(MshError::Version(line.to_owned())),
+    }
+}
+
+/// A tetrahedron with the tags of its nodes.
+struct Tet {
+    tag: u64,
+    nodes: [u64; 4],
+    group: i64,
+}
+
+#[derive(Default)]
+struct Found {
+    /// Physical group of each volume.
+    groups: HashMap<i32, i32>,
+    numbers: HashMap<u64, u32>,
+    positions: Vec<[f64; 3]>,
+    tets: Vec<Tet>,
+}
+
+impl Found {
+    /// Entities of four dimensions; of interest are the groups of the volumes.
+    fn entities(&mut self, source: &mut Source<'_>) -> Result<(), String> {
+        let mut counts = [0; 4];
+        for c in &mut counts {
+            *c = source.size()?;
+        }
+        for (dimension, &count) in counts.iter().enumerate() {
+            for _ in 0..count {
+                let tag = source.int()?;
+                for _ in 0..if dimension == 0 { 3 } else { 6 } {
+                    source.double()?;
+                }
+                let groups = ints(source)?;
+                if dimension > 0 {
+                    ints(source)?;
+                }
+                if let (3, Some(&group)) = (dimension, groups.first()) {
+                    self.groups.insert(tag, group);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn nodes(&mut self, source: &mut Source<'_>) -> Result<(), String> {
+        let blocks = source.size()?;
+        (0..3).try_for_each(|_| source.size().map(drop))?;
+        for _ in 0..blocks {
+            let (dimension, _tag, parametric) = (source.int()?, source.int()?, source.int()?);
+            let count = source.size()?;
+            let mut tags = Vec::new();
+            for _ in 0..count {
+                tags.push(source.size()?);
+            }
+            let extra = if parametric == 0 { 0 } else { dimension.clamp(0, 3) };
+            for tag in tags {
+                let p = [source.double()?, source.double()?, source.double()?];
+                (0..extra).try_for_each(|_| source.double().map(drop))?;
+                self.node(tag, p)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn node(&mut self, tag: u64, p: [f64; 3]) -> Result<(), String> {
+        let number = u32::try_from(self.positions.len()).map_err(|_| "more than 2^32 nodes")?;
+        if self.numbers.insert(tag, number).is_some() {
+            return Err(format!("node {tag} occurs twice"));
+        }
+        self.positions.push(p);
+        Ok(())
+    }
+
+    fn elements(&mut self, source: &mut Source<'_>) -> Result<(), String> {
+        let blocks = source.size()?;
+        (0..3).try_for_each(|_| source.size().map(drop))?;
+        for _ in 0..blocks {
+            let (_dimension, entity, kind) = (source.int()?, source.int()?, source.int()?);
+            let count = source.size()?;
+            let nodes = nodes_of(kind).ok_or_else(|| format!("element type {kind} is unknown"))?;
+            let group = i64::from(self.groups.get(&entity).copied().unwrap_or(entity));
+            for _ in 0..count {
+                let tag = source.size()?;
+                self.element(source, tag, kind, nodes, group)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn element(
+        &mut self,
+        source: &mut Source<'_>,
+        tag: u64,
+        kind: i32,
+        nodes: usize,
+        group: i64,
+    ) -> Result<(), String> {
+        let mut corners = [0; 4];
+        for i in 0..nodes {
+            let node = source.size()?;
+            if let Some(c) = corners.get_mut(i) {
+                *c = node;
+            }
+        }
+        if kind == TETRAHEDRON {
+            self.tets.push(Tet { tag, nodes: corners, group });
+        }
+        Ok(())
+    }
+
+    fn nodes_2(&mut self, source: &mut Source<'_>) -> Result<(), String> {
+        for _ in 0..source.size()? {
+            let tag = source.size()?;
+            let p = [source.double()?, source.double()?, source.double()?];
+            self.node(tag, p)?;
+        }
+        Ok(())
+    }
+
+    fn elements_2(&mut self, source: &mut Source<'_>) -> Result<(), String> {
+        for _ in 0..source.size()? {
+            let (tag, kind, count) = (source.size()?, source.int()?, source.size()?);
+            // The physical group, then the entity, then partitions; a group of 0 is none.
+            let mut tags = [0; 2];
+            for i in 0..count {
+                let value = source.int()?;
+                if let Some(t) = tags.get_mut(i as usize) {
+                    *t = value;
+                }
+            }
+            let group = if tags[0] == 0 { tags[1] } else { tags[0] };
+            let nodes = nodes_of(kind).ok_or_else(|| format!("element type {kind} is unknown"))?;
+            self.element(source, tag, kind, nodes, group.into())?;
+        }
+        Ok(())
+    }
+
+    /// The nodes in use, in the order of the file.
+    fn mesh(self) -> Result<TetMesh, MshError> {
+        if self.tets.is_empty() {
+            return Err(MshError::Section { section: "$Elements", reason: "no linear tetrahedron in the file".into() });
+        }
+        let mut used = vec![false; self.positions.len()];
+        let mut mesh = TetMesh::default();
+        for t in &self.tets {
+            let group = MshError::Group { element: t.tag, group: t.group };
+            mesh.labels.push(u16::try_from(t.group).map_err(|_| group)?);
+            let mut tet = [0; 4];
+            for (to, &node) in tet.iter_mut().zip(&t.nodes) {
+                *to = *self.numbers.get(&node).ok_or(MshError::Node { element: t.tag, node })?;
+                used[*to as usize] = true;
+            }
+            mesh.tets.push(tet);
+        }
+        let mut number = vec![0u32; used.len()];
+        for (i, &p) in self.positions.iter().enumerate().filter(|(i, _)| used[*i]) {
+            number[i] = mesh.vertices.len() as u32;
+            mesh.vertices.push(Point::from_array(p));
+        }
+        mesh.tets.iter_mut().flatten().for_each(|v| *v = number[*v as usize]);
+        mesh.validate()?;
+        Ok(mesh)
+    }
+}
+
+/// A count and as many integers.
+fn ints(source: &mut Source<'_>) -> Result<Vec<i32>, String> {
+    let count = source.size()?;
+    let mut out = Vec::new();
+    for _ in 0..count {
+        out.push(source.int()?);
+    }
+    Ok(out)
+}

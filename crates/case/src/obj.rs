@@ -1,0 +1,40 @@
+//! Wavefront OBJ surfaces, written only: named objects in one file. Coordinates are LPS mm; a comment says so.
+
+use core::fmt::Write as _;
+use monro_geometry::TriangleMesh;
+
+/// Encodes surfaces as objects of the given names; blanks in names become underscores.
+pub fn encode(objects: &[(&str, &TriangleMesh)]) -> Vec<u8> {
+    let mut out = String::from("# Coordinates: LPS, mm\n");
+    let mut first = 1;
+    // Writing to a String cannot fail.
+    for (name, mesh) in objects {
+        let _ = writeln!(out, "o {}", name.split_whitespace().collect::<Vec<_>>().join("_"));
+        for p in &mesh.vertices {
+            let [x, y, z] = p.to_array().map(|c| c as f32);
+            let _ = writeln!(out, "v {x} {y} {z}");
+        }
+        for t in &mesh.triangles {
+            let [a, b, c] = t.map(|v| v + first);
+            let _ = writeln!(out, "f {a} {b} {c}");
+        }
+        first += mesh.vertices.len() as u32;
+    }
+    out.into_bytes()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_geometry::Point;
+
+    #[test]
+    fn numbers_go_on_over_objects_and_names_have_no_blanks() {
+        let vertices = [[0., 0., 0.5], [1., 0., 0.], [0., 1., 0.]].map(Point::from_array).to_vec();
+        let mesh = TriangleMesh { vertices, triangles: vec![[0, 1, 2]] };
+        let text = String::from_utf8(encode(&[("a b", &mesh), ("c", &mesh)])).expect("text");
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[1..6], ["o a_b", "v 0 0 0.5", "v 1 0 0", "v 0 1 0", "f 1 2 3"]);
+        assert_eq!(lines[10], "f 4 5 6");
+    }
+}

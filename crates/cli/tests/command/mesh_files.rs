@@ -1,0 +1,52 @@
+//! `monro mesh` with meshes instead of labels: checked, converted, or refused by name.
+
+use crate::common::{json, refusal, text};
+use monro_case::vtu::{self, UnstructuredGrid};
+use monro_case::{msh, stl};
+use monro_geometry::{Point, TetMesh};
+use std::fs;
+
+fn two() -> TetMesh {
+    let vertices = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [0., 0., -1.5]];
+    let vertices = vertices.map(Point::from_array).to_vec();
+    TetMesh { vertices, tets: vec![[0, 1, 2, 3], [0, 2, 1, 4]], labels: vec![4, 5] }
+}
+
+#[test]
+fn a_mesh_goes_from_format_to_format_unchanged() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [a, b, c, s] = ["a.vtu", "b.msh", "c.vtu", "s.stl"].map(|n| dir.path().join(n));
+    fs::write(&a, vtu::encode(&UnstructuredGrid::from_mesh(&two()))).expect("write");
+    assert_eq!(json(&["mesh", text(&a), "--out", text(&b)])["elements"], 2);
+    assert_eq!(msh::decode(&fs::read(&b).expect("read")).expect("msh"), two());
+    json(&["mesh", text(&b), "--out", text(&c)]);
+    assert_eq!(fs::read(&a).expect("a"), fs::read(&c).expect("c"));
+    json(&["mesh", text(&b), "--out", text(&s)]);
+    assert_eq!(stl::decode(&fs::read(&s).expect("read")).expect("stl").triangles.len(), 6);
+    for name in ["o.obj", "g.glb"] {
+        json(&["mesh", text(&s), "--out", text(&dir.path().join(name))]);
+    }
+}
+
+#[test]
+fn a_broken_mesh_is_refused_with_its_element_and_a_wrong_format_with_the_right_ones() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [bad, surface, out] = ["bad.vtu", "s.stl", "out.msh"].map(|n| dir.path().join(n));
+    let mut mesh = two();
+    mesh.tets[1].swap(0, 1);
+    fs::write(&bad, vtu::encode(&UnstructuredGrid::from_mesh(&mesh))).expect("write");
+    assert!(refusal(&["mesh", text(&bad), "--out", text(&out)]).contains("tetrahedron 1 has volume"));
+    fs::write(&surface, stl::encode(&two().surface(|_| true))).expect("write");
+    assert!(refusal(&["mesh", text(&surface), "--out", text(&out)]).contains("no tetrahedra"));
+    let said = refusal(&["mesh", text(&surface), "--out", text(&dir.path().join("x.fbx"))]);
+    assert!(said.contains(".glb"), "{said}");
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_count_that_cannot_be_is_refused_at_once_with_the_limits() {
+    for count in ["0", "100", "-5", "x", "99999999999"] {
+        let said = refusal(&["mesh", "no-such-file", "--elements", count, "--out", "x.vtu"]);
+        assert!(said.contains("500") || said.contains("unexpected argument"), "{count}: {said}");
+    }
+}
