@@ -49,7 +49,7 @@ def tetrahedra(mesh):
     for i, block in enumerate(mesh.cells):
         if block.type == "tetra":
             cells.append(block.data)
-            labels.append(data[i])
+            labels.append(np.ravel(data[i]))
     return mesh.points, np.concatenate(cells), np.concatenate(labels)
 
 
