@@ -3,25 +3,14 @@
     python scripts/oracle_camera.py
 """
 
-import os
-import pathlib
 import subprocess
 
 import cv2
 import numpy as np
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+from oracle import check, example, finish
+
 SIZE = (1920, 1080)
-passed = failed = 0
-
-
-def check(name, ok, detail=""):
-    global passed, failed
-    if ok:
-        passed += 1
-    else:
-        failed += 1
-        print(f"FAILED {name} {detail}")
 
 
 def ours(points, pixels):
@@ -61,10 +50,7 @@ def opencv(points, pixels):
     return rms, k, d.ravel(), cv2.Rodrigues(r[0])[0], t[0].ravel()
 
 
-subprocess.run(
-    ["cargo", "build", "-q", "--locked", "--workspace", "--example", "calibrate_camera"], cwd=ROOT, check=True
-)
-BINARY = str(ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "debug" / "examples" / "calibrate_camera")
+BINARY = example("calibrate_camera")
 for seed, noise in [(1, 0.0), (2, 0.3), (3, 0.3), (4, 1.0)]:
     points, pixels = scene(np.random.default_rng(seed), noise)
     found = ours(points, pixels)
@@ -77,5 +63,4 @@ for seed, noise in [(1, 0.0), (2, 0.3), (3, 0.3), (4, 1.0)]:
     check(f"distortion {seed}", np.allclose(found[4:8], d[:4], atol=2e-4), f"{found[4:8]} {d}")
     check(f"rotation {seed}", np.allclose(pose[:, :3], r, atol=2e-5))
     check(f"translation {seed}", np.allclose(pose[:, 3], t, atol=0.02), f"{pose[:, 3]} {t}")
-print(f"{passed} passed, {failed} failed")
-raise SystemExit(1 if failed else 0)
+finish()

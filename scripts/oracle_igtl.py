@@ -7,7 +7,6 @@ which must come back byte for byte, and reads ours with its own checksum. Withou
     python scripts/oracle_igtl.py
 """
 
-import os
 import pathlib
 import shutil
 import socket
@@ -19,22 +18,7 @@ import time
 import numpy as np
 import pyigtl
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
-passed = failed = 0
-
-
-def check(name, ok, detail=""):
-    global passed, failed
-    if ok:
-        passed += 1
-    else:
-        failed += 1
-        print(f"FAILED {name} {detail}")
-
-
-def filter_binary():
-    subprocess.run(["cargo", "build", "-q", "--locked", "--workspace", "--example", "igtl_filter"], cwd=ROOT, check=True)
-    return str(ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "debug" / "examples" / "igtl_filter")
+from oracle import ROOT, check, example, finish
 
 
 def run(arguments, data=b""):
@@ -218,10 +202,9 @@ def split(data):
     return out
 
 
-FILTER = filter_binary()
+FILTER = example("igtl_filter")
 check_bytes()
 check_reading()
 check_sockets()
 check_reference_library()
-print(f"{passed} passed, {failed} failed")
-raise SystemExit(1 if failed else 0)
+finish()

@@ -8,7 +8,6 @@ files must be refused with a message that names the rule. Files that our writers
 
 import argparse
 import json
-import os
 import pathlib
 import shutil
 import subprocess
@@ -25,9 +24,10 @@ from pydicom.dataset import Dataset, FileDataset, FileMetaDataset
 from pydicom.sequence import Sequence
 from pydicom.uid import UID
 
+from oracle import example
+
 warnings.filterwarnings("ignore")
 sitk.ProcessObject.SetGlobalWarningDisplay(False)
-ROOT = pathlib.Path(__file__).resolve().parent.parent
 CT = "1.2.840.10008.5.1.4.1.1.2"
 ENHANCED_CT = "1.2.840.10008.5.1.4.1.1.2.1"
 EXPLICIT, IMPLICIT = "1.2.840.10008.1.2.1", "1.2.840.10008.1.2"
@@ -43,8 +43,7 @@ def dump_binary():
     given = parser.parse_args().dump
     if given:
         return given
-    subprocess.run(["cargo", "build", "-q", "--locked", "--workspace", "--example", "dump_scan"], cwd=ROOT, check=True)
-    return str(ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "debug" / "examples" / "dump_scan")
+    return example("dump_scan")
 
 
 class Ours:

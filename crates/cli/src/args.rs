@@ -414,6 +414,8 @@ pub(crate) enum BenchCommand {
     },
     /// Monte-Carlo of tip calibration and registration with simulated cameras: errors at the foramen, predicted and actual.
     Registration {
+        /// A case whose skin is touched and traced; without it a made-up head.
+        case: Option<PathBuf>,
         /// Trials.
         #[arg(long, value_name = "N", default_value_t = 300)]
         trials: usize,

@@ -12,6 +12,7 @@ use crate::args::{BenchCommand, ModeArg};
 use crate::console::{Console, seconds_json};
 use crate::{demo, simulate};
 use anyhow::Result;
+use monro_case::Case;
 use monro_guidance::Random;
 use monro_guidance::simulation::{Scene, Trial, TrialOptions, quantile, rms};
 use monro_prepare::Request;
@@ -24,8 +25,8 @@ use std::path::Path;
 pub(crate) fn run(command: &BenchCommand, console: &Console) -> Result<()> {
     match command {
         BenchCommand::Prepare { scan, elements } => prepare_and_insert(scan.as_deref(), *elements, console),
-        BenchCommand::Registration { trials } => registration(*trials, console),
         BenchCommand::Segment { seeds, against, dump } => segment::run(*seeds, against, dump.as_deref(), console),
+        BenchCommand::Registration { case, trials } => registration(case.as_deref(), *trials, console),
         BenchCommand::Latency { frames, rate } => latency(*frames, *rate, console),
         BenchCommand::Live(args) => live::run(args, console),
         BenchCommand::Frame(args) => frame::run(args, console),
@@ -60,8 +61,16 @@ fn prepare_and_insert(path: Option<&Path>, elements: usize, console: &Console) -
 }
 
 /// Prints the errors of simulated registrations: each trial begins its refinement 5 to 30 degrees off.
-fn registration(trials: usize, console: &Console) -> Result<()> {
-    let (scene, mut random, mut done, mut refused) = (Scene::new(), Random::new(1), Vec::new(), 0usize);
+fn registration(case: Option<&Path>, trials: usize, console: &Console) -> Result<()> {
+    let scene = match case {
+        Some(dir) => {
+            let case = Case::open(dir)?;
+            let (target, entry) = (case.plan.target(), case.plan.entry());
+            Scene::on_skin(&case.skin, target, target, entry)?
+        }
+        None => Scene::new(),
+    };
+    let (mut random, mut done, mut refused) = (Random::new(1), Vec::new(), 0usize);
     console.stage("registration", || {
         for _ in 0..trials {
             let start_error = random.between(5.0, 30.0).to_radians();
@@ -79,9 +88,24 @@ fn registration(trials: usize, console: &Console) -> Result<()> {
         "entry_tre_median_mm": quantile(&each(|t| t.entry_tre), 0.5),
         "landmarks_only_tre_median_mm": quantile(&each(|t| t.landmark_tre), 0.5),
         "predicted_over_actual": rms(&each(|t| t.predicted)) / rms(&tre).max(f64::MIN_POSITIVE),
+        "basin": console.stage("basin", || basin(&scene, (trials / 10).max(5))),
     });
     console.result(&result, &text(&result));
     Ok(())
+}
+
+/// How far off refinement may begin: the share of trials that come within 2 mm at the target, by the error of the start in
+/// degrees, with the landmarks beside the surface and by the surface alone.
+fn basin(scene: &Scene, trials: usize) -> Value {
+    let share = |degrees: f64, with_landmarks: bool| {
+        let options = TrialOptions { start_error: degrees.to_radians(), with_landmarks, ..TrialOptions::default() };
+        let mut random = Random::new(degrees as u64);
+        let home = (0..trials).filter_map(|_| scene.trial(&options, &mut random)).filter(|t| t.tre < 2.0).count();
+        home as f64 / trials as f64
+    };
+    [10.0, 20.0, 30.0, 45.0, 60.0, 90.0]
+        .map(|d| json!({ "start_deg": d, "with_landmarks": share(d, true), "surface_alone": share(d, false) }))
+        .into()
 }
 
 /// Prints how long poses take from datagram to our hands.

@@ -1,6 +1,6 @@
 //! Serves a made-up head without preparing anything: for the browser tests and for work on the web app.
 //!
-//! `serve_ellipsoid [--hand] [CASE]` prints one JSON line {url, token, open, case} when it is ready. With a folder, serves
+//! `serve_ellipsoid [--hand] [CASE]` prints one JSON line {url, token, open, case, igtl} when it is ready. With a folder, serves
 //! that case instead; with `--hand`, the catheter's tip is held where stdin says, a line "X Y Z" (patient, mm) a place.
 
 #[path = "../tests/common/mod.rs"]
@@ -18,12 +18,13 @@ fn main() {
     let (flags, folders): (Vec<_>, Vec<_>) = std::env::args_os().skip(1).partition(|a| a == "--hand");
     let case = folders.first().map_or_else(|| common::write_case(dir.path(), true), std::path::PathBuf::from);
     let mut options = common::options(case.clone());
+    options.igtl = Some(([127, 0, 0, 1], 0).into());
     if !flags.is_empty() {
         options.tracker = Tracker::Source { name: "hand:".into(), source: Box::new(Hand::new()) };
     }
     let done = monro_server::serve(options, |ready| {
         let open = ready.browser_url();
-        let line = serde_json::json!({ "url": ready.url, "token": ready.token, "open": open, "case": case });
+        let line = serde_json::json!({ "url": ready.url, "token": ready.token, "open": open, "case": case, "igtl": ready.igtl });
         println!("{line}");
     });
     if let Err(error) = done {

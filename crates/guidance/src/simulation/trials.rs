@@ -1,10 +1,12 @@
 //! Monte-Carlo of the whole way from cameras to the foramen: pivot, landmarks, surface, target.
 
-use super::{FORAMEN, LANDMARKS, MarkerTool, entry, head, head_point, pose_at, swing};
+use super::{FORAMEN, LANDMARKS, MarkerTool, entry, head, pose_at, swing};
 use crate::calibration::{PivotOptions, calibrate_pivot};
-use crate::registration::{Landmark, RefineOptions, Surface, SurfaceSample, refine_on_surface, register_landmarks};
+use crate::registration::{
+    Landmark, RefineOptions, Surface, SurfaceError, SurfaceSample, refine_on_surface, register_landmarks,
+};
 use crate::{Covariance, Random};
-use monro_geometry::{Patient, Point, Rigid, Tool, Tracker, Vector};
+use monro_geometry::{Bvh, Patient, Point, Rigid, Tool, Tracker, TriangleMesh, Vector};
 
 /// The conditions of a trial.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,6 +68,11 @@ pub struct Trial {
 #[derive(Debug)]
 pub struct Scene {
     surface: Surface,
+    skin: Bvh,
+    /// From here the skin is looked at: landmarks and traced points lie in directions from it.
+    centre: Point<Patient>,
+    target: Point<Patient>,
+    entry: Point<Patient>,
     tool: MarkerTool,
     tracker_from_patient: Rigid<Tracker, Patient>,
     view: Vector<Tracker>,
@@ -80,15 +87,42 @@ impl Default for Scene {
 impl Scene {
     /// The head of this module, lying in front of a pair of cameras, and a stylus of 12 cm.
     pub fn new() -> Self {
+        let made = Self::on_skin(&head(), Point::ORIGIN, FORAMEN, entry());
+        made.unwrap_or_else(|e| unreachable!("the simulated head: {e}"))
+    }
+
+    /// Another head, such as that of a scan: its skin (mm, patient frame, the face towards -y), a point inside from which all
+    /// of forehead, temples and crown can be seen, the target and the entry.
+    ///
+    /// # Errors
+    /// When the skin has no triangles, or does not lie around the centre.
+    pub fn on_skin(
+        skin: &TriangleMesh,
+        centre: Point<Patient>,
+        target: Point<Patient>,
+        entry: Point<Patient>,
+    ) -> Result<Self, SurfaceError> {
         let about = Vector::new(1.0, 0.1, 0.05);
         let lying = Rigid::from_axis_angle(about, -1.5, Vector::new(50.0, 900.0, 80.0));
-        Self {
-            // The head has triangles; an empty one could only come from a broken generator.
-            surface: Surface::new(&head()).unwrap_or_else(|e| unreachable!("the simulated head: {e}")),
+        let scene = Self {
+            surface: Surface::new(skin)?,
+            skin: Bvh::new(skin),
+            centre,
+            target,
+            entry,
             tool: MarkerTool::stylus(Point::new(3.0, -2.0, -120.0)),
             tracker_from_patient: lying.unwrap_or(Rigid::IDENTITY),
             view: Vector::new(0.1, 0.8, -0.6),
-        }
+        };
+        let around = LANDMARKS.iter().all(|(_, d)| scene.skin_point(Vector::from_array(*d)).is_some());
+        if around { Ok(scene) } else { Err(SurfaceError::Empty) }
+    }
+
+    /// Where the outermost skin lies in a direction from the centre.
+    fn skin_point(&self, direction: Vector<Patient>) -> Option<Point<Patient>> {
+        let direction = direction.normalized()?;
+        let farthest = self.skin.ray_all(self.centre, direction).iter().map(|h| h.t).fold(f64::NEG_INFINITY, f64::max);
+        farthest.is_finite().then(|| self.centre + direction * farthest)
     }
 
     /// One trial; `None` when a step refused its input, which counts as a failure.
@@ -108,11 +142,11 @@ impl Scene {
             |m: &Rigid<Patient, Tracker>, at: Point<Patient>| m.point(self.tracker_from_patient.point(at)).distance(at);
         Some(Trial {
             tip: tip.distance(self.tool.tip),
-            landmark_tre: error(&rough.to_from, FORAMEN),
-            tre: error(&fine.patient_from, FORAMEN),
-            entry_tre: error(&fine.patient_from, entry()),
-            predicted: fine.uncertainty.at(FORAMEN).rms(),
-            landmark_predicted: rough.uncertainty.at(FORAMEN).rms(),
+            landmark_tre: error(&rough.to_from, self.target),
+            tre: error(&fine.patient_from, self.target),
+            entry_tre: error(&fine.patient_from, self.entry),
+            predicted: fine.uncertainty.at(self.target).rms(),
+            landmark_predicted: rough.uncertainty.at(self.target).rms(),
         })
     }
 
@@ -135,14 +169,14 @@ impl Scene {
         let mean = Covariance::new(&scaled(&own, 1.0 / frames));
         let total = Covariance::isotropic(options.hand).plus(&mean);
         let one = |(name, direction): &(&str, [f64; 3])| {
-            let marked = head_point(Vector::from_array(*direction));
+            let marked = self.skin_point(Vector::from_array(*direction))?;
             let hand = Vector::from_array(random.normal3()) * options.hand;
             let place = self.tracker_from_patient.point(marked) + hand;
             let pose = pose_at(0.7, self.tool.tip, place, random);
             let touched = self.tool.touch(tip, &pose, options.touch_frames, noise, random);
-            Landmark { name: (*name).to_owned(), touched, marked, noise: total }
+            Some(Landmark { name: (*name).to_owned(), touched, marked, noise: total })
         };
-        LANDMARKS.iter().map(one).collect()
+        LANDMARKS.iter().filter_map(one).collect()
     }
 
     /// Points over forehead, temples and crown: where a supine head can be reached.
@@ -151,7 +185,8 @@ impl Scene {
         let one = |_| loop {
             let d = Vector::<Patient>::from_array(random.direction());
             if d.z > -0.1 && d.y < 0.5 {
-                let at = self.tracker_from_patient.point(head_point(d));
+                let Some(skin) = self.skin_point(d) else { continue };
+                let at = self.tracker_from_patient.point(skin);
                 return SurfaceSample { point: at + noise.sample(random), noise };
             }
         };

@@ -103,9 +103,11 @@ impl Deformation {
     /// far as one step can take it; the result tells the time of the pose that was reached. A time step that is no number
     /// counts as the shortest.
     pub fn advance(&mut self, needle: &NeedlePose, pose_time_s: f64, dt_s: f64) -> Deformed {
-        let length = way_out(&self.room, needle.tip(), -needle.axis()).max(SHORTEST_MM);
-        let wanted = ToolPose { tip: needle.tip(), tail: needle.tip() - needle.axis() * length };
-        let (from, from_time) = self.last.unwrap_or((wanted, pose_time_s));
+        let inside = way_out(&self.room, needle.tip(), -needle.axis());
+        let wanted = ToolPose { tip: needle.tip(), tail: needle.tip() - needle.axis() * inside.max(SHORTEST_MM) };
+        // From air to air there is no way through tissue that would have to be followed.
+        let last = self.last.filter(|(pose, _)| inside > 0.0 || self.is_inside(pose));
+        let (from, from_time) = last.unwrap_or((wanted, pose_time_s));
         let way = from.tip.distance(wanted.tip).max(from.tail.distance(wanted.tail));
         let share = if way > FARTHEST_MM { FARTHEST_MM / way } else { 1.0 };
         let to = ToolPose { tip: from.tip.lerp(wanted.tip, share), tail: from.tail.lerp(wanted.tail, share) };
@@ -118,6 +120,11 @@ impl Deformation {
         self.last = Some((to, time));
         self.steps += 1;
         self.result(&report, time)
+    }
+
+    /// Whether a tool may touch tissue there.
+    fn is_inside(&self, pose: &ToolPose) -> bool {
+        (pose.tail - pose.tip).normalized().is_some_and(|back| way_out(&self.room, pose.tip, back) > 0.0)
     }
 
     fn result(&mut self, report: &StepReport, pose_time_s: f64) -> Deformed {
@@ -272,6 +279,18 @@ pub(crate) mod tests {
     #[test]
     fn the_same_poses_give_the_same_bits() {
         assert_eq!(insertion(), insertion());
+    }
+
+    /// However far it is moved between two steps: a soft body that is slow for a moment is not slower still for it.
+    #[test]
+    fn a_needle_in_the_air_is_where_it_is_at_once() {
+        let mut d = deformation();
+        for (i, depth) in [-300.0, -40.0, -290.0, -10.0].into_iter().enumerate() {
+            let time = i as f64;
+            assert_eq!(d.advance(&needle(depth), time, 1.0 / 60.0).pose_time_s, Some(time), "{depth}");
+        }
+        // From the air into the tissue it goes step by step.
+        assert!(d.advance(&needle(30.0), 4.0, 1.0 / 60.0).pose_time_s.is_some_and(|t| t < 4.0));
     }
 
     #[test]
