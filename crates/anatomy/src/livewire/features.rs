@@ -107,7 +107,7 @@ impl Features {
         f
     }
 
-    /// The magnitude that counts as a full edge (MB95 eq. 3 uses the maximum): the 95th percentile over pixels inside
+    /// The magnitude that counts as a full edge (MB95 uses the maximum): the 95th percentile over pixels inside
     /// the window, so that neither the skull nor one bright pixel sets the scale, and soft tissue's edges count in full.
     fn gradient_ceiling(&self, magnitude: &[f32], options: &FeatureOptions) -> f32 {
         let [low, high] = options.window;
@@ -146,7 +146,7 @@ impl Features {
             .collect()
     }
 
-    /// MB95 eq. 2 and the text after it: of two neighbours with opposite signs, the one closer to zero is the crossing.
+    /// As in MB95: of two neighbours with opposite signs, the one closer to zero is the crossing.
     fn mark_crossings(&mut self, laplacian: &[f32]) {
         let width = self.width;
         let mut mark = |a: usize, b: usize| {

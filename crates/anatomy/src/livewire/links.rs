@@ -55,8 +55,8 @@ pub(super) struct Links {
 }
 
 impl Links {
-    /// MB95 eq. 1 with the learnt features of MB98, times the length of the link. Unlike theirs, a link costs the mean
-    /// of both its ends, so that the wire from A to B is also the wire from B to A.
+    /// The weighted sum of costs of MB95 with the learnt features of MB98, times the length of the link. Unlike theirs, a
+    /// link costs the mean of both its ends, so that the wire from A to B is also the wire from B to A.
     pub(super) fn new(features: &Features, training: &Training, weights: &Weights) -> Self {
         let scale = 1.0 / weights.all().iter().sum::<f64>();
         let node = node_costs(&features.pixels, training, weights, scale);
@@ -100,7 +100,7 @@ fn node_costs(pixels: &[Pixel], training: &Training, weights: &Weights, scale: f
     let bright = table(&training.bright, weights.bright);
     let dark = table(&training.dark, weights.dark);
     let length = (0.5 * weights.length * scale) as f32;
-    // MB95 eq. 2.
+    // The Laplacian zero-crossing cost of MB95.
     let crossing = [length + (0.5 * weights.crossing * scale) as f32, length];
     let at = |v: u8| usize::from(v);
     pixels
@@ -115,7 +115,7 @@ fn node_costs(pixels: &[Pixel], training: &Training, weights: &Weights, scale: f
         .collect()
 }
 
-/// MB95 eq. 4 and 5 as tables: the angle between edge and link, folded to a quarter turn, with the side it folds to.
+/// The gradient direction cost of MB95 as tables: the angle between edge and link, folded to a quarter turn, with the side it folds to.
 struct Turns {
     length: [f64; 4],
     folded: [[f32; 256]; 4],

@@ -6,6 +6,9 @@
 //! path. [`Livewire`] is one such session on one [`SliceImage`]; [`ContourStack`] turns contours on some slices into a
 //! mask on every slice between them.
 //!
+//! The terms (link costs, cursor snap, boundary cooling, on-the-fly training) are theirs; what differs from them is said
+//! where it does.
+//!
 //! Positions are continuous pixel indices `[column, row]` with pixel centres at whole numbers, as voxel indices are.
 
 mod contour;

@@ -6,7 +6,7 @@ use super::training::Training;
 use super::wavefront::Wavefront;
 use super::{Contour, FeatureOptions, LivewireError, RefineOptions, SliceImage, Weights, check_option, refine};
 
-/// When a wire that no longer changes is fixed by an anchor of its own (MB95 section 3.2, "path cooling").
+/// When a wire that no longer changes is fixed by an anchor of its own ("boundary cooling" of MB95).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Cooling {
     /// A pixel must have been on the wire for this long, s ...
@@ -130,7 +130,7 @@ impl Livewire {
     }
 
     /// Where a click at a position would be set: the strongest edge within the snap radius, nearer ones preferred
-    /// (MB95 section 3.1, "cursor snap").
+    /// (the "cursor snap" of MB95).
     ///
     /// # Errors
     /// The position is outside the image.

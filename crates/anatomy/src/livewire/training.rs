@@ -24,13 +24,13 @@ pub(super) struct Training {
 }
 
 impl Training {
-    /// Before any path: MB95 eq. 3 for the gradient (sharpened), nothing known about values.
+    /// Before any path: the gradient cost of MB95 (sharpened), nothing known about values.
     pub(super) fn untrained() -> Self {
         let gradient = core::array::from_fn(|g| (1.0 - g as f32 / 255.0).powi(UNTRAINED_POWER));
         Self { gradient, value: [0.0; 256], bright: [0.0; 256], dark: [0.0; 256] }
     }
 
-    /// Learnt from path pixels, oldest first: later ones count linearly more (MB95 section 3.3, MB98), histograms are
+    /// Learnt from path pixels, oldest first: later ones count linearly more (the on-the-fly training of MB95 and MB98), histograms are
     /// smoothed, and few samples change little.
     pub(super) fn learnt(path: &[Pixel]) -> Self {
         let mut out = Self::untrained();

@@ -11,7 +11,7 @@ use crate::image::{Mask, Raster, dilate, label};
 use monro_geometry::{Patient, Point, Structure};
 
 /// Mean error of a border with and without an edge in the scan, mm.
-const CLEAR_MM: f64 = 0.25;
+const CLEAR_MM: f64 = 0.35;
 const GUESSED_MM: f64 = 1.5;
 /// An edge has at least this part of the difference between brain and fluid per mm; half of a step that is as blurred as
 /// the smoothed scan.

@@ -22,8 +22,8 @@ pub fn from_labels(ct: &Volume<i16>, labels: Volume<u8>) -> Result<Segmentation,
     findings.extend(check_structures(&labels)?);
     findings.extend(in_air(ct, &labels));
     let midsagittal = plane_of(ct, &labels)?;
-    let confidence = Structure::ALL.into_iter().skip(1).map(|s| (s, 1.0)).collect();
-    Ok(Segmentation { labels, midsagittal, findings, confidence })
+    // Nothing is known about how they were made.
+    Ok(Segmentation { labels, midsagittal, findings, confidence: Vec::new(), doubts: Vec::new() })
 }
 
 fn same(a: &Grid, b: &Grid) -> bool {

@@ -5,6 +5,7 @@
 //! a flood of the fluid from the model's seeds (`ventricles`); and labels painted on the scan's own grid (`paint`).
 
 mod cavity;
+mod confidence;
 mod csf;
 mod error;
 mod given;
@@ -18,6 +19,7 @@ mod tissue;
 mod ventricles;
 mod working;
 
+pub use confidence::Doubt;
 pub use error::SegmentError;
 pub use given::{from_labels, onto_grid};
 
@@ -39,8 +41,10 @@ pub struct Segmentation {
     pub midsagittal: Plane<Patient>,
     /// Remarks for the reader: what is cut, open, small or not found.
     pub findings: Vec<String>,
-    /// How far each structure can be trusted, 0 to 1.
+    /// How far each structure can be trusted: its expected Dice coefficient, 0 to 1. Empty for labels made elsewhere.
     pub confidence: Vec<(Structure, f64)>,
+    /// Where the borders of the ventricles are guesses, largest first.
+    pub doubts: Vec<Doubt>,
 }
 
 /// Segments a head CT: scalp, skull, brain, cerebrospinal fluid, lateral and third ventricles.
@@ -59,7 +63,7 @@ pub fn segment(ct: &Volume<i16>) -> Result<Segmentation, SegmentError> {
     let (plane, pose, brain) = pose(&working, &smooth, &cavity.mask)?;
     let scene = Scene { lattice: working.lattice, smooth: &smooth, cavity: &cavity.mask, pose, brain };
     let ventricles = ventricles(&scene)?;
-    let csf = csf::csf(&gaussian(&working.hu, 1.5), &cavity.mask, &ventricles);
+    let csf = csf::csf(&working.hu, &cavity.mask, (ventricles.fluid, ventricles.edge));
     let labels = paint::paint(
         ct.grid(),
         &paint::Layers {
@@ -79,11 +83,10 @@ pub fn segment(ct: &Volume<i16>) -> Result<Segmentation, SegmentError> {
         cavity: &cavity,
         bare_top_mm2: head::bare_top(&head, &cavity.mask, |n| sharp.data[n] > tissue.bone),
         pose,
-        brain,
         ventricles: &ventricles,
     };
     let (findings, confidence) = remarks::remarks(&evidence, &labels);
-    Ok(Segmentation { labels, midsagittal: plane, findings, confidence })
+    Ok(Segmentation { labels, midsagittal: plane, findings, confidence, doubts: ventricles.doubts })
 }
 
 /// Midplane, pose of the ventricle model and the brain's mode.

@@ -15,8 +15,8 @@ pub(crate) struct Layers<'a> {
     pub(crate) lattice: Lattice,
     pub(crate) head: &'a Mask,
     pub(crate) cavity: &'a Mask,
-    /// Cerebrospinal fluid outside the ventricles.
-    pub(crate) csf: &'a Mask,
+    /// Positive in the cerebrospinal fluid outside the ventricles.
+    pub(crate) csf: &'a Raster<f32>,
     /// The scan smoothed by less than a voxel, HU.
     pub(crate) smooth: &'a Raster<f32>,
     /// Bone above, HU.
@@ -72,7 +72,7 @@ impl Fields {
             lattice: layers.lattice,
             head: head_field(layers),
             cavity: soften(layers.cavity),
-            csf: soften(layers.csf),
+            csf: layers.csf.clone(),
             bone: layers.smooth.map(|hu| hu - layers.bone),
             ventricle_lattice: v.lattice,
             ventricle: v.field.clone(),

@@ -2,7 +2,7 @@
 
 use super::cavity::Cavity;
 use super::model::Pose;
-use super::ventricles::{THIRD, Ventricles};
+use super::ventricles::Ventricles;
 use super::working::Working;
 use monro_geometry::{Structure, Volume};
 
@@ -14,7 +14,6 @@ pub(crate) struct Evidence<'a> {
     /// Area where bone or brain is the top of the head, mm2.
     pub(crate) bare_top_mm2: f64,
     pub(crate) pose: Pose,
-    pub(crate) brain: f32,
     pub(crate) ventricles: &'a Ventricles,
 }
 
@@ -63,35 +62,27 @@ fn findings(evidence: &Evidence<'_>, size: impl Fn(Structure) -> f64) -> Vec<Str
     out
 }
 
-/// Confidence grows with the fit of the model and with the contrast; small structures are less sure. The numbers are a
-/// ranking, not a probability.
+/// Expected Dice: of the ventricles by their borders, less where the model of their course fits badly (then parts may be
+/// missing or foreign); of the others a plain statement, less when they are too small to be whole.
 fn confidence(evidence: &Evidence<'_>, size: impl Fn(Structure) -> f64) -> Vec<(Structure, f64)> {
-    let contrast = f64::from((evidence.brain - evidence.ventricles.fluid) / 20.0).clamp(0.0, 1.0);
-    let fit = (evidence.pose.score / 0.7).clamp(0.0, 1.0);
+    let fit = (evidence.pose.score / 0.5).clamp(0.0, 1.0);
+    let [left, right, third] = evidence.ventricles.expected.map(|e| e * fit);
     let whole = |expected_ml: f64, s: Structure| (size(s) / expected_ml).clamp(0.0, 1.0);
-    let seeded = f64::from(u8::from(evidence.ventricles.classes.data.contains(&THIRD)));
-    Structure::ALL
-        .into_iter()
-        .skip(1)
-        .map(|s| {
-            let value = match s {
-                Structure::Outside => 1.0,
-                Structure::Scalp => {
-                    if evidence.working.masked_with.is_some() {
-                        0.0
-                    } else {
-                        0.95
-                    }
-                }
-                Structure::Skull => 0.95 * whole(200.0, s),
-                Structure::Csf => 0.6 * contrast,
-                Structure::Brain => 0.95 * whole(600.0, s) * contrast.sqrt(),
-                Structure::LeftLateralVentricle | Structure::RightLateralVentricle => {
-                    fit * contrast * whole(3.0, s).sqrt()
-                }
-                Structure::ThirdVentricle => 0.8 * seeded * fit * contrast * whole(0.5, s).sqrt(),
-            };
-            (s, value)
-        })
-        .collect()
+    let of = |s: Structure| match s {
+        Structure::Outside => 1.0,
+        Structure::Scalp => {
+            if evidence.working.masked_with.is_some() {
+                0.0
+            } else {
+                0.95
+            }
+        }
+        Structure::Skull => 0.93 * whole(200.0, s),
+        Structure::Csf => 0.6,
+        Structure::Brain => 0.93 * whole(600.0, s),
+        Structure::LeftLateralVentricle => left,
+        Structure::RightLateralVentricle => right,
+        Structure::ThirdVentricle => third,
+    };
+    Structure::ALL.into_iter().skip(1).map(|s| (s, of(s))).collect()
 }

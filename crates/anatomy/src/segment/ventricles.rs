@@ -1,5 +1,6 @@
 //! The ventricles: fluid reached from the posed model's seeds before it is reached from cisterns and sulci.
 
+use super::confidence::{Borders, Doubt, borders};
 use super::error::SegmentError;
 use super::lattice::Lattice;
 use super::model::Pose;
@@ -51,6 +52,10 @@ pub(crate) struct Ventricles {
     pub(crate) fluid: f32,
     /// Edge between fluid and brain, HU.
     pub(crate) edge: f32,
+    /// Expected Dice of left, right and third.
+    pub(crate) expected: [f64; 3],
+    /// Where the surface is a guess.
+    pub(crate) doubts: Vec<Doubt>,
 }
 
 /// The crop with all that the steps share.
@@ -85,7 +90,11 @@ pub(crate) fn ventricles(scene: &Scene<'_>) -> Result<Ventricles, SegmentError> 
     }
     enough(&classes)?;
     let field = crop.field(&classes, &flooded, (fluid, edge));
-    Ok(Ventricles { lattice: crop.lattice, classes, field, fluid, edge })
+    let mut found =
+        Ventricles { lattice: crop.lattice, classes, field, fluid, edge, expected: [0.0; 3], doubts: Vec::new() };
+    let Borders { expected, doubts } = borders(&crop.hu, &found, scene.brain);
+    (found.expected, found.doubts) = (expected, doubts);
+    Ok(found)
 }
 
 /// Refuses when a side is missing.

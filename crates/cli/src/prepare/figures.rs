@@ -2,6 +2,7 @@
 
 use crate::NOTICE;
 use anyhow::Result;
+use monro_anatomy::segment::Doubt;
 use monro_cli::picture::{
     Colour, ColourBy, Figure, HeadScene, Look, Orientation, Overlay, SliceRequest, SliceView, Stroke, Window,
     head_figure, mesh_cut_figure, sampler, slice_figure,
@@ -61,8 +62,8 @@ fn findings(prepared: &Prepared) -> Vec<Finding> {
     prepared.case.manifest.findings.iter().map(note).collect()
 }
 
-/// A slice of the CT with the outlines of the labels and the plan.
-fn labelled_slice(prepared: &Prepared, view: SliceView, window: Window, title: &str) -> Result<Figure> {
+/// Outlines of the labels.
+fn outlines(prepared: &Prepared) -> Vec<Overlay<'_>> {
     let labels = &prepared.segmentation.labels;
     let outline = |of: &'static [u8], colour: Colour, name: &'static str| Overlay::Labels {
         labels,
@@ -70,22 +71,27 @@ fn labelled_slice(prepared: &Prepared, view: SliceView, window: Window, title: &
         stroke: Stroke::solid(colour, 1.2),
         name,
     };
-    let plan = &prepared.case.plan;
-    let overlays = vec![
+    vec![
         outline(&[1, 2, 3, 4, 5, 6, 7], Colour::GREY, "skin"),
         outline(&[3, 4, 5, 6, 7], Colour::SKY, "inside of the skull"),
         outline(&[4, 5, 6, 7], Colour::YELLOW, "brain"),
         outline(&[5], Colour::GREEN, "left ventricle"),
         outline(&[6], Colour::VERMILION, "right ventricle"),
         outline(&[7], Colour::PURPLE, "third ventricle"),
-        Overlay::Path {
-            from: plan.entry(),
-            to: plan.target(),
-            stroke: Stroke::dashed(Colour::ORANGE, 1.6),
-            name: "plan",
-        },
-        Overlay::Mark { at: plan.target(), colour: Colour::ORANGE, name: "target" },
-    ];
+    ]
+}
+
+/// A slice of the CT with the outlines of the labels and the plan.
+fn labelled_slice(prepared: &Prepared, view: SliceView, window: Window, title: &str) -> Result<Figure> {
+    let plan = &prepared.case.plan;
+    let mut overlays = outlines(prepared);
+    overlays.push(Overlay::Path {
+        from: plan.entry(),
+        to: plan.target(),
+        stroke: Stroke::dashed(Colour::ORANGE, 1.6),
+        name: "plan",
+    });
+    overlays.push(Overlay::Mark { at: plan.target(), colour: Colour::ORANGE, name: "target" });
     let sample = sampler(&prepared.scan.volume);
     let caption = String::new();
     let request = SliceRequest { view, sampler: &sample, window, overlays, title: title.into(), caption };
@@ -97,6 +103,8 @@ fn labels_section(prepared: &Prepared) -> Result<Section> {
     let slices = Orientation::ALL
         .map(|o| labelled_slice(prepared, SliceView::standard(o, target, FIELD_MM, PIXELS), Window::BRAIN, o.name()));
     let rows = prepared.volumes_ml.iter().map(|(s, ml)| vec![s.name().replace('_', " "), format!("{ml:.1}")]).collect();
+    let mut figures: Vec<Figure> = slices.into_iter().collect::<Result<_>>()?;
+    figures.extend(doubtful_slices(prepared)?);
     let confidence = prepared.segmentation.confidence.iter();
     let doubts = confidence.map(|(s, c)| vec![s.name().replace('_', " "), format!("{:.0}", c * 100.0)]).collect();
     Ok(Section {
@@ -107,13 +115,29 @@ fn labels_section(prepared: &Prepared) -> Result<Section> {
         tables: vec![
             Table { caption: "Volumes".into(), head: vec!["Structure".into(), "ml".into()], rows },
             Table {
-                caption: "Confidence of the segmentation".into(),
+                caption: "Confidence of the segmentation: expected Dice against a careful hand".into(),
                 head: vec!["Structure".into(), "%".into()],
                 rows: doubts,
             },
         ],
-        figures: slices.into_iter().collect::<Result<_>>()?,
+        figures,
     })
+}
+
+/// Slices through the places where the border of a ventricle is a guess.
+fn doubtful_slices(prepared: &Prepared) -> Result<Vec<Figure>> {
+    let picture = |doubt: &Doubt| {
+        let view = SliceView::standard(Orientation::Axial, doubt.at, 0.5 * FIELD_MM, PIXELS);
+        let name = doubt.structure.name().replace('_', " ");
+        let mut overlays = outlines(prepared);
+        overlays.push(Overlay::Mark { at: doubt.at, colour: Colour::WHITE, name: "doubt" });
+        let title = format!("doubtful: {:.0} mm2 of the {name} have no edge in the scan", doubt.mm2);
+        let sample = sampler(&prepared.scan.volume);
+        let request =
+            SliceRequest { view, sampler: &sample, window: Window::BRAIN, overlays, title, caption: String::new() };
+        Ok(slice_figure(&request)?)
+    };
+    prepared.segmentation.doubts.iter().map(picture).collect()
 }
 
 fn plan_section(prepared: &Prepared) -> Result<Section> {
