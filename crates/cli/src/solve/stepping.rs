@@ -15,8 +15,9 @@ use std::collections::BTreeMap;
 const RAMP: u32 = 120;
 /// Most frames.
 const FRAMES: u32 = 6000;
-/// A frame in which nothing moves further than this, over the model's size, is one of rest.
-const REST: f64 = 1e-7;
+/// A frame in which nothing moves further than this, over the model's size, is one of rest: what the last digits of single
+/// precision leave.
+const REST: f64 = 1e-6;
 
 /// A scene made for stepping.
 pub(crate) struct Stepping<'a> {
