@@ -4,7 +4,7 @@ import { defineConfig } from "vite";
 export default defineConfig({
   base: "./",
   build: {
-    rollupOptions: { input: ["index.html", "edit.html"] },
+    rollupOptions: { input: ["index.html", "edit.html", "prepare.html"] },
     target: "es2022", chunkSizeWarningLimit: 1200, assetsInlineLimit: 0,
   },
 });

@@ -121,12 +121,12 @@ export class Api {
 
   /** Touches, forgets, marks, accepts or checks. */
   async register(action: string, more: { name?: string; position_lps_mm?: Point } = {}): Promise<Registration> {
-    return (await this.#fetch("/api/registration", "POST", { action, ...more })).json() as Promise<Registration>;
+    return this.post("/api/registration", { action, ...more });
   }
 
   /** An event of the procedure. */
   async event(event: string): Promise<void> {
-    await this.#fetch("/api/session", "POST", { event });
+    await this.post("/api/session", { event });
   }
 
   async container(path: "/api/scene" | "/api/ct"): Promise<Container> {
@@ -135,6 +135,10 @@ export class Api {
 
   async json<T>(path: string, method = "GET"): Promise<T> {
     return (await this.#fetch(path, method)).json() as Promise<T>;
+  }
+
+  async post<T>(path: string, body: object): Promise<T> {
+    return (await this.#fetch(path, "POST", body)).json() as Promise<T>;
   }
 
   async bytes(path: string): Promise<ArrayBuffer> {

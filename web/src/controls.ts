@@ -36,12 +36,12 @@ function choice<T extends string>(parent: HTMLElement, names: Record<T, string>,
 
 export function controls(stage: Stage): void {
   layers(stage);
-  ct(stage);
+  ctControls(stage);
   windows(stage);
   layouts(stage);
 }
 
-function layers(stage: Stage): void {
+export function layers(stage: Stage): void {
   const parent = element("#layers");
   // The 3D view around it would take the pointer for turning.
   parent.addEventListener("pointerdown", (e) => e.stopPropagation());
@@ -51,18 +51,23 @@ function layers(stage: Stage): void {
   checkbox(parent, "displacement", false, (on) => stage.setColoured(on));
 }
 
-function ct(stage: Stage): void {
+type CtControl = "deformed" | "outlines" | "follows";
+
+export function ctControls(stage: Stage, wanted: CtControl[] = ["deformed", "outlines", "follows"]): void {
   const parent = element("#ct");
-  checkbox(parent, "deformed with the tissue", true, (on) => {
-    stage.setDeformed(on);
-    document.body.classList.toggle("undeformed", !on);
-  });
-  checkbox(parent, "outlines", true, (on) => stage.setOutlines(on));
+  if (wanted.includes("deformed")) {
+    checkbox(parent, "deformed with the tissue", true, (on) => {
+      stage.setDeformed(on);
+      document.body.classList.toggle("undeformed", !on);
+    });
+  }
+  if (wanted.includes("outlines")) checkbox(parent, "outlines", true, (on) => stage.setOutlines(on));
+  if (!wanted.includes("follows")) return;
   const follow = checkbox(parent, "follows the tip", true, (on) => (stage.follow = on));
   stage.onFree = () => (stage.follow = follow.checked = false);
 }
 
-function windows(stage: Stage): void {
+export function windows(stage: Stage): void {
   const parent = element("#window");
   const [level, width] = (["Level", "Width"] as const).map((name) => {
     const input = make("input", { type: "number", step: "5" });

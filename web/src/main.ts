@@ -1,32 +1,19 @@
 // Opens the session and keeps panel and stage up to date.
 
-import { Api, Unauthorized, type Case, type Status } from "./api";
+import { Unauthorized, type Case, type Status } from "./api";
 import { Budget, Counter, type Stages } from "./budget";
 import { controls } from "./controls";
 import { element } from "./dom";
 import { Panel } from "./panel";
 import { Register } from "./register";
+import { signIn } from "./sign_in";
 import type { Snapshot } from "./snapshot";
 import { Stream } from "./stream";
-import { askForToken, tokenAtHand, tokenByPairing } from "./token";
 import { Stage } from "./view/stage";
 import { Glasses } from "./xr/glasses";
 
 /** How often rates are shown, ms. */
 const BUDGET_MS = 1000;
-
-async function open(): Promise<{ api: Api; opened: Case }> {
-  let token = (await tokenByPairing()) ?? tokenAtHand() ?? (await askForToken("Open this page with the address that Monro printed, or enter its token."));
-  for (;;) {
-    try {
-      const api = new Api(token);
-      return { api, opened: await api.case() };
-    } catch (error) {
-      if (!(error instanceof Unauthorized)) throw error;
-      token = await askForToken(error.message);
-    }
-  }
-}
 
 function describe(opened: Case, status: Status): void {
   element("#patient").textContent = opened.pseudonym;
@@ -37,7 +24,7 @@ function describe(opened: Case, status: Status): void {
 
 async function main(): Promise<void> {
   const panel = new Panel();
-  const { api, opened } = await open();
+  const { api, first: opened } = await signIn((a) => a.case());
   describe(opened, await api.status());
   const images = opened.has_ct ? await api.container("/api/ct") : null;
   const stage = new Stage(await api.container("/api/scene"), images);

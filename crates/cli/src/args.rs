@@ -240,7 +240,14 @@ pub(crate) struct SolveArgs {
 #[derive(Debug, Args)]
 pub(crate) struct ServeArgs {
     /// A case made by "monro prepare".
-    pub(crate) case: PathBuf,
+    #[arg(required_unless_present = "scans", conflicts_with = "scans")]
+    pub(crate) case: Option<PathBuf>,
+    /// Begin without a case: choose one of the scans in this folder in the browser, and prepare it there.
+    #[arg(long, value_name = "DIR", requires = "out")]
+    pub(crate) scans: Option<PathBuf>,
+    /// Folder for the case that is prepared with --scans; it must not be there yet.
+    #[arg(long, value_name = "CASE", requires = "scans")]
+    pub(crate) out: Option<PathBuf>,
     /// Where poses come from: "sim:" plays an insertion along the plan; else as for "monro track".
     #[arg(long, value_name = "URL", default_value = "sim:")]
     pub(crate) tracker: String,

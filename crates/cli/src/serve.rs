@@ -15,13 +15,14 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Runs the command until it is interrupted.
 pub(crate) fn run(args: &ServeArgs, console: &Console) -> Result<()> {
+    let case_dir = args.case.as_ref().or(args.out.as_ref()).context("give a case, or --scans and --out")?;
     let path = match &args.record {
         Some(path) => Some(path.clone()),
         None if args.no_record => None,
-        None => Some(beside(&args.case)?),
+        None => Some(beside(case_dir)?),
     };
     let options = ServeOptions {
-        case_dir: args.case.clone(),
+        case_dir: case_dir.clone(),
         listen: args.listen,
         certificate: certificate(args),
         names: args.host.clone(),
@@ -30,7 +31,10 @@ pub(crate) fn run(args: &ServeArgs, console: &Console) -> Result<()> {
         recording: path.map(|path| Recording { path, settings: name(args.mode) }),
         igtl: (!args.no_igtl).then_some(args.igtl),
     };
-    monro_server::serve(options, |ready| announce(ready, console))?;
+    match &args.scans {
+        Some(scans) => monro_server::serve_scans(scans.clone(), options, |ready| announce(ready, console))?,
+        None => monro_server::serve(options, |ready| announce(ready, console))?,
+    }
     Ok(())
 }
 

@@ -82,7 +82,7 @@ pub(crate) fn ct(case_dir: &Path) -> Result<Option<Volume<i16>>, ServeError> {
     Ok(Some(monro_scan::read(&path, &options)?.volume))
 }
 
-/// A CT as half-precision HU with its placement.
+/// A CT as displays get it: half-precision HU with its placement, thinned where it is too fine for them.
 pub(crate) fn ct_for_displays(volume: &Volume<i16>) -> Vec<u8> {
     encode_volume(volume, MOST_VOXELS)
 }

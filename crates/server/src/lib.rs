@@ -28,6 +28,7 @@ mod listener;
 mod live;
 mod options;
 mod pairing;
+mod preparing;
 mod rate;
 mod record;
 mod register;
@@ -42,6 +43,7 @@ mod web;
 
 pub use error::ServeError;
 pub use options::{Certificate, Recording, ServeOptions};
+pub use preparing::serve_scans;
 pub use replay::{Replayed, replay};
 pub use server::{Invitation, Ready, Running, serve, start};
 pub use tracker::Tracker;

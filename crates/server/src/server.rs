@@ -141,17 +141,25 @@ pub fn serve(options: ServeOptions, ready: impl FnOnce(&Ready)) -> Result<(), Se
 /// As [`serve`].
 pub async fn start(options: ServeOptions) -> Result<Running, ServeError> {
     let address = options.listen;
-    let tls = encryption(&options)?;
-    let names = options.names.clone();
     let listener = TcpListener::bind(address).await.map_err(|error| ServeError::Listen { address, error })?;
+    start_on(listener, options, Arc::new(Keys::new().map_err(ServeError::Random)?)).await
+}
+
+/// Starts serving a case on a socket that is open already, for those who have the keys.
+pub(crate) async fn start_on(
+    listener: TcpListener,
+    options: ServeOptions,
+    keys: Arc<Keys>,
+) -> Result<Running, ServeError> {
     let address = listener.local_addr()?;
+    let (tls, names) = (encryption(&options)?, options.names.clone());
     let igtl = match options.igtl {
         Some(wanted) => Some(slicer::listen(wanted).await?),
         None => None,
     };
     let igtl_address = igtl.as_ref().map(TcpListener::local_addr).transpose()?;
     let (mut shared, deformation, plan, tracker, peers) =
-        tokio::task::spawn_blocking(move || prepare(options)).await.map_err(io::Error::other)??;
+        tokio::task::spawn_blocking(move || prepare(options, keys)).await.map_err(io::Error::other)??;
     shared.igtl = igtl_address;
     if let Some(listener) = igtl {
         tokio::spawn(slicer::serve(listener, Arc::clone(&shared.live), Arc::new(peers)));
@@ -221,7 +229,7 @@ fn router(shared: Arc<Shared>, door: Arc<Door>) -> Router {
 type Prepared = (Shared, Deformation, Plan, Tracker, slicer::Scene);
 
 /// Everything that takes a while: files, meshes, the soft body.
-fn prepare(options: ServeOptions) -> Result<Prepared, ServeError> {
+fn prepare(options: ServeOptions, keys: Arc<Keys>) -> Result<Prepared, ServeError> {
     let case = Case::open(&options.case_dir)?;
     let deformation = Deformation::new(&case, &options.model)?;
     let scene = case_data::scene(&case)?;
@@ -235,7 +243,7 @@ fn prepare(options: ServeOptions) -> Result<Prepared, ServeError> {
     let peers = slicer::Scene::new(&case, image)?;
     let shared = Shared {
         live: Arc::new(Live::new(session, deformation.at_rest(), log)),
-        keys: Arc::new(Keys::new().map_err(ServeError::Random)?),
+        keys,
         case: describe(&case, ct.is_some()),
         scene: scene.into(),
         ct: ct.as_ref().map(case_data::ct_for_displays).map(Bytes::from),

@@ -81,7 +81,7 @@ export class SlicePane {
       const mark = this.#marks[i];
       if (mark && mark.textContent !== letter) mark.textContent = letter;
     });
-    const text = this.oblique ? "along the catheter" : position(plane);
+    const text = this.oblique ? "" : position(plane);
     if (this.#label.value !== text) this.#label.value = text;
   }
 }

@@ -75,6 +75,11 @@ export class Stage {
     this.#dirty = true;
   }
 
+  /** The point at which the slices cross. */
+  get crosshair(): Vector3 {
+    return this.#cross.clone();
+  }
+
   /** Puts the crosshair of all slices at a point. */
   #place(p: Vector3): void {
     this.#cross.copy(p);

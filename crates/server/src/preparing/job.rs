@@ -1,0 +1,195 @@
+//! One scan on its way to a case, on a thread of its own.
+
+use crate::case_data;
+use axum::body::Bytes;
+use monro_case::Staging;
+use monro_geometry::{Bvh, Patient, Point};
+use monro_guidance::Side;
+use monro_prepare::{Observer, Prepared, Request, Stage};
+use monro_scan::{ReadOptions, Scan};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// What is to be done.
+pub(super) enum Task {
+    /// Read and prepare a scan.
+    Scan { path: PathBuf, side: Option<Side> },
+    /// Prepare the same labels along another path: its entry is moved to the skin nearest to the first point.
+    Path([Point<Patient>; 2]),
+}
+
+/// How far it is.
+#[derive(Debug, Clone, Default)]
+struct Progress {
+    running: Option<(&'static str, Instant)>,
+    /// Stages done, with their time, s.
+    done: Vec<(&'static str, f64)>,
+    remarks: Vec<String>,
+    error: Option<String>,
+}
+
+/// A case in memory, as displays get it.
+struct Made {
+    prepared: Prepared,
+    scene: Bytes,
+    ct: Bytes,
+    /// Counts what was made.
+    version: u32,
+}
+
+struct Inner {
+    case_dir: PathBuf,
+    progress: Mutex<Progress>,
+    made: Mutex<Option<Made>>,
+    busy: AtomicBool,
+}
+
+/// The job; clones share it.
+#[derive(Clone)]
+pub(super) struct Job(Arc<Inner>);
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Observer for Job {
+    fn begin(&self, stage: Stage) {
+        self.enter(stage.name());
+    }
+
+    fn end(&self, _: Stage) {
+        self.leave();
+    }
+
+    fn remark(&self, text: &str) {
+        lock(&self.0.progress).remarks.push(text.to_owned());
+    }
+}
+
+impl Job {
+    pub(super) fn new(case_dir: PathBuf) -> Self {
+        let (progress, made) = (Mutex::default(), Mutex::default());
+        Self(Arc::new(Inner { case_dir, progress, made, busy: AtomicBool::new(false) }))
+    }
+
+    fn enter(&self, stage: &'static str) {
+        lock(&self.0.progress).running = Some((stage, Instant::now()));
+    }
+
+    fn leave(&self) {
+        let mut progress = lock(&self.0.progress);
+        if let Some((stage, since)) = progress.running.take() {
+            progress.done.push((stage, since.elapsed().as_secs_f64()));
+        }
+    }
+
+    /// Starts a task; false while another runs, or when there is nothing to go on with.
+    pub(super) fn start(&self, task: Task) -> bool {
+        let fits = matches!(task, Task::Scan { .. }) || lock(&self.0.made).is_some();
+        if !fits || self.0.busy.swap(true, Ordering::AcqRel) {
+            return false;
+        }
+        *lock(&self.0.progress) = Progress::default();
+        let job = self.clone();
+        // The thread ends by itself; what it made or why not is in the job.
+        std::thread::spawn(move || {
+            let error = job.run(task).err();
+            let mut progress = lock(&job.0.progress);
+            (progress.running, progress.error) = (None, error);
+            drop(progress);
+            job.0.busy.store(false, Ordering::Release);
+        });
+        true
+    }
+
+    fn run(&self, task: Task) -> Result<(), String> {
+        let (scan, request) = self.request(task)?;
+        let prepared = monro_prepare::build(scan, &request, self).map_err(|e| e.to_string())?;
+        self.enter("views");
+        let scene = case_data::scene(&prepared.case).map_err(|e| e.to_string())?.into();
+        let ct = case_data::ct_for_displays(&prepared.scan.volume).into();
+        self.leave();
+        let mut made = lock(&self.0.made);
+        let version = made.as_ref().map_or(0, |m| m.version) + 1;
+        *made = Some(Made { prepared, scene, ct, version });
+        Ok(())
+    }
+
+    fn request(&self, task: Task) -> Result<(Scan, Request), String> {
+        match task {
+            Task::Scan { path, side } => {
+                self.enter("read");
+                let scan = monro_scan::read(&path, &ReadOptions::default()).map_err(|e| e.to_string())?;
+                self.leave();
+                Ok((scan, Request { side, ..Request::default() }))
+            }
+            Task::Path([near_entry, target]) => {
+                let made = lock(&self.0.made);
+                let Made { prepared, .. } = made.as_ref().ok_or("nothing is prepared yet")?;
+                let skin = Bvh::new(&prepared.case.skin);
+                let entry = skin.nearest(near_entry).ok_or("the entry is not a place")?.point;
+                let labels = prepared.segmentation.labels.map(u16::from);
+                let request = Request { labels: Some(labels), path: Some([entry, target]), ..Request::default() };
+                Ok((prepared.scan.clone(), request))
+            }
+        }
+    }
+
+    /// Writes the case.
+    pub(super) fn write(&self) -> Result<(), String> {
+        if self.0.busy.load(Ordering::Acquire) {
+            return Err("wait until the case is prepared".into());
+        }
+        let made = lock(&self.0.made);
+        let Made { prepared, .. } = made.as_ref().ok_or("nothing is prepared yet")?;
+        let staging = Staging::begin(&self.0.case_dir, false).map_err(|e| e.to_string())?;
+        monro_prepare::write(prepared, &staging, self).map_err(|e| e.to_string())?;
+        staging.finish().map_err(|e| e.to_string())?;
+        Ok(())
+    }
+
+    /// Surfaces, plan and mesh for displays.
+    pub(super) fn scene(&self) -> Option<Bytes> {
+        lock(&self.0.made).as_ref().map(|m| m.scene.clone())
+    }
+
+    /// The CT for displays.
+    pub(super) fn ct(&self) -> Option<Bytes> {
+        lock(&self.0.made).as_ref().map(|m| m.ct.clone())
+    }
+
+    /// Progress and result as JSON.
+    pub(super) fn describe(&self) -> Value {
+        let progress = lock(&self.0.progress).clone();
+        let stage = |(name, seconds): &(&str, f64)| json!({ "stage": name, "seconds": seconds });
+        json!({
+            "case_dir": self.0.case_dir,
+            "running": self.0.busy.load(Ordering::Acquire),
+            "stage": progress.running.map(|(stage, _)| stage),
+            "stage_seconds": progress.running.map(|(_, since)| since.elapsed().as_secs_f64()),
+            "done": progress.done.iter().map(stage).collect::<Vec<_>>(),
+            "remarks": progress.remarks,
+            "error": progress.error,
+            "made": lock(&self.0.made).as_ref().map(Made::describe),
+        })
+    }
+}
+
+impl Made {
+    fn describe(&self) -> Value {
+        let (case, mesh) = (&self.prepared.case, &self.prepared.case.tets);
+        let volume = |(structure, ml): &(monro_geometry::Structure, f64)| json!([structure.name(), ml]);
+        json!({
+            "version": self.version,
+            "pseudonym": case.manifest.pseudonym,
+            "side": case.manifest.side,
+            "findings": case.manifest.findings,
+            "plan": case_data::plan(case),
+            "volumes_ml": self.prepared.volumes_ml.iter().map(volume).collect::<Vec<_>>(),
+            "elements": mesh.tets.len(),
+        })
+    }
+}
