@@ -42,6 +42,7 @@ export interface Guidance {
   target_shift_mm: number;
   largest_displacement_mm: number;
   solver_fault: boolean;
+  reference_moved_mm: number | null;
   time_s: number;
 }
 
@@ -60,6 +61,9 @@ export interface Status {
   simulated: boolean;
   paused: boolean;
   tracking_hz: number;
+  tracking_ms: number;
+  snapshot_hz: number;
+  snapshot_ms: number;
   deformation_hz: number;
   deformation_ms: number;
   displays: number;

@@ -33,7 +33,7 @@ export interface Stages {
   draw: Counter;
 }
 
-type Row = { name: string; hz: number; ms: number | null };
+type Row = { name: string; hz: number; ms: number };
 
 export class Budget {
   readonly #table = element<HTMLTableElement>("#budget");
@@ -41,9 +41,10 @@ export class Budget {
 
   show(status: Status, stages: Stages): void {
     const rows: Row[] = [
-      { name: "Tracking", hz: status.tracking_hz, ms: null },
+      { name: "Tracking", hz: status.tracking_hz, ms: status.tracking_ms },
       { name: "Soft body", hz: status.deformation_hz, ms: status.deformation_ms },
-      { name: "Snapshots", ...stages.take.take() },
+      { name: "Sending", hz: status.snapshot_hz, ms: status.snapshot_ms },
+      { name: "Taking", ...stages.take.take() },
       { name: "Drawing", ...stages.draw.take() },
     ];
     for (const row of rows) this.#row(row);
@@ -59,10 +60,9 @@ export class Budget {
     }
     const [, rate, time, bar] = row.cells as unknown as [HTMLElement, HTMLElement, HTMLElement, HTMLElement];
     write(rate, `${hz.toFixed(0)} Hz`);
-    write(time, ms === null ? "" : `${ms.toFixed(1)} ms`);
-    row.classList.toggle("late", (ms ?? 0) > FRAME_MS);
+    write(time, `${ms.toFixed(1)} ms`);
+    row.classList.toggle("late", ms > FRAME_MS);
     const meter = bar.querySelector("meter");
-    if (meter) meter.value = ms ?? 0;
-    if (ms === null) bar.hidden = true;
+    if (meter) meter.value = ms;
   }
 }

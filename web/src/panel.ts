@@ -29,8 +29,15 @@ const ROWS: Row[] = [
   ["tre", "Predicted TRE", (g) => (g.state === "lost" ? null : mm(g.predicted_tre_mm))],
 ];
 
+/** What must not be missed, with a way out. */
+function alarm({ reference_moved_mm: moved, solver_fault: fault }: Guidance): string {
+  if (moved !== null) return `The reference has moved by ${moved.toFixed(1)} mm: check a landmark or register again.`;
+  return fault ? "The soft body had a fault: deformed values hold the last good state." : "";
+}
+
 export class Panel {
   readonly #signal = element("#signal");
+  readonly #alarm = element("#alarm");
   readonly #atTip = element("#tip-distance");
   readonly #cells: HTMLElement[];
 
@@ -48,6 +55,8 @@ export class Panel {
       const cell = this.#cells[i];
       if (cell) write(cell, text(guidance) ?? "–");
     });
+    write(this.#alarm, alarm(guidance));
+    this.#alarm.hidden = !this.#alarm.textContent;
     write(this.#atTip, mm(guidance.distance_to_target_mm) ?? "");
     this.#state(guidance.state, PHASES[guidance.phase], guidance.age_ms);
   }

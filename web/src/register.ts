@@ -36,9 +36,13 @@ export class Register {
     this.#mark.onclick = () => this.#place(!this.#placing);
     element("#register-mark").append(this.#name, this.#mark);
     element("#scene").addEventListener("pointerdown", (e) => this.#pick(e), true);
-    // Opened anew, it may have changed elsewhere.
-    element("#layout").addEventListener("click", () => void this.#do(() => api.registration()));
-    void this.#do(() => api.registration());
+    element("#layout").addEventListener("click", () => {
+      const shown = element("main").dataset["layout"] === "register";
+      stage.world.showMarks(shown);
+      stage.touch();
+      // It may have changed elsewhere.
+      if (shown) void this.#do(() => api.registration());
+    });
   }
 
   #action(text: string, may: (r: Registration) => boolean, act: () => Promise<Registration>): void {

@@ -7,6 +7,7 @@ import { createInterface } from "node:readline";
 import { launch } from "./chromium.mjs";
 import { deformedSlices } from "./deformed.mjs";
 import { drawn, expectedTip, inRoom, putOnGlasses, walk } from "./glasses.mjs";
+import { prepareInBrowser } from "./prepare.mjs";
 import { stalledDisplay } from "./stalled.mjs";
 
 const SHOTS = process.env.SHOTS;
@@ -242,6 +243,10 @@ const tests = {
     await shot(p, "register-failed");
     assert.deepEqual(p.faults, []);
     held.child.kill();
+  },
+
+  async "a scan is prepared, its path moved, and navigated, all in the browser"() {
+    await prepareInBrowser(page, shot);
   },
 
   async "a bad token is refused and the right one opens"() {

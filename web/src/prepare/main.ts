@@ -126,7 +126,9 @@ class Preparing {
       const kind = known.has(name) ? "done" : stage === name ? "running" : "waiting";
       return make("li", { className: kind }, make("span", { textContent: name }), make("span", { textContent: seconds === null ? "" : `${seconds.toFixed(1)} s` }));
     };
-    element("#stages").replaceChildren(...(running || done.length ? STAGES.map(item) : []));
+    // Another path begins with labels that are known.
+    const begun = STAGES.indexOf(done[0]?.stage ?? stage ?? "read");
+    element("#stages").replaceChildren(...(running || done.length ? STAGES.slice(Math.max(0, begun)).map(item) : []));
     const list = element("#remarks");
     if (list.children.length !== remarks.length) list.replaceChildren(...remarks.map((text) => make("li", { textContent: text })));
   }

@@ -46,7 +46,7 @@ export class World {
 
   constructor(pane: HTMLElement, header: SceneHeader, surfaces: Surface[], onChange: () => void) {
     this.#surfaces = surfaces;
-    this.patient.matrixAutoUpdate = false;
+    this.patient.matrixAutoUpdate = this.#marks.visible = false;
     this.scene.add(this.patient);
     surfaces.forEach((s) => this.patient.add(s.mesh));
     const { entry_lps_mm, target_lps_mm } = header.plan;
@@ -96,6 +96,11 @@ export class World {
       mark.position.copy(at);
       this.#marks.add(mark);
     }
+  }
+
+  /** Landmarks are in the way but while they are touched. */
+  showMarks(on: boolean): void {
+    this.#marks.visible = on;
   }
 
   /** The point of the skin that is seen at a place of the view (-1 to 1, right and up). */
