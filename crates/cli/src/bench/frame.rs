@@ -57,7 +57,7 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(mesh: &TetMesh, fixed: &[u32], args: &FrameArgs) -> Result<Self> {
+    fn new(mesh: &TetMesh, fixed: &[u32], args: &FrameArgs, predicted_space: bool) -> Result<Self> {
         let points = surface_points(mesh);
         let surface = Embedding::new(mesh, &points)?;
         let before = resident_mib();
@@ -65,7 +65,7 @@ impl Bench {
         let settings = FrameSettings {
             iterations: args.iterations,
             substeps: args.substeps,
-            predicted_space: args.predicted,
+            predicted_space,
             ..FrameSettings::default()
         };
         let (state, stepper) = (model.rest_state(), Stepper::new(&model));
@@ -85,6 +85,12 @@ impl Bench {
             },
             counts,
         )
+    }
+
+    fn positions(&self) -> Vec<Point<Patient>> {
+        let mut out = Vec::new();
+        self.model.positions_into(&self.state, &mut out);
+        out
     }
 
     fn json(&self, mesh: &TetMesh, last: &StepReport) -> Value {
@@ -143,45 +149,65 @@ fn surface_points(mesh: &TetMesh) -> Vec<Point<Patient>> {
     points
 }
 
+/// Positions after parts of a scene, to be compared.
+type Moments = Vec<Vec<Point<Patient>>>;
+
+/// Both figures of a scene: the whole solution, and with the predicted deformation space beside it its largest distance
+/// from the whole solution over the imposed displacement, `imposed_mm`.
+fn both(mut run: impl FnMut(bool) -> Result<(Value, Moments)>, imposed_mm: f64) -> Result<Value> {
+    let (mut whole, exact) = run(false)?;
+    let (mut part, near) = run(true)?;
+    let apart = exact.iter().flatten().zip(near.iter().flatten()).map(|(p, q)| p.distance(*q)).fold(0.0, f64::max);
+    part["error_of_imposed"] = json!(apart / imposed_mm);
+    whole["predicted"] = part;
+    Ok(whole)
+}
+
 /// The peers' scene on a mesh from a file.
 fn probed(mesh: &TetMesh, args: &FrameArgs, console: &Console) -> Result<Value> {
     let probe = Probe::new(mesh)?;
     let fixed = [probe.held.clone(), probe.driven.clone()].concat();
-    let mut bench = Bench::new(mesh, &fixed, args)?;
     let frames = args.frames.unwrap_or(REST + PUSH + HOLD);
     let skip = if frames > REST + 5 { REST } else { 1 };
-    let mut last = StepReport::default();
-    console.stage("frames", || {
-        for frame in 0..frames {
-            let depth = DEPTH_MM * ((frame as f64 + 1.0 - REST as f64) / PUSH as f64).clamp(0.0, 1.0);
-            for &v in &probe.driven {
-                let to = mesh.vertices[v as usize] - Vector::new(0.0, 0.0, depth);
-                bench.model.place_fixed(&mut bench.state, v as usize, to);
+    let depth = |frame: usize| DEPTH_MM * ((frame as f64 + 1.0 - REST as f64) / PUSH as f64).clamp(0.0, 1.0);
+    let run = |predicted: bool| {
+        let mut bench = Bench::new(mesh, &fixed, args, predicted)?;
+        let mut last = StepReport::default();
+        console.stage("frames", || {
+            for frame in 0..frames {
+                for &v in &probe.driven {
+                    let to = mesh.vertices[v as usize] - Vector::new(0.0, 0.0, depth(frame));
+                    bench.model.place_fixed(&mut bench.state, v as usize, to);
+                }
+                last = bench.frame(&[], frame >= skip);
             }
-            last = bench.frame(&[], frame >= skip);
-        }
-    });
-    Ok(bench.json(mesh, &last))
+        });
+        Ok((bench.json(mesh, &last), vec![bench.positions()]))
+    };
+    both(run, depth(frames - 1).max(f64::MIN_POSITIVE))
 }
 
 /// A rod pushed into a ball of so many elements from ten sides, five times over.
 fn rodded(elements: usize, args: &FrameArgs, console: &Console) -> Result<Value> {
     let mesh = console.stage(&format!("ball of {elements}"), || ball::made(elements))?;
     let probe = Probe::new(&mesh)?;
-    let mut bench = Bench::new(&mesh, &probe.held, args)?;
-    let mut last = StepReport::default();
-    console.stage(&format!("frames at {elements}"), || {
-        for _ in 0..REPEATS {
-            for deformation in 0..DEFORMATIONS {
+    let run = |predicted: bool| {
+        let mut bench = Bench::new(&mesh, &probe.held, args, predicted)?;
+        let (mut last, mut moments) = (StepReport::default(), Moments::new());
+        console.stage(&format!("frames at {elements}"), || {
+            for deformation in 0..REPEATS * DEFORMATIONS {
                 bench.state = bench.model.rest_state();
                 for frame in 0..args.frames.unwrap_or(DEFORMATION_FRAMES) {
-                    let report = bench.frame(&[rod(&probe, deformation, frame)], frame > 0);
-                    last = report;
+                    last = bench.frame(&[rod(&probe, deformation % DEFORMATIONS, frame)], frame > 0);
+                }
+                if deformation < DEFORMATIONS {
+                    moments.push(bench.positions());
                 }
             }
-        }
-    });
-    Ok(bench.json(&mesh, &last))
+        });
+        Ok((bench.json(&mesh, &last), moments))
+    };
+    both(run, ROD_DEPTH_MM)
 }
 
 /// A 3 mm rod on its way to the centre from a side of its own.

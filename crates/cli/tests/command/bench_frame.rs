@@ -42,6 +42,11 @@ fn numbers(result: &Value) {
     for stage in ["collision", "deformation", "surface", "check"] {
         assert!(result["stages_ms_median"][stage].is_number(), "{stage}: {result}");
     }
+    let part = &result["predicted"];
+    if part.is_object() {
+        numbers(part);
+        assert!(part["error_of_imposed"].as_f64().is_some_and(|e| e < 0.1), "{result}");
+    }
     assert_eq!(result["inverted"], 0, "{result}");
     assert!(result["threads"].as_u64().is_some_and(|n| n >= 1), "{result}");
 }
