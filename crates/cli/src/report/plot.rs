@@ -223,8 +223,8 @@ mod tests {
             ..LinePlot::default()
         };
         let figure = plot.figure();
-        // Area: x from 76 to 446, y from 206 (0) up to 20 (100).
-        assert!(figure.content.contains("d=\"M76.0 206.0L261.0 113.0L446.0 20.0\""), "{}", figure.content);
+        // Area: x from 76 to 438, y from 206 (0) up to 20 (100).
+        assert!(figure.content.contains("d=\"M76.0 206.0L257.0 113.0L438.0 20.0\""), "{}", figure.content);
         assert!(figure.content.contains(">CSF<") && figure.content.contains(">depth, mm<"));
     }
 

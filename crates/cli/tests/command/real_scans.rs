@@ -18,7 +18,8 @@ fn check(folder: &str, scan: &str, side: &str) {
     compare_landmarks(&data.join(folder).join("landmarks.json"), &prepared);
     let elements = prepared["elements"].as_f64().expect("elements");
     assert!((elements / 37336.0 - 1.0).abs() <= 0.05, "{elements} elements");
-    let done = json(&["simulate", text(&case), "--out", text(&out), "--speed", "40"]);
+    // At the default speed: a faster catheter carries the tissue along, and a target on a ventricle's wall slips past.
+    let done = json(&["simulate", text(&case), "--out", text(&out)]);
     assert_eq!(done["reached_ventricle"], true, "{done}");
     assert!(done["tip_error_mm"].as_f64().expect("error") < 5.0, "{done}");
 }
