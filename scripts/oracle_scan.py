@@ -567,7 +567,7 @@ def dicom_copies_are_dropped_and_conflicts_refused(folder):
     shutil.copy(where / "003.dcm", where / "again.dcm")
     answer = Ours(where, "--any-size")
     same(answer, hu(values), lps)
-    require(any("1 copies" in w for w in answer.json["warnings"]), answer.json["warnings"])
+    require(any("1 copy of a slice" in w for w in answer.json["warnings"]), answer.json["warnings"])
     series(where, noise((9, 8, 7), 9), lps, names=lambda k: f"other{k}", only=[4])
     refused(where, "004.dcm", "other4", "same position")
 
