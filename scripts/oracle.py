@@ -1,5 +1,6 @@
 """What the oracle scripts share: our examples as programs, and a count of checks."""
 
+import argparse
 import os
 import pathlib
 import subprocess
@@ -12,6 +13,17 @@ def example(name):
     """Path of an example of ours; the workspace is built as for the tests, so most of it is there already."""
     subprocess.run(["cargo", "build", "-q", "--locked", "--workspace", "--example", name], cwd=ROOT, check=True)
     return str(ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "debug" / "examples" / name)
+
+
+def binary(about):
+    """Path of the command: the one given by --monro, or that of the tests' build."""
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("--monro")
+    given = parser.parse_args().monro
+    if given:
+        return given
+    subprocess.run(["cargo", "build", "-q", "--locked", "--workspace", "--bins"], cwd=ROOT, check=True)
+    return str(ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "debug" / "monro")
 
 
 def check(name, ok, detail=""):

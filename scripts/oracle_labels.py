@@ -6,8 +6,6 @@ colours and terms must agree. A DICOM-SEG made by highdicom is read by ours.
     python scripts/oracle_labels.py [--monro PATH]
 """
 
-import argparse
-import os
 import pathlib
 import subprocess
 import sys
@@ -21,19 +19,10 @@ import pydicom
 from pydicom.sr.codedict import codes
 from pydicom.uid import generate_uid
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+import oracle
+
 NAMES = ["scalp", "skull", "csf", "brain", "left lateral ventricle", "right lateral ventricle", "third ventricle"]
 LPS_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
-
-
-def binary():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--monro")
-    given = parser.parse_args().monro
-    if given:
-        return given
-    subprocess.run(["cargo", "build", "-q", "--locked", "--workspace", "--bins"], cwd=ROOT, check=True)
-    return str(ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "debug" / "monro")
 
 
 def run(*words, fails=False):
@@ -150,5 +139,5 @@ def main():
     print("labels: highdicom, pynrrd and nibabel agree")
 
 
-MONRO = binary()
+MONRO = oracle.binary(__doc__)
 sys.exit(main())

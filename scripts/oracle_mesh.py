@@ -3,8 +3,6 @@
     python scripts/oracle_mesh.py [--monro PATH_TO_BINARY]
 """
 
-import argparse
-import os
 import pathlib
 import subprocess
 import sys
@@ -13,21 +11,12 @@ import tempfile
 import meshio
 import numpy as np
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent
+import oracle
+
 POINTS = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10], [0.5, 0.25, -15]], float)
 TETS = np.array([[0, 1, 2, 3], [0, 2, 1, 4]])
 LABELS = np.array([4, 6], np.int32)
 TRIANGLES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
-
-
-def binary():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--monro")
-    given = parser.parse_args().monro
-    if given:
-        return given
-    subprocess.run(["cargo", "build", "-q", "--locked", "--workspace", "--bins"], cwd=ROOT, check=True)
-    return str(ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "debug" / "monro")
 
 
 def convert(source, target):
@@ -107,7 +96,7 @@ def refusals(folder):
 
 
 FAILED = 0
-MONRO = binary()
+MONRO = oracle.binary(__doc__)
 with tempfile.TemporaryDirectory() as temp:
     theirs_to_ours(pathlib.Path(temp))
     interfaces(pathlib.Path(temp))
