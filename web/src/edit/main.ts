@@ -1,6 +1,7 @@
 // The editor of labels. Rules live in the server; here are mouse, keys and drawing.
 
 import { Api, Unauthorized } from "../api";
+import { element } from "../dom";
 import { askForToken, tokenAtHand } from "../token";
 import { Desk, type Answer, type Description, type Rebuilding, type State, type Target } from "./desk";
 import { Pane, type Hand, type Look } from "./pane";
@@ -10,12 +11,6 @@ const WINDOWS: [string, number, number][] = [["Brain", 0, 80], ["Ventricles", -1
 /** Labels that one draws; the others are there to be seen. */
 const FIRST_LABEL = 6;
 const VENTRICLES = [5, 6, 7];
-
-function element<T extends HTMLElement>(selector: string): T {
-  const found = document.querySelector<T>(selector);
-  if (!found) throw new Error(`The page has no ${selector}.`);
-  return found;
-}
 
 async function open(): Promise<{ api: Api; description: Description }> {
   let token = tokenAtHand() ?? (await askForToken("Open this page with the address that Monro printed, or enter its token."));
