@@ -20,6 +20,8 @@ pub(crate) struct Shown {
     /// LPS, mm; `None` without a catheter.
     pub(crate) tip: Option<[f32; 3]>,
     pub(crate) step: u32,
+    /// Whether the poses were lost.
+    pub(crate) lost: bool,
 }
 
 /// A connected display.
@@ -104,5 +106,10 @@ fn read(body: &[u8], at: Instant) -> Option<Shown> {
     let word = |at: usize| body.get(at..at + 4).and_then(|b| b.try_into().ok());
     let float = |at: usize| word(at).map(f32::from_le_bytes);
     let tip = [float(16)?, float(20)?, float(24)?];
-    Some(Shown { at, tip: (body.get(3)? & 1 == 1).then_some(tip), step: word(40).map(u32::from_le_bytes)? })
+    Some(Shown {
+        at,
+        tip: (body.get(3)? & 1 == 1).then_some(tip),
+        step: word(40).map(u32::from_le_bytes)?,
+        lost: *body.get(2)? == 2,
+    })
 }

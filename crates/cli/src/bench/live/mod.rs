@@ -4,6 +4,7 @@
 //! departure to the arrival of the first snapshot that shows its pose is what the server adds (with the loopback twice).
 //! Three more displays ask at their own rate; one more asks and asks, and never reads.
 
+mod budget;
 mod camera;
 mod display;
 mod http;
@@ -12,6 +13,7 @@ use crate::args::LiveBenchArgs;
 use crate::console::Console;
 use crate::{demo, prepare, simulate};
 use anyhow::{Context, Result, bail};
+use budget::Sample;
 use camera::Camera;
 use display::{Display, Shown};
 use http::Door;
@@ -86,13 +88,18 @@ fn measure(args: &LiveBenchArgs, case: &Case, camera: Camera, ready: &Ready) -> 
     let stop = Arc::new(AtomicBool::new(false));
     let shows = |rate: Option<f64>| {
         let (display, stop) = (Display::open(&door)?, Arc::clone(&stop));
-        Ok::<_, anyhow::Error>(thread::spawn(move || display.watch(rate, &stop)))
+        let watch = thread::Builder::new().name("bench-display".into());
+        Ok::<_, anyhow::Error>(watch.spawn(move || display.watch(rate, &stop))?)
     };
     let stalled = Display::open(&door)?;
     stalled.ask_forever()?;
-    let filming = camera.film(args.seconds);
+    let filming = camera.film(args.seconds)?;
     let probe = shows(None)?;
     let displays = (0..DISPLAYS).map(|_| shows(Some(args.display_rate))).collect::<Result<Vec<_>>>()?;
+    // A thread's time is gone with the thread, so it is looked at just before the camera stops.
+    let begun = Sample::take();
+    thread::sleep(Duration::from_secs_f64(0.98 * args.seconds));
+    let used = Sample::take().since(&begun);
     let departures = filming.join().map_err(|_| anyhow::anyhow!("the camera's thread failed"))??;
     let status = door.get("/api/status")?;
     stop.store(true, Ordering::Relaxed);
@@ -104,17 +111,45 @@ fn measure(args: &LiveBenchArgs, case: &Case, camera: Camera, ready: &Ready) -> 
     if latencies.is_empty() {
         bail!("no snapshot showed a pose of the camera; /api/status says: {}", status["tracker_diagnosis"]);
     }
-    let steps = |s: &[Shown]| (s.first().map_or(0, |f| f.step), s.last().map_or(0, |l| l.step));
-    let span = probed.last().zip(probed.first()).map_or(1.0, |(l, f)| l.at.duration_since(f.at).as_secs_f64());
-    let (first, last) = steps(&probed);
+    let (air, tissue) = in_air_and_in_tissue(&case.plan, &probed);
+    // Before the first pose nothing is lost.
+    let shown = || probed.iter().skip_while(|s| s.lost);
+    let lost = shown().filter(|s| s.lost).count() as f64 / shown().count().max(1) as f64;
     Ok(json!({
         "elements": case.tets.tets.len(), "nodes": case.tets.vertices.len(), "seconds": args.seconds,
         "tracker_hz": args.rate, "poses_measured": latencies.len(),
         "added_latency_p50_ms": 1e3 * quantile(&latencies, 0.5), "added_latency_p99_ms": 1e3 * quantile(&latencies, 0.99),
-        "deformation_hz": f64::from(last - first) / span, "deformation_ms": status["deformation_ms"],
+        "deformation_hz": steps_per_second(tissue), "deformation_hz_worst_second": worst_second(tissue),
+        "deformation_hz_in_air": steps_per_second(air),
+        "deformation_ms": status["deformation_ms"], "lost_share": lost,
         "snapshot_hz": rates, "probe_hz": rate(&probed), "stalled_displays": 1, "snapshot_ms": status["snapshot_ms"],
-        "threads": thread::available_parallelism().map_or(1, usize::from),
+        "threads": thread::available_parallelism().map_or(1, usize::from), "core_ms_per_s": used,
     }))
+}
+
+/// The snapshots that show the catheter in the air before the insertion, and those with its tip under the entry.
+fn in_air_and_in_tissue<'a>(plan: &Plan, shown: &'a [Shown]) -> (&'a [Shown], &'a [Shown]) {
+    let deep = |s: &Shown| s.tip.is_some_and(|tip| camera::depth_mm(plan, tip) > 0.0);
+    let first = shown.iter().position(deep).unwrap_or(shown.len());
+    let end = shown.iter().rposition(deep).map_or(first, |last| last + 1);
+    let seen = shown[..first].iter().position(|s| s.tip.is_some()).unwrap_or(first);
+    (&shown[seen..first], &shown[first..end])
+}
+
+/// Steps of the soft body per second between the first and the last of these snapshots.
+fn steps_per_second(shown: &[Shown]) -> f64 {
+    let (Some(first), Some(last)) = (shown.first(), shown.last()) else { return 0.0 };
+    f64::from(last.step - first.step) / Duration::max(last.at - first.at, Duration::from_millis(1)).as_secs_f64()
+}
+
+/// The same in the whole second in which there were fewest; `None` where there is no whole second.
+fn worst_second(shown: &[Shown]) -> Option<f64> {
+    let window = |i: usize| {
+        let end = shown[i].at + Duration::from_secs(1);
+        let last = shown.partition_point(|s| s.at < end);
+        (last < shown.len()).then(|| steps_per_second(&shown[i..=last]))
+    };
+    (0..shown.len()).map_while(window).min_by(f64::total_cmp)
 }
 
 /// What the scripted hand's calibration and registration are, told as an operator tells it.
