@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
-/// Faster than any display needs, s: what is left of it is given back to the machine.
-const PERIOD_S: f64 = 1.0 / 120.0;
+/// As fast as displays refresh, s: what is left of it is given back to the machine, for which tracker and displays wait.
+const PERIOD_S: f64 = 1.0 / 90.0;
 
 /// Starts the thread; it ends when the session stops.
 pub(crate) fn spawn(live: Arc<Live>, deformation: Deformation) -> io::Result<()> {

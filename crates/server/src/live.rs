@@ -4,12 +4,13 @@ use crate::clock::Clock;
 use crate::guidance::Guidance;
 use crate::rate::Rate;
 use crate::record::Log;
+use crate::snapshot::{Quantised, digest, encode};
 use monro_geometry::{Display, Patient, Point, Rigid, Tool};
 use monro_guidance::NeedlePose;
 use monro_session::live::log::Entry;
 use monro_session::live::{Deformed, Observation, Phase, Refusal, Session, SessionEvent, Snapshot};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use tokio::sync::watch;
 
 /// How fast the loops run.
@@ -20,13 +21,26 @@ pub(crate) struct Rates {
     pub(crate) deformation: Rate,
 }
 
+/// The newest deformation, with its bytes for displays: made when the first asks, shared by all.
+#[derive(Debug)]
+struct Shape {
+    deformed: Arc<Deformed>,
+    quantised: OnceLock<Quantised>,
+}
+
+impl Shape {
+    fn new(deformed: Deformed) -> Arc<Self> {
+        Arc::new(Self { deformed: Arc::new(deformed), quantised: OnceLock::new() })
+    }
+}
+
 /// The running session. Locks are held for microseconds: nothing is computed, written or awaited under them.
 #[derive(Debug)]
 pub(crate) struct Live {
     pub(crate) clock: Clock,
     planned_target: Point<Patient>,
     session: Mutex<Session>,
-    deformed: Mutex<Arc<Deformed>>,
+    shape: Mutex<Arc<Shape>>,
     rates: Mutex<Rates>,
     /// Counts everything new.
     news: watch::Sender<u32>,
@@ -61,7 +75,7 @@ impl Live {
             clock: Clock::start(),
             planned_target: at_rest.target,
             session: Mutex::new(session),
-            deformed: Mutex::new(Arc::new(at_rest)),
+            shape: Mutex::new(Shape::new(at_rest)),
             rates: Mutex::new(Rates::default()),
             news: watch::Sender::new(0),
             displays: AtomicU32::new(0),
@@ -146,12 +160,6 @@ impl Live {
         Some(needle)
     }
 
-    /// Takes note that a snapshot went to a display, and of how long it took to make (s).
-    pub(crate) fn shown(&self, id: u64, digest: u64, duration: f64) {
-        self.log(&Entry::Shown { id, digest }.encode());
-        lock(&self.rates).snapshot.tick(self.clock.now(), duration);
-    }
-
     /// How far the procedure has come.
     pub(crate) fn phase(&self) -> Phase {
         lock(&self.session).phase()
@@ -164,38 +172,41 @@ impl Live {
 
     /// Publishes a deformation that took `duration` (s).
     pub(crate) fn publish(&self, deformed: Deformed, duration: f64) {
-        let deformed = Arc::new(deformed);
-        *lock(&self.deformed) = deformed;
+        *lock(&self.shape) = Shape::new(deformed);
         lock(&self.rates).deformation.tick(self.clock.now(), duration);
         self.tell();
     }
 
     /// The newest of everything, now.
-    pub(crate) fn snapshot(&self) -> (Snapshot, Guidance, u32) {
-        self.take_snapshot(|_, _| ())
+    pub(crate) fn snapshot(&self) -> (Snapshot, Guidance) {
+        let shape = Arc::clone(&lock(&self.shape));
+        let snapshot = lock(&self.session).snapshot(self.clock.now(), &shape.deformed);
+        let guidance = Guidance::new(&snapshot, self.planned_target);
+        (snapshot, guidance)
     }
 
-    /// The same for a display, with its number in the log.
-    pub(crate) fn snapshot_for_display(&self) -> (u64, (Snapshot, Guidance, u32)) {
+    /// The same as bytes for a display, with entries in the log.
+    pub(crate) fn snapshot_for_display(&self) -> Vec<u8> {
+        let start = self.clock.now();
         let id = self.taken.fetch_add(1, Ordering::Relaxed);
-        let write = |s: &Snapshot, sequence| {
-            let (time_s, step) = (s.time_s, s.deformed.step);
-            self.log(&Entry::Taken { id, time_s, step, sequence }.encode());
-        };
-        (id, self.take_snapshot(write))
-    }
-
-    fn take_snapshot(&self, under_the_lock: impl FnOnce(&Snapshot, u32)) -> (Snapshot, Guidance, u32) {
         let sequence = *self.news.borrow();
-        let deformed = Arc::clone(&lock(&self.deformed));
+        let shape = Arc::clone(&lock(&self.shape));
         let snapshot = {
             let session = lock(&self.session);
-            let snapshot = session.snapshot(self.clock.now(), &deformed);
-            under_the_lock(&snapshot, sequence);
+            let snapshot = session.snapshot(self.clock.now(), &shape.deformed);
+            let (time_s, step) = (snapshot.time_s, snapshot.deformed.step);
+            self.log(&Entry::Taken { id, time_s, step, sequence }.encode());
             snapshot
         };
         let guidance = Guidance::new(&snapshot, self.planned_target);
-        (snapshot, guidance, sequence)
+        let moved = shape.quantised.get_or_init(|| Quantised::new(&shape.deformed));
+        let bytes = encode(&snapshot, moved, &guidance, sequence);
+        if self.log.is_some() {
+            self.log(&Entry::Shown { id, digest: digest(&bytes) }.encode());
+        }
+        let now = self.clock.now();
+        lock(&self.rates).snapshot.tick(now, now - start);
+        bytes
     }
 
     /// Notes how the tracker is.

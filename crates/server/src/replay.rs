@@ -3,7 +3,7 @@
 use crate::ServeError;
 use crate::guidance::Guidance;
 use crate::record::identity;
-use crate::snapshot::{digest, encode};
+use crate::snapshot::{Quantised, digest, encode};
 use monro_case::Case;
 use monro_session::ModelSettings;
 use monro_session::live::Playback;
@@ -62,7 +62,8 @@ pub fn replay(
         match (snapshot, entry) {
             (Some(snapshot), Entry::Taken { id, sequence, .. }) => {
                 let guidance = Guidance::new(&snapshot, case.plan.target());
-                taken.insert(*id, (snapshot.time_s, digest(&encode(&snapshot, &guidance, *sequence))));
+                let moved = Quantised::new(&snapshot.deformed);
+                taken.insert(*id, (snapshot.time_s, digest(&encode(&snapshot, &moved, &guidance, *sequence))));
                 each(&serde_json::to_value(&guidance).unwrap_or_default());
             }
             (_, Entry::Shown { id, digest }) => out.compare(taken.remove(id), *digest),

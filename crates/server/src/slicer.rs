@@ -245,7 +245,7 @@ impl Peer {
     }
 
     async fn tell(&mut self, to: &mut OwnedWriteHalf, everything: bool) -> io::Result<()> {
-        let (snapshot, guidance, _) = self.live.snapshot();
+        let (snapshot, guidance) = self.live.snapshot();
         self.sent = self.sent.wrapping_add(1);
         self.put(to, &catheter(snapshot.needle.as_ref(), self.sent)).await?;
         if !everything {

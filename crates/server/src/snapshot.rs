@@ -25,11 +25,30 @@ pub(crate) const VERSION: u8 = 1;
 /// Bytes before the displacements.
 const HEADER: usize = 56;
 
-/// The bytes of a snapshot.
-pub(crate) fn encode(snapshot: &Snapshot, guidance: &Guidance, sequence: u32) -> Vec<u8> {
+/// The displacements of a deformation as every display gets them.
+#[derive(Debug)]
+pub(crate) struct Quantised {
+    quantum: f32,
+    bytes: Vec<u8>,
+}
+
+impl Quantised {
+    /// The largest component fills 16 bits: the error is at most half a quantum.
+    pub(crate) fn new(deformed: &Deformed) -> Self {
+        let flat = deformed.displacements.as_flattened();
+        let largest = flat.iter().fold(0f32, |m, d| m.max(d.abs()));
+        let quantum = (largest / f32::from(i16::MAX)).max(1e-6);
+        // A displacement that is not finite counts as none; the solver does not make such.
+        let bytes = flat.iter().flat_map(|d| ((d / quantum).round() as i16).to_le_bytes()).collect();
+        Self { quantum, bytes }
+    }
+}
+
+/// The bytes of a snapshot, with its deformation's displacements.
+pub(crate) fn encode(snapshot: &Snapshot, moved: &Quantised, guidance: &Guidance, sequence: u32) -> Vec<u8> {
     let json = serde_json::to_vec(guidance).unwrap_or_default();
     let deformed = &snapshot.deformed;
-    let mut out = Vec::with_capacity(HEADER + 6 * deformed.displacements.len() + json.len());
+    let mut out = Vec::with_capacity(HEADER + moved.bytes.len() + json.len());
     let flags = u8::from(snapshot.needle.is_some()) | u8::from(deformed.fault) << 1;
     out.extend([VERSION, snapshot.phase as u8, snapshot.signal as u8, flags]);
     out.extend(sequence.to_le_bytes());
@@ -37,14 +56,10 @@ pub(crate) fn encode(snapshot: &Snapshot, guidance: &Guidance, sequence: u32) ->
     let needle = snapshot.needle.map_or([[0.0; 3]; 2], |n| [n.tip().to_array(), n.axis().to_array()]);
     needle.as_flattened().iter().for_each(|v| out.extend((*v as f32).to_le_bytes()));
     out.extend((deformed.step as u32).to_le_bytes());
-    let quantum = quantum(deformed);
-    out.extend(quantum.to_le_bytes());
+    out.extend(moved.quantum.to_le_bytes());
     out.extend((deformed.displacements.len() as u32).to_le_bytes());
     out.extend((json.len() as u32).to_le_bytes());
-    for d in deformed.displacements.as_flattened() {
-        // A displacement that is not finite counts as none; the solver does not make such.
-        out.extend(((d / quantum).round() as i16).to_le_bytes());
-    }
+    out.extend(&moved.bytes);
     out.extend(json);
     out
 }
@@ -55,12 +70,6 @@ pub(crate) fn digest(bytes: &[u8]) -> u64 {
     let (words, rest) = bytes.as_chunks::<8>();
     let h = words.iter().fold(0xcbf2_9ce4_8422_2325, |h, w| mix(h, u64::from_le_bytes(*w)));
     rest.iter().fold(h ^ bytes.len() as u64, |h, b| mix(h, u64::from(*b)))
-}
-
-/// The largest component fills 16 bits: the error is at most half of this.
-fn quantum(deformed: &Deformed) -> f32 {
-    let largest = deformed.displacements.as_flattened().iter().fold(0f32, |m, d| m.max(d.abs()));
-    (largest / f32::from(i16::MAX)).max(1e-6)
 }
 
 #[cfg(test)]
@@ -88,7 +97,7 @@ mod tests {
         let deformed = Arc::new(Deformed { displacements: displacements.clone(), ..Deformed::at_rest(target, 3) });
         let session = Session::new(ToolNames::default(), Expiry::default());
         let snapshot = session.snapshot(1.5, &deformed);
-        let bytes = encode(&snapshot, &Guidance::new(&snapshot, target), 7);
+        let bytes = encode(&snapshot, &Quantised::new(&deformed), &Guidance::new(&snapshot, target), 7);
         let word = |at: usize| [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]];
         assert_eq!((bytes[0], bytes[1], bytes[2], bytes[3]), (VERSION, 0, 2, 0));
         assert_eq!((u32::from_le_bytes(word(4)), u32::from_le_bytes(word(48))), (7, 3));

@@ -3,7 +3,6 @@
 
 use crate::live::Live;
 use crate::server::Shared;
-use crate::snapshot;
 use axum::extract::State;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::http::StatusCode;
@@ -63,10 +62,7 @@ async fn show(mut socket: WebSocket, live: &Live) -> Result<(), Gone> {
         // Whichever comes first: something new, or the heartbeat.
         let _ = timeout(HEARTBEAT, news.changed()).await;
         news.borrow_and_update();
-        let start = live.clock.now();
-        let (id, (taken, guidance, sequence)) = live.snapshot_for_display();
-        let bytes = snapshot::encode(&taken, &guidance, sequence);
-        live.shown(id, snapshot::digest(&bytes), live.clock.now() - start);
+        let bytes = live.snapshot_for_display();
         timeout(PATIENCE, socket.send(Message::Binary(bytes.into()))).await.map_err(|_| Gone)?.map_err(|_| Gone)?;
     }
     Ok(())

@@ -1,5 +1,6 @@
 //! The deformation loop: the soft body follows the newest needle pose, as fast as it can.
 
+use super::room::Room;
 use crate::SessionError;
 use crate::tissue_model::{self, ModelSettings};
 use monro_case::Case;
@@ -9,8 +10,6 @@ use monro_tissue::{Event, FrameSettings, Model, State, StepReport, Stepper, TipS
 
 /// Shortest piece of the catheter that is simulated, mm; the rest of it is in the air and touches nothing.
 const SHORTEST_MM: f64 = 20.0;
-/// How far from its place at rest tissue may be and still be reached by that piece, mm.
-const MARGIN_MM: f64 = 15.0;
 /// Outer diameter of the catheter, mm (9 Fr).
 const DIAMETER_MM: f64 = 3.0;
 /// Longest time step: after a pause the tissue is slow for a moment instead of unstable, s.
@@ -65,8 +64,8 @@ pub struct Deformation {
     last: Option<(ToolPose, f64)>,
     steps: u64,
     faults: u64,
-    /// Corners of the box that holds the tissue.
-    room: [Point<Patient>; 2],
+    /// Where there may be tissue.
+    room: Room,
 }
 
 impl Deformation {
@@ -90,7 +89,7 @@ impl Deformation {
             last: None,
             steps: 0,
             faults: 0,
-            room: room(&case.tets.vertices),
+            room: Room::new(&case.tets.vertices),
         })
     }
 
@@ -103,7 +102,7 @@ impl Deformation {
     /// far as one step can take it; the result tells the time of the pose that was reached. A time step that is no number
     /// counts as the shortest.
     pub fn advance(&mut self, needle: &NeedlePose, pose_time_s: f64, dt_s: f64) -> Deformed {
-        let inside = way_out(&self.room, needle.tip(), -needle.axis());
+        let inside = self.room.way_out(needle.tip(), -needle.axis());
         let wanted = ToolPose { tip: needle.tip(), tail: needle.tip() - needle.axis() * inside.max(SHORTEST_MM) };
         // From air to air there is no way through tissue that would have to be followed.
         let last = self.last.filter(|(pose, _)| inside > 0.0 || self.is_inside(pose));
@@ -124,7 +123,7 @@ impl Deformation {
 
     /// Whether a tool may touch tissue there.
     fn is_inside(&self, pose: &ToolPose) -> bool {
-        (pose.tail - pose.tip).normalized().is_some_and(|back| way_out(&self.room, pose.tip, back) > 0.0)
+        (pose.tail - pose.tip).normalized().is_some_and(|back| self.room.way_out(pose.tip, back) > 0.0)
     }
 
     fn result(&mut self, report: &StepReport, pose_time_s: f64) -> Deformed {
@@ -157,32 +156,6 @@ impl Deformation {
         self.target.apply(&self.nodes, &mut moved);
         origin + Vector::new(moved[0][0].into(), moved[0][1].into(), moved[0][2].into())
     }
-}
-
-/// The box of the tissue with room to move, as its lowest and its highest corner.
-fn room(nodes: &[Point<Patient>]) -> [Point<Patient>; 2] {
-    let bound = |pick: fn(f64, f64) -> f64, start: f64, margin: f64| {
-        Point::from_array(core::array::from_fn(|a| nodes.iter().fold(start, |m, p| pick(m, p.to_array()[a])) + margin))
-    };
-    [bound(f64::min, f64::INFINITY, -MARGIN_MM), bound(f64::max, f64::NEG_INFINITY, MARGIN_MM)]
-}
-
-/// How far it is from `start` along the unit vector `direction` until the box is left for good, mm; 0 when it is not met
-/// (slabs, Kay and Kajiya 1986).
-fn way_out(room: &[Point<Patient>; 2], start: Point<Patient>, direction: Vector<Patient>) -> f64 {
-    let [low, high, at, way] = [room[0].to_array(), room[1].to_array(), start.to_array(), direction.to_array()];
-    let (mut enter, mut leave) = (0f64, f64::INFINITY);
-    for a in 0..3 {
-        if way[a].abs() < 1e-12 {
-            if at[a] < low[a] || at[a] > high[a] {
-                return 0.0;
-            }
-            continue;
-        }
-        let (s, t) = ((low[a] - at[a]) / way[a], (high[a] - at[a]) / way[a]);
-        (enter, leave) = (enter.max(s.min(t)), leave.min(s.max(t)));
-    }
-    if leave > enter && leave.is_finite() { leave } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -300,18 +273,6 @@ pub(crate) mod tests {
         let times: Vec<f64> = (0..5).filter_map(|_| d.advance(&needle(15.0), 1.0, 1.0 / 60.0).pose_time_s).collect();
         assert!((times[0] - 0.4).abs() < 1e-9 && times[0] < times[1] && times[1] < times[2], "{times:?}");
         assert!((times[2] - 1.0).abs() < 1e-12 && (times[4] - 1.0).abs() < 1e-12, "{times:?}");
-    }
-
-    #[test]
-    fn the_simulated_piece_reaches_out_of_the_tissue_and_no_further() {
-        let room = room(&tets().vertices);
-        let up = Vector::new(0.0, 0.0, 1.0);
-        // The tissue ends at 60 mm.
-        assert!((way_out(&room, Point::new(30.0, 30.0, 20.0), up) - 55.0).abs() < 1e-9);
-        assert!(way_out(&room, Point::new(30.0, 30.0, 90.0), up) <= 0.0);
-        assert!(way_out(&room, Point::new(300.0, 30.0, 20.0), up) <= 0.0);
-        let aslant = Vector::new(0.6, 0.0, 0.8);
-        assert!((way_out(&room, Point::new(30.0, 30.0, 20.0), aslant) - 55.0 / 0.8).abs() < 1e-9);
     }
 
     /// A tracker's noise of half a degree moves the far end of a catheter by more than a step may take; what is in the

@@ -16,6 +16,7 @@ pub mod log;
 mod phase;
 mod playback;
 mod registering;
+mod room;
 mod script;
 mod session;
 mod signal;

@@ -78,9 +78,12 @@ impl Pool {
         self.threads.len() + 1
     }
 
-    /// Wakes the threads, so that they are there when work comes.
+    /// Wakes the threads that sleep, so that they are there when work comes. A thread on its way is not called again.
     pub(crate) fn wake(&self) {
-        let asleep = self.shared.asleep.load(Ordering::SeqCst);
+        if self.shared.asleep.load(Ordering::Relaxed) == 0 {
+            return;
+        }
+        let asleep = self.shared.asleep.swap(0, Ordering::SeqCst);
         for (i, t) in self.threads.iter().enumerate() {
             if asleep >> (i + 1) & 1 == 1 {
                 t.thread().unpark();
@@ -95,6 +98,8 @@ impl Pool {
             (0..count).for_each(work);
             return;
         }
+        // One that fell asleep in a long stretch for one thread would else be missing until the next step.
+        self.wake();
         let queue = Queue::new(count, threads);
         let free = Free(&self.busy);
         self.open(&|thread| {
