@@ -14,7 +14,10 @@ use serde_json::json;
 use std::net::IpAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
+use tokio::time::timeout;
 
+/// Time for a request without a token.
+const STRANGER: Duration = Duration::from_secs(10);
 /// A ticket is for the next moment.
 const TICKET_LIFE: Duration = Duration::from_secs(30);
 /// Tickets that can wait at a time; the oldest goes first.
@@ -150,7 +153,12 @@ pub(crate) async fn guard(
     if !door.limits.allows(peer.ip(), Instant::now()) {
         return refuse(StatusCode::TOO_MANY_REQUESTS, "too many requests from this address; wait a second");
     }
+    // Whoever has no token yet may not take long to say the code.
+    let is_stranger = request.uri().path() == "/api/pair";
     match door.admits(&request) {
+        Ok(()) if is_stranger => timeout(STRANGER, next.run(request))
+            .await
+            .unwrap_or_else(|_| refuse(StatusCode::REQUEST_TIMEOUT, "the pairing code did not come in time")),
         Ok(()) => next.run(request).await,
         Err((status, why)) => refuse(status, why),
     }

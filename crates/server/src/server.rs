@@ -1,14 +1,13 @@
 //! Puts everything together: case, session, threads, routes.
 
 use crate::door::{self, Door, Keys, Role};
-use crate::listener::{Limited, Peer};
 use crate::live::Live;
 use crate::options::{Certificate, Recording, ServeOptions};
 use crate::record::{Log, identity};
 use crate::slicer;
 use crate::tls::{self, Tls};
 use crate::tracker::Tracker;
-use crate::{ServeError, api, case_data, deformer, headers, register, socket, web};
+use crate::{ServeError, api, case_data, deformer, headers, listener, register, socket, web};
 use axum::body::Bytes;
 use axum::extract::DefaultBodyLimit;
 use axum::routing::get;
@@ -92,7 +91,7 @@ pub(crate) struct Shared {
 pub struct Running {
     ready: Ready,
     live: Arc<Live>,
-    task: JoinHandle<io::Result<()>>,
+    task: JoinHandle<()>,
     stop: Option<oneshot::Sender<()>>,
 }
 
@@ -105,9 +104,9 @@ impl Running {
     /// Runs until it fails.
     ///
     /// # Errors
-    /// When the socket does.
+    /// When the thread of the server does.
     pub async fn wait(mut self) -> Result<(), ServeError> {
-        (&mut self.task).await.map_err(io::Error::other)??;
+        (&mut self.task).await.map_err(io::Error::other)?;
         Ok(())
     }
 }
@@ -198,13 +197,12 @@ fn run(
     let live = Arc::clone(&shared.live);
     let (stop, stopped) = oneshot::channel();
     let door = Door { scheme, names, ..Door::on_loopback(Arc::clone(&shared.keys)) };
-    let router = router(Arc::new(shared), Arc::new(door)).into_make_service_with_connect_info::<Peer>();
-    let listener = Limited::new(listener, tls.map(|t| t.acceptor))?;
+    let router = router(Arc::new(shared), Arc::new(door));
     let task = tokio::spawn(async move {
         // WebSockets would hold a graceful shutdown up for as long as they live, so it is an abrupt one.
         tokio::select! {
-            result = axum::serve(listener, router).into_future() => result,
-            _ = stopped => Ok(()),
+            () = listener::serve(listener, tls.map(|t| t.acceptor), router, std::future::pending()) => {}
+            _ = stopped => {}
         }
     });
     Ok(Running { ready, live, task, stop: Some(stop) })

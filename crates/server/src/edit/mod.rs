@@ -90,7 +90,7 @@ pub fn serve_edit(options: EditOptions, ready: impl FnOnce(&Ready)) -> Result<()
         let address = listener.local_addr()?;
         let shared = tokio::task::spawn_blocking(move || open(options)).await.map_err(std::io::Error::other)??;
         ready(&ready_at(address, &shared.keys));
-        routes::run(Arc::new(shared), listener).await?;
+        routes::run(Arc::new(shared), listener).await;
         Ok(())
     })
 }

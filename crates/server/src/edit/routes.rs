@@ -4,7 +4,7 @@ use super::rebuild::{self, lock};
 use super::request::{self, Request};
 use super::{Shared, export};
 use crate::door::{self, Door, refuse};
-use crate::listener::{Limited, Peer};
+use crate::listener;
 use crate::{headers, web};
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{DefaultBodyLimit, Query, State};
@@ -17,16 +17,14 @@ use monro_anatomy::desk::{View, views};
 use monro_geometry::Structure;
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::io;
 use std::sync::Arc;
 use tokio::net::TcpListener;
 
 /// A brush stroke of some thousand points fits.
 const MOST_MESSAGE_BYTES: usize = 256 << 10;
 
-pub(super) async fn run(shared: Arc<Shared>, listener: TcpListener) -> io::Result<()> {
-    let service = router(shared).into_make_service_with_connect_info::<Peer>();
-    axum::serve(Limited::new(listener, None)?, service).await
+pub(super) async fn run(shared: Arc<Shared>, listener: TcpListener) {
+    listener::serve(listener, None, router(shared), std::future::pending()).await;
 }
 
 fn router(shared: Arc<Shared>) -> Router {

@@ -61,7 +61,7 @@ async fn prepare_then_serve(
     let (stop, stopped) = oneshot::channel::<()>();
     let first = tokio::spawn(routes::run(shared, TcpListener::from_std(listener)?, stopped));
     let Some(answer) = asked.recv().await else {
-        first.await.map_err(io::Error::other)??;
+        first.await.map_err(io::Error::other)?;
         return Err(io::Error::other("the page that prepares has ended").into());
     };
     options.listen = second.local_addr()?;

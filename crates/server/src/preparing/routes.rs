@@ -3,7 +3,7 @@
 use super::Shared;
 use super::job::Task;
 use crate::door::{self, Door, refuse};
-use crate::listener::{Limited, Peer};
+use crate::listener;
 use crate::{headers, web};
 use axum::body::Bytes;
 use axum::extract::rejection::JsonRejection;
@@ -23,10 +23,8 @@ use std::sync::Arc;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 
-pub(super) async fn run(shared: Arc<Shared>, listener: TcpListener, stopped: oneshot::Receiver<()>) -> io::Result<()> {
-    let stop = async { drop(stopped.await) };
-    let service = router(shared).into_make_service_with_connect_info::<Peer>();
-    axum::serve(Limited::new(listener, None)?, service).with_graceful_shutdown(stop).await
+pub(super) async fn run(shared: Arc<Shared>, listener: TcpListener, stopped: oneshot::Receiver<()>) {
+    listener::serve(listener, None, router(shared), async { drop(stopped.await) }).await;
 }
 
 fn router(shared: Arc<Shared>) -> Router {
