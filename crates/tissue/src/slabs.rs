@@ -6,6 +6,8 @@
 //! be done at once, slab by slab, and after it all that begins in an odd one: two rounds in a sweep, however many threads,
 //! and the same result for any number of them.
 
+use crate::fast::Plans;
+
 /// Vertices that a slab should have at least: below that threads wait more than they work.
 const LEAST: usize = 200;
 /// Slabs at most.
@@ -25,6 +27,8 @@ pub(crate) struct Slabs {
 pub(crate) struct Round {
     /// First vertex of each part, and at the end where the last one ends.
     pub(crate) cuts: Vec<usize>,
+    /// Which thread begins with which part.
+    pub(crate) plans: Plans,
 }
 
 /// Pieces that work without any order is cut into: enough for all threads, each worth the while.
@@ -156,7 +160,8 @@ impl Slabs {
             if cuts.last().is_some_and(|&c| c < end) {
                 cuts.push(end);
             }
-            Round { cuts }
+            let weights: Vec<usize> = cuts.windows(2).map(|c| c[1] - c[0]).collect();
+            Round { cuts, plans: Plans::new(&weights) }
         })
     }
 }

@@ -15,9 +15,9 @@ use crate::volumes::{Survey, Volumes};
 const LEAST: f32 = 0.02;
 /// Elements below this share are watched in a round: pushing one open can turn another.
 const CRUSHED: f32 = 0.3;
-/// Passes over the watched elements in a round, and rounds at most.
-const PASSES: u32 = 10;
-const ROUNDS: u32 = 25;
+/// Passes over the watched elements in a round, and rounds at most: a round begins by choosing what to watch.
+const PASSES: u32 = 50;
+const ROUNDS: u32 = 5;
 /// An element is pushed by this multiple of what it lacks, since neighbours push back.
 const EAGERNESS: f32 = 1.3;
 
@@ -35,8 +35,11 @@ pub(crate) fn untangle(
         }
         volumes.smaller(CRUSHED, growth, list);
         for _ in 0..PASSES {
-            for &(tet, six_rest) in &*list {
-                open(&tets[tet as usize], LEAST * six_rest, positions);
+            let opened = |n: u32, &(tet, six_rest): &(u32, f32)| {
+                n + u32::from(open(&tets[tet as usize], LEAST * six_rest, positions))
+            };
+            if list.iter().fold(0, opened) == 0 {
+                break;
             }
         }
         survey = volumes.survey(positions, growth, pool);
@@ -44,14 +47,14 @@ pub(crate) fn untangle(
     survey
 }
 
-/// Pushes one element open to six times the volume `least`.
-fn open(tet: &[u32; 4], least: f32, positions: &mut [[f32; 4]]) {
+/// Pushes one element open to six times the volume `least`; says whether it had less.
+fn open(tet: &[u32; 4], least: f32, positions: &mut [[f32; 4]]) -> bool {
     let p = tet.map(|v| xyz(positions[v as usize]));
     let [a, b, c] = [sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0])];
     let (g1, g2, g3) = (cross(b, c), cross(c, a), cross(a, b));
     let lack = least - dot(g3, c);
     if lack <= 0.0 {
-        return;
+        return false;
     }
     let gradients = [scale(add(add(g1, g2), g3), -1.0), g1, g2, g3];
     let weight: f32 = tet.iter().zip(&gradients).map(|(&v, g)| positions[v as usize][3] * dot(*g, *g)).sum();
@@ -63,6 +66,7 @@ fn open(tet: &[u32; 4], least: f32, positions: &mut [[f32; 4]]) {
             shift(p, step * p[3], *g);
         }
     }
+    true
 }
 
 #[cfg(test)]

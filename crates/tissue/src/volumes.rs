@@ -49,10 +49,15 @@ impl Volumes {
     /// Lists the elements with less than `share` of their volume at rest, with six times that at rest (mm3), as `growth`
     /// was measured.
     pub(crate) fn smaller(&self, share: f32, growth: &[Row], list: &mut Vec<(u32, f32)>) {
-        let (growth, rest) = (growth.as_flattened(), self.rest.as_flattened());
         list.clear();
-        let lacks = |t: &usize| growth[*t] < (share - 1.0) * rest[*t];
-        list.extend((0..self.tets).filter(lacks).map(|t| (t as u32, rest[t])));
+        for (row, (growth, rest)) in growth.iter().zip(&self.rest).enumerate() {
+            let lacks: [bool; WIDTH] = core::array::from_fn(|l| growth[l] < (share - 1.0) * rest[l]);
+            // Few rows have any.
+            if lacks.iter().fold(false, |any, l| any | l) {
+                let own = (0..WIDTH).map(|l| (row * WIDTH + l, l)).filter(|&(t, l)| t < self.tets && lacks[l]);
+                list.extend(own.map(|(t, l)| (t as u32, rest[l])));
+            }
+        }
     }
 
     /// Sums over all elements; `growth` is memory to work in.

@@ -10,9 +10,12 @@
 )]
 
 mod lanes;
+mod plan;
 mod pool;
+mod queue;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
 pub(crate) use lanes::{Kernel, Lanes, Places, Row, WIDTH, Window, plain, widest};
+pub(crate) use plan::Plans;
 pub(crate) use pool::Pool;

@@ -5,8 +5,10 @@
 //! waited for: the others do its pieces. Which thread does a piece never matters to the result, because pieces share no
 //! data.
 
+use super::plan::Plans;
+use super::queue::Queue;
 use core::cell::UnsafeCell;
-use core::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
@@ -22,6 +24,9 @@ const INSIDE: u64 = OPEN - 1;
 const GRACE: u32 = 200;
 /// Turns before a thread goes to sleep: some hundred microseconds.
 const PATIENCE: u32 = 1_000;
+
+/// Threads at most.
+pub(super) const MOST: usize = 32;
 
 type Work<'a> = dyn Fn(usize) + Sync + 'a;
 
@@ -60,7 +65,7 @@ impl core::fmt::Debug for Job {
 unsafe impl Sync for Job {}
 
 impl Pool {
-    /// A pool of `threads` threads, the caller's among them (at most 32).
+    /// A pool of `threads` threads, the caller's among them (at most [`MOST`]).
     pub(crate) fn new(threads: usize) -> Self {
         let shared = Arc::new(Shared::default());
         let start = |index: usize| {
@@ -69,7 +74,7 @@ impl Pool {
             std::thread::Builder::new().name(format!("tissue-{index}")).spawn(work).ok()
         };
         // Without more threads the caller does everything: slower, the same result.
-        let threads = (1..threads.clamp(1, 32)).map_while(start).collect();
+        let threads = (1..threads.clamp(1, MOST)).map_while(start).collect();
         Self { shared, threads, busy: AtomicBool::new(false) }
     }
 
@@ -91,16 +96,15 @@ impl Pool {
         }
     }
 
-    /// Calls `work` with the pieces `0..count`, each once, on whichever threads are awake.
-    pub(crate) fn each(&self, count: usize, work: &(dyn Fn(usize) + Sync)) {
-        let threads = self.threads();
-        if threads == 1 || count < 2 || self.busy.swap(true, Ordering::Acquire) {
+    /// Calls `work` with each piece of a queue, once, on whichever threads are awake; the queue is for so many threads.
+    fn each(&self, queue: &Queue<'_>, work: &(dyn Fn(usize) + Sync)) {
+        let count = queue.len();
+        if self.threads() == 1 || count < 2 || self.busy.swap(true, Ordering::Acquire) {
             (0..count).for_each(work);
             return;
         }
         // One that fell asleep in a long stretch for one thread would else be missing until the next step.
         self.wake();
-        let queue = Queue::new(count, threads);
         let free = Free(&self.busy);
         self.open(&|thread| {
             while let Some(piece) = queue.take(thread) {
@@ -123,11 +127,41 @@ impl Pool {
         slots: &mut [S],
         work: &(dyn Fn(usize, &mut [T], &mut S) + Sync),
     ) {
+        let queue = Queue::new(cuts.len().saturating_sub(1), self.threads());
+        self.each_part_of(&queue, data, cuts, slots, work);
+    }
+
+    /// As [`Pool::each_part`], by a plan of who begins with what.
+    ///
+    /// # Panics
+    /// As [`Pool::each_part`], and when the plan is for other parts.
+    pub(crate) fn each_planned<T: Send, S: Send>(
+        &self,
+        plans: &Plans,
+        data: &mut [T],
+        cuts: &[usize],
+        slots: &mut [S],
+        work: &(dyn Fn(usize, &mut [T], &mut S) + Sync),
+    ) {
         let parts = cuts.len().saturating_sub(1);
+        let queue = plans.of(self.threads()).map_or_else(|| Queue::new(parts, self.threads()), Queue::planned);
+        self.each_part_of(&queue, data, cuts, slots, work);
+    }
+
+    fn each_part_of<T: Send, S: Send>(
+        &self,
+        queue: &Queue<'_>,
+        data: &mut [T],
+        cuts: &[usize],
+        slots: &mut [S],
+        work: &(dyn Fn(usize, &mut [T], &mut S) + Sync),
+    ) {
+        let parts = queue.len();
+        assert_eq!(parts, cuts.len().saturating_sub(1), "a plan is for its own parts");
         let sound = cuts.is_sorted() && cuts.last().is_none_or(|&last| last <= data.len()) && parts <= slots.len();
         assert!(sound, "cuts {cuts:?} of {} entries with {} slots", data.len(), slots.len());
         let (data, slots) = (Base(data.as_mut_ptr()), Base(slots.as_mut_ptr()));
-        self.each(parts, &|i| {
+        self.each(queue, &|i| {
             // SAFETY: the cuts are in order and within the data, which is borrowed until all pieces are done, and each
             // piece is done once: nobody else has this part, or this slot.
             let (part, slot) = unsafe {
@@ -251,45 +285,10 @@ impl<T> Base<T> {
     }
 }
 
-/// Pieces that are left, in a stretch for each thread: a thread takes its own from the front, then others' from the back.
-/// The same pieces so mostly go to the same thread, whose cache still holds them.
-struct Queue {
-    stretches: [AtomicU64; 32],
-    threads: usize,
-    left: AtomicUsize,
-}
-
-impl Queue {
-    fn new(count: usize, threads: usize) -> Self {
-        let cut = |t: usize| (count * t.min(threads) / threads) as u64;
-        let stretches = core::array::from_fn(|t| AtomicU64::new(cut(t) << 32 | cut(t + 1)));
-        Self { stretches, threads, left: AtomicUsize::new(count) }
-    }
-
-    fn take(&self, thread: usize) -> Option<usize> {
-        if self.left.load(Ordering::Relaxed) == 0 {
-            return None;
-        }
-        let own = self.take_from(thread, true);
-        let piece =
-            own.or_else(|| (1..self.threads).find_map(|i| self.take_from((thread + i) % self.threads, false)))?;
-        self.left.fetch_sub(1, Ordering::Relaxed);
-        Some(piece)
-    }
-
-    fn take_from(&self, stretch: usize, front: bool) -> Option<usize> {
-        let next = |s: u64| {
-            let (first, end) = (s >> 32, s & 0xffff_ffff);
-            (first < end).then(|| if front { (first + 1) << 32 | end } else { first << 32 | (end - 1) })
-        };
-        let before = self.stretches[stretch].fetch_update(Ordering::Relaxed, Ordering::Relaxed, next).ok()?;
-        Some(if front { before >> 32 } else { (before & 0xffff_ffff) - 1 } as usize)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use core::sync::atomic::AtomicUsize;
 
     #[test]
     fn every_piece_is_done_once_on_any_number_of_threads() {
@@ -320,9 +319,9 @@ mod tests {
         let count = |_: usize| {
             done.fetch_add(1, Ordering::SeqCst);
         };
-        pool.each(10, &count);
+        pool.each(&Queue::new(10, 2), &count);
         pool.wake();
-        pool.each(10, &count);
+        pool.each(&Queue::new(10, 2), &count);
         assert_eq!(done.load(Ordering::SeqCst), 20);
     }
 
@@ -330,8 +329,8 @@ mod tests {
     fn a_call_from_within_a_piece_does_its_own_work() {
         let pool = Pool::new(2);
         let done = AtomicUsize::new(0);
-        pool.each(4, &|_| {
-            pool.each(4, &|_| {
+        pool.each(&Queue::new(4, 2), &|_| {
+            pool.each(&Queue::new(4, 2), &|_| {
                 done.fetch_add(1, Ordering::SeqCst);
             });
         });
@@ -342,10 +341,10 @@ mod tests {
     fn a_panic_in_a_piece_reaches_the_caller_and_the_pool_goes_on() {
         let pool = Pool::new(2);
         for _ in 0..20 {
-            let bad = || pool.each(8, &|i| assert!(i != 5, "piece five"));
+            let bad = || pool.each(&Queue::new(8, 2), &|i| assert!(i != 5, "piece five"));
             assert!(std::panic::catch_unwind(core::panic::AssertUnwindSafe(bad)).is_err());
             let done = AtomicUsize::new(0);
-            pool.each(8, &|_| {
+            pool.each(&Queue::new(8, 2), &|_| {
                 done.fetch_add(1, Ordering::SeqCst);
             });
             assert_eq!(done.load(Ordering::SeqCst), 8);

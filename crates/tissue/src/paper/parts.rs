@@ -27,21 +27,27 @@ pub(super) struct Solid {
 pub(super) struct Batches<const N: usize, const R: usize, const C: usize> {
     pub(super) places: Places<N>,
     pub(super) counts: Vec<u8>,
+    /// Which batches share no vertex with the next.
+    pub(super) joined: Vec<bool>,
     pub(super) rest: Vec<[Row; R]>,
     pub(super) coefficients: Vec<[Row; C]>,
 }
 
-/// Edges of two elements' corners (two), volume, and springs to the centroid (four): values at rest.
-pub(super) const SOLID_REST: usize = 7;
-/// Coefficients: two edges, volume, springs.
-pub(super) const SOLID_SHARES: usize = 4;
+/// Two edges and the volume of an element.
+pub(super) const SOLID: usize = 3;
+
+/// Springs of elements to their centroids, batches as of the elements themselves; none where no element has any.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Springs {
+    pub(super) rest: Vec<[Row; 4]>,
+    pub(super) coefficients: Vec<[Row; 1]>,
+}
 
 /// All constraints that begin in one slab.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Part {
-    pub(super) solids: Batches<4, SOLID_REST, SOLID_SHARES>,
-    /// Whether any element has springs.
-    pub(super) springs: bool,
+    pub(super) solids: Batches<4, SOLID, SOLID>,
+    pub(super) springs: Springs,
     pub(super) edges: Batches<2, 1, 1>,
     pub(super) hinges: Batches<4, 1, 1>,
     pub(super) strips: Batches<3, 1, 1>,
@@ -50,7 +56,8 @@ pub(super) struct Part {
 /// The shares of a part corrected for a number of iterations.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Shares {
-    pub(super) solids: Vec<[Row; SOLID_SHARES]>,
+    pub(super) solids: Vec<[Row; SOLID]>,
+    pub(super) springs: Vec<[Row; 1]>,
     pub(super) edges: Vec<[Row; 1]>,
     pub(super) hinges: Vec<[Row; 1]>,
     pub(super) strips: Vec<[Row; 1]>,
@@ -86,13 +93,17 @@ impl Part {
         let nodes: Vec<[u16; 4]> = share.solids.iter().map(|s| s.nodes.map(local)).collect();
         let (members, places) = batches(&nodes, rest.len());
         let of = |i: u32| &share.solids[i as usize];
-        let shares = |m: &Members| {
-            [m.row(|i| of(i).edges[0]), m.row(|i| of(i).edges[1]), m.row(|i| of(i).volume), m.row(|i| of(i).spring)]
-        };
+        let shares = |m: &Members| [m.row(|i| of(i).edges[0]), m.row(|i| of(i).edges[1]), m.row(|i| of(i).volume)];
         let coefficients = members.iter().map(shares).collect();
+        let springs = if share.solids.iter().any(|s| s.spring > 0.0) {
+            let coefficients = members.iter().map(|m| [m.row(|i| of(i).spring)]).collect();
+            Springs { rest: plain(Rest::<4, 4> { places: &places, vertices: rest }), coefficients }
+        } else {
+            Springs::default()
+        };
         Self {
             solids: Batches::new(&members, places, coefficients, rest),
-            springs: share.solids.iter().any(|s| s.spring > 0.0),
+            springs,
             edges: Batches::of(&share.edges, local, rest),
             hinges: Batches::of(&share.hinges, local, rest),
             strips: Batches::of(&share.strips, local, rest),
@@ -106,6 +117,7 @@ impl Part {
         }
         Shares {
             solids: all(&self.solids.coefficients, iterations),
+            springs: all(&self.springs.coefficients, iterations),
             edges: all(&self.edges.coefficients, iterations),
             hinges: all(&self.hinges.coefficients, iterations),
             strips: all(&self.strips.coefficients, iterations),
@@ -130,9 +142,10 @@ where
     for<'a> Rest<'a, N, R>: Kernel<Out = Vec<[Row; R]>>,
 {
     fn new(members: &[Members], places: Places<N>, coefficients: Vec<[Row; C]>, rest: &[[f32; 4]]) -> Self {
-        let at_rest = plain(Rest { places: &places, vertices: rest });
+        let at_rest = plain(Rest::<N, R> { places: &places, vertices: rest });
         let counts = members.iter().map(|m| m.count as u8).collect();
-        Self { places, counts, rest: at_rest, coefficients }
+        let joined = members.iter().map(|m| m.joined).collect();
+        Self { places, counts, joined, rest: at_rest, coefficients }
     }
 }
 
@@ -158,13 +171,17 @@ impl<const N: usize, const R: usize> Rest<'_, N, R> {
     }
 }
 
-impl Kernel for Rest<'_, 4, SOLID_REST> {
-    type Out = Vec<[Row; SOLID_REST]>;
+impl Kernel for Rest<'_, 4, SOLID> {
+    type Out = Vec<[Row; SOLID]>;
     fn run<V: Lanes>(self) -> Self::Out {
-        self.each::<V>(|p| {
-            let [a, b, c, d] = lanes::centroid_distances(p);
-            [lanes::length(&p[0], &p[1]), lanes::length(&p[2], &p[3]), lanes::six_volumes(p), a, b, c, d]
-        })
+        self.each::<V>(|p| [lanes::length(&p[0], &p[1]), lanes::length(&p[2], &p[3]), lanes::six_volumes(p)])
+    }
+}
+
+impl Kernel for Rest<'_, 4, 4> {
+    type Out = Vec<[Row; 4]>;
+    fn run<V: Lanes>(self) -> Self::Out {
+        self.each::<V>(lanes::centroid_distances)
     }
 }
 

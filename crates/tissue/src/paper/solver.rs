@@ -110,7 +110,7 @@ impl PaperModel {
     /// One iteration over the constraints in Gauss-Seidel order.
     pub(crate) fn iterate(&self, positions: &mut [[f32; 4]], scratch: &mut PaperScratch, extent: Extent, pool: &Pool) {
         for ((round, parts), memory) in self.rounds.iter().zip(&mut scratch.parts) {
-            pool.each_part(positions, &round.cuts, memory, &|i, vertices, memory| {
+            pool.each_planned(&round.plans, positions, &round.cuts, memory, &|i, vertices, memory| {
                 let PartScratch { shares, motion, active } = memory;
                 let scope = match extent {
                     Extent::Whole => Scope::Whole,

@@ -55,41 +55,86 @@ fn solids<V: Lanes>(
     batches: impl Iterator<Item = usize>,
     mut motion: Option<&mut Vec<Row>>,
 ) {
-    let solids = &part.solids;
-    let mut window = solids.places.over(vertices);
-    for b in batches {
-        let (rest, k, count) = (&solids.rest[b], &shares.solids[b], usize::from(solids.counts[b]));
-        for first in (0..WIDTH).step_by(V::N).take_while(|&f| f < count) {
-            let before: [Corner<V>; 4] = [
-                window.gather(b, 0, first),
-                window.gather(b, 1, first),
-                window.gather(b, 2, first),
-                window.gather(b, 3, first),
-            ];
-            let mut p = before;
-            let [p0, p1, p2, p3] = &mut p;
-            lanes::stretch(p0, p1, load(first, &rest[0]), load(first, &k[0]));
-            lanes::stretch(p2, p3, load(first, &rest[1]), load(first, &k[1]));
-            if part.springs {
-                lanes::pull(
-                    &mut p,
-                    [load(first, &rest[3]), load(first, &rest[4]), load(first, &rest[5]), load(first, &rest[6])],
-                    load(first, &k[3]),
-                );
+    let mut window = part.solids.places.over(vertices);
+    let mut batches = batches.peekable();
+    while let Some(b) = batches.next() {
+        let next = (part.solids.joined[b]).then(|| batches.next_if_eq(&(b + 1))).flatten();
+        for first in (0..WIDTH).step_by(V::N) {
+            let at = Lot { part, shares, batch: b, first };
+            let mut p: [Corner<V>; 4] = at.corners(&window);
+            // Two batches that share no vertex are worked on at once: one computes while the other waits.
+            if let Some(next) = next {
+                let also = Lot { batch: next, ..at };
+                let mut q: [Corner<V>; 4] = also.corners(&window);
+                at.edges(&mut p);
+                also.edges(&mut q);
+                at.springs(&mut p);
+                also.springs(&mut q);
+                at.volumes(&mut p);
+                also.volumes(&mut q);
+                also.finish(&mut window, &q, motion.as_deref_mut());
+            } else {
+                at.edges(&mut p);
+                at.springs(&mut p);
+                at.volumes(&mut p);
             }
-            lanes::inflate(&mut p, load(first, &rest[2]), load(first, &k[2]));
-            if let Some(motion) = &mut motion {
-                farthest(&before, &p).store(&mut motion[b], first);
-            }
-            let [p0, p1, p2, p3] = p;
-            window.scatter(b, 0, first, p0, count - first);
-            window.scatter(b, 1, first, p1, count - first);
-            window.scatter(b, 2, first, p2, count - first);
-            window.scatter(b, 3, first, p3, count - first);
+            at.finish(&mut window, &p, motion.as_deref_mut());
         }
-        if let Some(motion) = &mut motion {
-            motion[b][count..].fill(0.0);
+    }
+}
+
+/// The elements of a batch from lane `first` on.
+#[derive(Clone, Copy)]
+struct Lot<'a> {
+    part: &'a Part,
+    shares: &'a Shares,
+    batch: usize,
+    first: usize,
+}
+
+impl Lot<'_> {
+    #[inline(always)]
+    fn corners<V: Lanes>(&self, window: &Window<'_, 4>) -> [Corner<V>; 4] {
+        let (b, first) = (self.batch, self.first);
+        [window.gather(b, 0, first), window.gather(b, 1, first), window.gather(b, 2, first), window.gather(b, 3, first)]
+    }
+
+    #[inline(always)]
+    fn edges<V: Lanes>(&self, [p0, p1, p2, p3]: &mut [Corner<V>; 4]) {
+        let (rest, k) = (&self.part.solids.rest[self.batch], &self.shares.solids[self.batch]);
+        lanes::stretch(p0, p1, load(self.first, &rest[0]), load(self.first, &k[0]));
+        lanes::stretch(p2, p3, load(self.first, &rest[1]), load(self.first, &k[1]));
+    }
+
+    #[inline(always)]
+    fn springs<V: Lanes>(&self, p: &mut [Corner<V>; 4]) {
+        let first = self.first;
+        if let (Some(rest), Some(k)) = (self.part.springs.rest.get(self.batch), self.shares.springs.get(self.batch)) {
+            let rest = [load(first, &rest[0]), load(first, &rest[1]), load(first, &rest[2]), load(first, &rest[3])];
+            lanes::pull(p, rest, load(first, &k[0]));
         }
+    }
+
+    #[inline(always)]
+    fn volumes<V: Lanes>(&self, p: &mut [Corner<V>; 4]) {
+        let (rest, k) = (&self.part.solids.rest[self.batch], &self.shares.solids[self.batch]);
+        lanes::inflate(p, load(self.first, &rest[2]), load(self.first, &k[2]));
+    }
+
+    /// Writes the corners back; notes how far the farthest has gone, if asked.
+    #[inline(always)]
+    fn finish<V: Lanes>(&self, window: &mut Window<'_, 4>, p: &[Corner<V>; 4], motion: Option<&mut Vec<Row>>) {
+        let (b, first) = (self.batch, self.first);
+        let left = usize::from(self.part.solids.counts[b]).saturating_sub(first);
+        if let Some(motion) = motion {
+            let row = &mut motion[b];
+            farthest(&self.corners(window), p).store(row, first);
+            row[first + left.min(V::N)..first + V::N].fill(0.0);
+        }
+        window.scatter(b, 0, first, p[0], left);
+        window.scatter(b, 1, first, p[1], left);
+        window.scatter(b, 2, first, p[2], left);
+        window.scatter(b, 3, first, p[3], left);
     }
 }
 
@@ -207,7 +252,7 @@ mod tests {
                 let (value, g) = volume(at(&plain, t), volume(p, 0.0).0);
                 project(&mut plain, t, value, g, 0.6);
             }
-            assert_eq!(part.springs, spring > 0.0);
+            assert_eq!(part.springs.rest.is_empty(), spring == 0.0);
             close(&fast, &plain);
         }
     }
