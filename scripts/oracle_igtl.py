@@ -7,8 +7,6 @@ which must come back byte for byte, and reads ours with its own checksum. Withou
     python scripts/oracle_igtl.py
 """
 
-import pathlib
-import shutil
 import socket
 import subprocess
 import tempfile
@@ -18,7 +16,8 @@ import time
 import numpy as np
 import pyigtl
 
-from oracle import ROOT, check, example, finish
+from oracle import check, example, finish
+from igtl_library import compiled, split
 
 
 def run(arguments, data=b""):
@@ -168,14 +167,10 @@ IMAGE Slice 4 3 2 -9.25 20.5 31 1276
 
 
 def check_reference_library():
-    if not pathlib.Path("/usr/include/openigtlink/igtlMessageBase.h").exists() or not shutil.which("g++"):
-        print("skipped: no libopenigtlink-dev (apt-get install libopenigtlink-dev g++)")
-        return
     with tempfile.TemporaryDirectory() as folder:
-        program = f"{folder}/oracle"
-        source = str(ROOT / "scripts" / "oracle_igtl.cpp")
-        flags = ["-std=c++17", "-w", "-I/usr/include/openigtlink", "-o", program, source, "-lOpenIGTLink", "-lpthread"]
-        subprocess.run(["g++", *flags], check=True)
+        program = compiled(folder)
+        if not program:
+            return
         _, packed, _ = run([program, "pack"])
         code, back, error = run([FILTER, "echo"], packed)
         check("every message of the reference library is read", code == 0, error)
@@ -191,15 +186,6 @@ def check_reference_library():
         for wanted, got in zip(EXPECTED.splitlines(), text.decode().splitlines()):
             check(f"the reference library reads our {wanted.split()[0]}", wanted == got, f"{got!r}")
         check("it reads all of them", code == 0 and len(text.splitlines()) == 10)
-
-
-def split(data):
-    out = []
-    while data:
-        end = 58 + int.from_bytes(data[42:50], "big")
-        out.append(data[:end])
-        data = data[end:]
-    return out
 
 
 FILTER = example("igtl_filter")
