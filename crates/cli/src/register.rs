@@ -43,11 +43,41 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
         "predicted_tre_entry_mm": found.tre(entry).rms(),
         "landmarks": residuals(&found), "surface": found.surface.as_ref().map(surface_json), "check": check,
     });
-    console.result(
-        &result,
-        &format!("{result:#}\nSend event, quaternion_wxyz, translation_mm and predicted_tre_mm to /api/session."),
-    );
+    console.result(&result, &words(&result, &found));
     Ok(())
+}
+
+/// What is expected at the target, what does not fit, and the pose.
+fn words(result: &Value, found: &Found) -> String {
+    let number = |key: &str| result[key].as_f64().unwrap_or(f64::NAN);
+    let mut out = format!(
+        "Expected error (RMS): {:.2} mm at the target (95 % below {:.2} mm), {:.2} mm at the entry.\n",
+        number("predicted_tre_mm"),
+        number("predicted_tre_95_mm"),
+        number("predicted_tre_entry_mm")
+    );
+    out += "Landmark: residual, and how far it lies from where the others put it (expected), mm. Neither is the accuracy.\n";
+    for r in &found.landmarks.residuals {
+        let others = r.left_out.zip(r.expected).map_or_else(String::new, |(d, e)| format!(", {d:.2} ({e:.2})"));
+        out += &format!("  {}: {:.2}{others}\n", r.name, r.distance);
+    }
+    if let Some(r) = found.landmarks.outlier.and_then(|i| found.landmarks.residuals.get(i)) {
+        out += &format!("'{}' does not fit: touch it again or leave it out.\n", r.name);
+    }
+    if let Some(surface) = &found.surface {
+        let used = surface.residuals.iter().filter(|r| r.used).count();
+        out += &format!("Skin: {used} of {} traced points used.\n", surface.residuals.len());
+    }
+    if let (Some(name), Some(distance)) = (result["check"]["name"].as_str(), result["check"]["distance_mm"].as_f64()) {
+        let limit = result["check"]["limit_mm"].as_f64().unwrap_or(f64::NAN);
+        let verdict = if result["check"]["holds"] == true { "holds" } else { "does not hold: register again" };
+        out += &format!("Check: '{name}' touched again is {distance:.2} mm off (limit {limit:.2}): {verdict}.\n");
+    }
+    out + &format!(
+        "Pose of the reference body in the patient: quaternion (w, x, y, z) {}, translation {} mm.\n\
+         With --json: what a live session takes at /api/session.",
+        result["quaternion_wxyz"], result["translation_mm"]
+    )
 }
 
 /// The touched points beside their marks of the same name.
