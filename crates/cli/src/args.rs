@@ -379,6 +379,13 @@ pub(crate) struct MeshArgs {
     /// Wanted number of tetrahedra.
     #[arg(long, value_name = "N", default_value_t = DEFAULT_ELEMENTS, value_parser = elements)]
     pub(crate) elements: usize,
+    /// How many more elements a volume of a label gets than the others, e.g. 4=2,7=0.5 (0.01 to 100).
+    #[arg(long, value_name = "LABEL=FACTOR,..")]
+    pub(crate) density: Option<String>,
+    /// Refuse a mesh in which a label's surface is not two-manifold or has another topology than the labels, naming the label
+    /// and a place, instead of a remark.
+    #[arg(long)]
+    pub(crate) strict: bool,
     /// File to write: tetrahedra as .vtu or .msh (Gmsh 4.1, with the interfaces as triangles), the outer surface as .ply or
     /// .stl, the surface of each label as .obj or .glb.
     #[arg(long, value_name = "FILE")]
@@ -386,6 +393,24 @@ pub(crate) struct MeshArgs {
     /// Overwrite an existing file.
     #[arg(long)]
     pub(crate) force: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct MeshBenchArgs {
+    /// Label volumes, cases or scans (which are segmented first), as for "monro mesh" and "monro prepare".
+    pub(crate) subjects: Vec<PathBuf>,
+    /// Phantoms, seeds 0 to N-1, meshed from their true labels and measured against their analytic surface.
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub(crate) seeds: u64,
+    /// Wanted numbers of tetrahedra.
+    #[arg(long, value_name = "N,..", value_delimiter = ',', value_parser = elements, default_values_t = [612, 5_824, 20_677, 37_336, 65_691, 500_000])]
+    pub(crate) elements: Vec<usize>,
+    /// Threads.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) threads: usize,
+    /// Times that each is meshed; the least time of each stage counts.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) repeat: usize,
 }
 
 #[derive(Debug, Args)]
@@ -441,6 +466,9 @@ pub(crate) enum BenchCommand {
         #[arg(long, value_name = "DIR")]
         dump: Option<PathBuf>,
     },
+    /// The mesher: seconds of each stage, quality, volumes, topology, distance to the true surface, peak memory; a row for
+    /// each subject and size.
+    Mesh(MeshBenchArgs),
     /// How long a pose takes from datagram to our hands (NatNet, loopback).
     Latency {
         /// Frames.

@@ -5,6 +5,7 @@ mod error;
 mod frame;
 mod live;
 mod livewire;
+mod mesh;
 mod samples;
 mod segment;
 
@@ -27,6 +28,7 @@ pub(crate) fn run(command: &BenchCommand, console: &Console) -> Result<()> {
         BenchCommand::Prepare { scan, elements } => prepare_and_insert(scan.as_deref(), *elements, console),
         BenchCommand::Segment { seeds, against, dump } => segment::run(*seeds, against, dump.as_deref(), console),
         BenchCommand::Registration { case, trials } => registration(case.as_deref(), *trials, console),
+        BenchCommand::Mesh(args) => mesh::run(args, console),
         BenchCommand::Latency { frames, rate } => latency(*frames, *rate, console),
         BenchCommand::Live(args) => live::run(args, console),
         BenchCommand::Frame(args) => frame::run(args, console),

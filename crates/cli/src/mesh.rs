@@ -14,11 +14,11 @@ use std::path::Path;
 use std::time::Instant;
 
 /// What is to be meshed.
-struct Input {
-    labels: Volume<u16>,
-    keep: Vec<u16>,
-    fine: Vec<u16>,
-    path: Option<[Point<Patient>; 2]>,
+pub(crate) struct Input {
+    pub(crate) labels: Volume<u16>,
+    pub(crate) keep: Vec<u16>,
+    pub(crate) fine: Vec<u16>,
+    pub(crate) path: Option<[Point<Patient>; 2]>,
 }
 
 /// Runs the command.
@@ -33,7 +33,12 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
         return convert(&mesh, format, args, console);
     }
     let input = console.stage("read", || input(args))?;
-    let options = MeshOptions { path: input.path, ..MeshOptions::new(&input.keep, &input.fine, args.elements) };
+    let options = MeshOptions {
+        path: input.path,
+        density: args.density.as_deref().map_or_else(|| Ok(Vec::new()), parse_density)?,
+        strict: args.strict,
+        ..MeshOptions::new(&input.keep, &input.fine, args.elements)
+    };
     let mut parts = Parts::new();
     let (mesh, report) = console.stage("mesh", || tetra::mesh_observed(&input.labels, &options, |s| parts.done(s)))?;
     let mesh = AnyMesh::Tetrahedra(mesh);
@@ -87,8 +92,13 @@ impl Parts {
     }
 }
 
+/// What a case or a label volume is meshed as when nothing else is asked.
+pub(crate) fn read_input(path: &Path) -> Result<Input> {
+    if path.is_dir() { of_case(path) } else { of_file(path) }
+}
+
 fn input(args: &MeshArgs) -> Result<Input> {
-    let mut input = if args.labels.is_dir() { of_case(&args.labels)? } else { of_file(&args.labels)? };
+    let mut input = read_input(&args.labels)?;
     if let Some(keep) = &args.keep {
         // The numbers of the file count here, also for a case.
         if args.labels.is_dir() {
@@ -147,6 +157,18 @@ fn parse_path(text: &str) -> Result<[Point<Patient>; 2]> {
     ends.with_context(|| format!("--path \"{text}\" is not X,Y,Z:X,Y,Z (LPS mm)"))
 }
 
+/// `LABEL=FACTOR,...`.
+fn parse_density(text: &str) -> Result<Vec<(u16, f64)>> {
+    let one = |part: &str| {
+        let (label, factor) = part.split_once('=')?;
+        Some((label.trim().parse().ok()?, factor.trim().parse().ok()?))
+    };
+    text.split(',')
+        .map(one)
+        .collect::<Option<_>>()
+        .with_context(|| format!("--density \"{text}\" is not LABEL=FACTOR,..."))
+}
+
 /// Writes aside and renames, so that an interrupted run leaves no half file.
 fn write(out: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = out.file_name().unwrap_or_default().to_owned();
@@ -171,12 +193,13 @@ fn as_json(report: &MeshReport, out: &Path, stages: &[(String, f64)], parts: &Pa
         "core_edge_mean_mm": report.core_edge_mean,
         "edge_bands": report.edge_bands.iter().map(|b| json!({ "from_mm": b.from, "to_mm": b.to, "mean_mm": b.mean, "edges": b.edges })).collect::<Vec<_>>(),
         "open_at_border": report.open_at_border,
+        "coarse_regions": report.coarse_regions,
         "remarks": report.remarks,
         "labels": report.labels.iter().map(label_json).collect::<Vec<_>>(),
     })
 }
 
-fn label_json(l: &LabelReport) -> Value {
+pub(crate) fn label_json(l: &LabelReport) -> Value {
     json!({
         "label": l.label,
         "elements": l.elements,
@@ -196,6 +219,14 @@ fn label_json(l: &LabelReport) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn densities_are_labels_with_factors_or_an_error_that_shows_the_form() {
+        assert_eq!(parse_density("4=2, 7=0.5").expect("two"), [(4, 2.0), (7, 0.5)]);
+        for bad in ["", "4", "4=x", "-1=2", "4=2,"] {
+            assert!(parse_density(bad).expect_err("refused").to_string().contains("LABEL=FACTOR"), "{bad}");
+        }
+    }
 
     #[test]
     fn a_path_is_two_points_or_an_error_that_shows_the_form() {

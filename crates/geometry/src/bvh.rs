@@ -222,7 +222,7 @@ fn ray_triangle(
 }
 
 /// Nearest point of a triangle (Ericson, Real-Time Collision Detection, 5.1.5).
-fn nearest_on_triangle(p: Point<Patient>, [a, b, c]: [Point<Patient>; 3]) -> Point<Patient> {
+pub fn nearest_on_triangle(p: Point<Patient>, [a, b, c]: [Point<Patient>; 3]) -> Point<Patient> {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {

@@ -4,6 +4,7 @@
 //! one global order. Both sides of each face see the same order, so the mesh conforms whatever meets where; three labels
 //! in one element are just two surfaces after each other.
 
+use super::adjacency::Incidence;
 use super::fields::LabelFields;
 use super::lattice::PackedMap;
 use super::quality::quality;
@@ -171,7 +172,7 @@ impl<'a> Cut<'a> {
             }
         }
         wishes.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
-        let around = Incidence::new(self.mesh);
+        let around = Incidence::new(&self.mesh.tets, self.mesh.points.len());
         for of_one in wishes.chunk_by(|a, b| a.0 == b.0) {
             for &(v, _, i) in of_one {
                 let c = &crossings[i as usize];
@@ -267,34 +268,5 @@ fn sign(x: f64) -> i8 {
         x if x > 0.0 => 1,
         x if x < 0.0 => -1,
         _ => 0,
-    }
-}
-
-/// The elements around each point, in one flat list.
-pub(super) struct Incidence {
-    first: Vec<u32>,
-    list: Vec<u32>,
-}
-
-impl Incidence {
-    pub(super) fn new(mesh: &RawMesh) -> Self {
-        let mut first = vec![0u32; mesh.points.len() + 1];
-        mesh.tets.iter().flatten().for_each(|&v| first[v as usize + 1] += 1);
-        for i in 1..first.len() {
-            first[i] += first[i - 1];
-        }
-        let mut at = first.clone();
-        let mut list = vec![0; mesh.tets.len() * 4];
-        for (t, tet) in mesh.tets.iter().enumerate() {
-            for &v in tet {
-                list[at[v as usize] as usize] = t as u32;
-                at[v as usize] += 1;
-            }
-        }
-        Self { first, list }
-    }
-
-    pub(super) fn of(&self, v: u32) -> &[u32] {
-        &self.list[self.first[v as usize] as usize..self.first[v as usize + 1] as usize]
     }
 }

@@ -14,16 +14,17 @@ const MOST_CELLS: usize = 6_000_000;
 const SIGMA: f64 = 0.85;
 const MARGIN: usize = 5;
 
-/// A field sampled trilinearly in patient mm; 0 outside its box.
+/// A field sampled trilinearly in patient mm, with one value outside its box.
 #[derive(Debug, Clone)]
 pub(super) struct Field {
     volume: Volume<f32>,
     voxel_from_patient: Affine<Voxel, Patient>,
+    outside: f64,
 }
 
 impl Field {
     pub(super) fn new(volume: Volume<f32>) -> Self {
-        Self { voxel_from_patient: *volume.grid().voxel_from_patient(), volume }
+        Self { voxel_from_patient: *volume.grid().voxel_from_patient(), volume, outside: 0.0 }
     }
 
     pub(super) const fn volume(&self) -> &Volume<f32> {
@@ -31,17 +32,49 @@ impl Field {
     }
 
     pub(super) fn at(&self, p: V3) -> f64 {
-        let Some((at, t)) = self.cell(p) else { return 0.0 };
+        let Some((at, t)) = self.cell(p) else { return self.outside };
         let d = self.volume.grid().dims();
         let data = self.volume.data();
-        let line = |at: usize| f64::from(data[at]) * (1.0 - t[0]) + f64::from(data[at + 1]) * t[0];
-        let sheet = |at: usize| line(at) * (1.0 - t[1]) + line(at + d[0]) * t[1];
-        sheet(at) * (1.0 - t[2]) + sheet(at + d[0] * d[1]) * t[2]
+        let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
+        let line = |at: usize| match data[at..] {
+            [low, high, ..] => mix(f64::from(low), f64::from(high), t[0]),
+            _ => 0.0,
+        };
+        let sheet = |at: usize| mix(line(at), line(at + d[0]), t[1]);
+        mix(sheet(at), sheet(at + d[0] * d[1]), t[2])
+    }
+
+    /// Where the first cell of `other`, a field on the same lattice, lies in this one.
+    fn offset_of(&self, other: &Self) -> [isize; 3] {
+        let first = self.voxel_from_patient.point(other.volume.grid().centre(0, 0, 0)).to_array();
+        first.map(|x| x.round() as isize)
+    }
+
+    /// Applies `change` to each cell that this field shares with `other`, a field on the same lattice, and its value there.
+    fn combine(&mut self, other: &Self, change: impl Fn(&mut f32, f32)) {
+        let (d, e, offset) = (self.volume.grid().dims(), other.volume.grid().dims(), self.offset_of(other));
+        let low = offset.map(|o| o.max(0) as usize);
+        let high: [usize; 3] = std::array::from_fn(|a| (offset[a] + e[a] as isize).clamp(0, d[a] as isize) as usize);
+        let there = |v: [usize; 3]| [0, 1, 2].map(|a| (v[a] as isize - offset[a]) as usize);
+        for k in low[2]..high[2] {
+            for j in low[1]..if low[0] < high[0] { high[1] } else { 0 } {
+                let [x, y, z] = there([low[0], j, k]);
+                let from = &other.volume.data()[other.volume.grid().index(x, y, z)..];
+                let first = self.volume.grid().index(low[0], j, k);
+                let row = &mut self.volume.data_mut()[first..first + high[0] - low[0]];
+                row.iter_mut().zip(from).for_each(|(v, &o)| change(v, o));
+            }
+        }
+    }
+
+    /// A field of one value on the same lattice and box.
+    fn filled_as(&self, value: f32) -> Self {
+        Self { volume: Volume::filled(*self.volume.grid(), value), ..*self }
     }
 
     /// The value and its gradient per mm inside the cell.
     pub(super) fn with_slope(&self, p: V3) -> (f64, V3) {
-        let Some((at, t)) = self.cell(p) else { return (0.0, [0.0; 3]) };
+        let Some((at, t)) = self.cell(p) else { return (self.outside, [0.0; 3]) };
         let d = self.volume.grid().dims();
         let data = self.volume.data();
         let line = |at: usize| {
@@ -85,6 +118,8 @@ pub(super) struct LabelFields {
     pub(super) union: Field,
     /// Each label but the last.
     pub(super) parts: Vec<Field>,
+    /// For each of `parts` how far it exceeds what remains for the last label: its surface with that is the zero level.
+    fronts: Vec<Field>,
     /// All labels, the remainder last; those absent from the volume are left out.
     pub(super) labels: Vec<u16>,
     /// Volume of each label's voxels, mm3.
@@ -112,14 +147,29 @@ impl LabelFields {
         let (at_border, union) = (union.at_border, smoothed(union));
         let parts = present[..present.len() - 1].iter();
         let parts = parts.map(|(k, e)| even(labels, &|l: T| l.into() == *k, e, step, MARGIN).map(smoothed));
+        let parts: Vec<Field> = parts.collect::<Option<_>>()?;
+        let fronts = parts.iter().map(|own| front(own, &rest_on(own, &union, &parts))).collect();
         Some(Self {
             union,
-            parts: parts.collect::<Option<_>>()?,
+            parts,
+            fronts,
             labels: present.iter().map(|p| p.0).collect(),
             volumes: present.iter().map(|p| p.1.count as f64 * labels.grid().voxel_volume()).collect(),
             at_border,
             step,
         })
+    }
+
+    /// Everything kept as one label, the last.
+    pub(super) fn as_one(&self) -> Self {
+        Self {
+            union: self.union.clone(),
+            parts: Vec::new(),
+            fronts: Vec::new(),
+            labels: self.labels.last().copied().into_iter().collect(),
+            volumes: vec![self.volumes.iter().sum()],
+            ..*self
+        }
     }
 
     /// Number of surfaces to cut: the outer one, then one for each label but the last.
@@ -129,21 +179,15 @@ impl LabelFields {
 
     /// Positive on the inner side of surface `s`: 0 is the outer one, `s` > 0 parts label `s - 1` from the labels after.
     pub(super) fn side(&self, s: usize, p: [f64; 3]) -> f64 {
-        let union = self.union.at(p);
         if s == 0 {
-            return union - 0.5;
+            return self.union.at(p) - 0.5;
         }
-        let (mut own, mut rest, mut other) = (0.0, union, f64::NEG_INFINITY);
-        for (i, part) in self.parts.iter().enumerate() {
-            let value = part.at(p);
-            rest -= value;
-            match i.cmp(&(s - 1)) {
-                std::cmp::Ordering::Equal => own = value,
-                std::cmp::Ordering::Greater => other = other.max(value),
-                std::cmp::Ordering::Less => {}
-            }
+        let mut side = self.fronts[s - 1].at(p);
+        if let Some(later) = self.parts.get(s..).filter(|l| !l.is_empty()) {
+            let own = self.parts[s - 1].at(p);
+            later.iter().for_each(|other| side = side.min(own - other.at(p)));
         }
-        own - other.max(rest)
+        side
     }
 
     /// Positive on the side of label `a`, zero on its surface with label `b` (`None`: with the outside); and the gradient
@@ -153,36 +197,32 @@ impl LabelFields {
             let (value, slope) = self.union.with_slope(p);
             return (value - 0.5, slope);
         };
-        let (one, two) = (self.value(usize::from(a), p), self.value(usize::from(b), p));
-        (one.0 - two.0, sub(one.1, two.1))
-    }
-
-    fn value(&self, l: usize, p: V3) -> (f64, V3) {
-        let rest = |sum: (f64, V3), part: &Field| {
-            let (value, slope) = part.with_slope(p);
-            (sum.0 - value, sub(sum.1, slope))
-        };
-        match self.parts.get(l) {
-            Some(part) => part.with_slope(p),
-            None => self.parts.iter().fold(self.union.with_slope(p), rest),
+        match (self.parts.get(usize::from(a)), self.parts.get(usize::from(b))) {
+            (Some(one), Some(two)) => {
+                let (one, two) = (one.with_slope(p), two.with_slope(p));
+                (one.0 - two.0, sub(one.1, two.1))
+            }
+            (Some(_), None) => self.fronts[usize::from(a)].with_slope(p),
+            (None, _) => {
+                let (value, slope) = self.fronts[usize::from(b)].with_slope(p);
+                (-value, slope.map(|x| -x))
+            }
         }
     }
 
-    /// Positive inside label `l`, the distance in field values to the next label or to the outside.
-    pub(super) fn margin(&self, l: usize, p: [f64; 3]) -> f64 {
-        let union = self.union.at(p);
-        let (mut own, mut rest, mut other) = (0.0, union, f64::NEG_INFINITY);
-        for (i, part) in self.parts.iter().enumerate() {
-            let value = part.at(p);
-            rest -= value;
-            if i == l { own = value } else { other = other.max(value) }
+    /// Label `l` on its own lattice: positive inside, the difference in field values to the next label or to the outside.
+    pub(super) fn margins(&self, l: usize) -> Volume<f32> {
+        let own = self.parts.get(l);
+        let like = own.unwrap_or(&self.union);
+        let rest = rest_on(like, &self.union, &self.parts);
+        let mut others = if own.is_some() { rest.clone() } else { like.filled_as(f32::NEG_INFINITY) };
+        for (_, part) in self.parts.iter().enumerate().filter(|(m, _)| *m != l) {
+            others.combine(part, |most, value| *most = most.max(value));
         }
-        if l == self.parts.len() {
-            own = rest;
-        } else {
-            other = other.max(rest);
-        }
-        (own - other).min(union - 0.5)
+        let mut margin = own.cloned().unwrap_or(rest);
+        margin.combine(&others, |value, other| *value -= other);
+        margin.combine(&self.union, |value, union| *value = value.min(union - 0.5));
+        margin.volume
     }
 
     /// Index of the label at a point; `None` outside of all.
@@ -201,6 +241,21 @@ impl LabelFields {
         }
         Some(if rest >= best.1 { self.parts.len() } else { best.0 })
     }
+}
+
+/// What remains of everything kept without the parts, on the lattice of `like`.
+fn rest_on(like: &Field, union: &Field, parts: &[Field]) -> Field {
+    let mut rest = like.filled_as(0.0);
+    rest.combine(union, |value, union| *value = union);
+    parts.iter().for_each(|part| rest.combine(part, |value, part| *value -= part));
+    rest
+}
+
+/// `own - rest`. Far from a label the rest is all there is.
+fn front(own: &Field, rest: &Field) -> Field {
+    let mut front = own.clone();
+    front.combine(rest, |value, rest| *value -= rest);
+    Field { outside: -1.0, ..front }
 }
 
 /// `2 G - G G`: a Gaussian made to keep second moments, so that it takes the steps off without shrinking the round.

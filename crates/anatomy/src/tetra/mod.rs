@@ -3,6 +3,8 @@
 //! The route: smooth fields of the labels, a size field from distances, a graded body-centred-cubic lattice over a
 //! balanced octree, cutting along all label surfaces in one global order, local improvement.
 
+mod adjacency;
+mod coarse;
 mod cut;
 mod fields;
 mod improve;
@@ -43,6 +45,9 @@ pub struct MeshOptions {
     pub keep: Vec<u16>,
     /// Labels to be fine in and around.
     pub fine: Vec<u16>,
+    /// Densities of labels relative to 1, the others': how many more elements a volume of them gets, as soft tissue that
+    /// deforms strongly deserves (Kim, Kwon and Shin 2021). Edges are shorter by the cube root.
+    pub density: Vec<(u16, f64)>,
     /// A planned path to be fine along, e.g. entry and target.
     pub path: Option<[Point<Patient>; 2]>,
     /// Wanted number of elements.
@@ -62,6 +67,7 @@ impl MeshOptions {
         Self {
             keep: keep.to_vec(),
             fine: fine.to_vec(),
+            density: Vec::new(),
             path: None,
             elements,
             growth: 0.5,
@@ -134,10 +140,11 @@ pub enum MeshError {
 /// Meshes the labels in `options.keep` of a label volume.
 ///
 /// Faces conform between all labels and at the outer surface; elements carry the values of the volume as labels; all
-/// have positive volume. The same input gives the same bits on any number of threads.
+/// have positive volume. Where there are too few elements for the surfaces of the inner labels, these become coarse regions
+/// of about their volume, and the report says so. The same input gives the same bits on any number of threads.
 ///
 /// # Errors
-/// Nothing to mesh, options out of range, or a count that cannot be met within 5 %.
+/// Nothing to mesh, options out of range, or a count that cannot be met within 2 %.
 pub fn mesh<T: Copy + Into<u16> + Sync>(
     labels: &Volume<T>,
     options: &MeshOptions,
@@ -190,23 +197,69 @@ pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
     let fields = LabelFields::new(labels, &options.keep).ok_or_else(empty)?;
     done(Stage::Fields);
     let fine: Vec<usize> = (0..fields.labels.len()).filter(|&i| options.fine.contains(&fields.labels[i])).collect();
-    let size = SizeField::new(&fields, &fine, options.path, options.growth, options.coarsest).ok_or_else(empty)?;
+    let size = SizeField::new(&fields, &fine, options).ok_or_else(empty)?;
     done(Stage::Size);
-    let start = to_count(&fields, &size, options.elements)?;
-    done(Stage::Cut);
-    let (raw, crumbs) = improved(start, &fields, &size, options.elements, &mut done);
-    let mesh = finish(raw, &fields);
+    let made = Made::conforming(&fields, &size, options.elements, &mut done)?;
+    let made = match made.is_good(&fields, options.elements) {
+        true => made,
+        false => Made::with_regions(&fields, &size, options.elements, &mut done)?,
+    };
     done(Stage::Improve);
-    let found = mesh.tets.len();
-    if (found as f64 / options.elements as f64 - 1.0).abs() > 0.05 {
+    let found = made.raw.tets.len();
+    if !made.has_count(options.elements) {
         return Err(MeshError::Count { wanted: options.elements, found });
     }
-    let report = report::report(&mesh, &fields, &size, &crumbs);
+    let mesh = finish(made.raw, &fields);
+    let report = report::report(&mesh, &fields, &size, &made.crumbs, made.regions);
     done(Stage::Report);
     if options.strict {
         strictly(&mesh, &report)?;
     }
     Ok((mesh, report))
+}
+
+/// A mesh and how it was made.
+struct Made {
+    raw: RawMesh,
+    crumbs: Vec<Crumb>,
+    /// Whether the inner labels are regions without surfaces of their own.
+    regions: bool,
+}
+
+impl Made {
+    /// With faces along all label surfaces.
+    fn conforming(
+        fields: &LabelFields,
+        size: &SizeField,
+        wanted: usize,
+        done: &mut impl FnMut(Stage),
+    ) -> Result<Self, MeshError> {
+        let start = to_count(fields, size, wanted)?;
+        done(Stage::Cut);
+        let (raw, crumbs) = improved(start, fields, size, wanted, done);
+        Ok(Self { raw, crumbs, regions: false })
+    }
+
+    /// With faces along the outer surface only.
+    fn with_regions(
+        fields: &LabelFields,
+        size: &SizeField,
+        wanted: usize,
+        done: &mut impl FnMut(Stage),
+    ) -> Result<Self, MeshError> {
+        let made = Self::conforming(&fields.as_one(), size, wanted, done)?;
+        let mut raw = made.raw;
+        coarse::label_regions(&mut raw, fields);
+        Ok(Self { raw, regions: true, ..made })
+    }
+
+    fn has_count(&self, wanted: usize) -> bool {
+        (self.raw.tets.len() as f64 / wanted as f64 - 1.0).abs() <= COUNT
+    }
+
+    fn is_good(&self, fields: &LabelFields, wanted: usize) -> bool {
+        fields.parts.is_empty() || (self.has_count(wanted) && !coarse::is_lost(&self.raw, fields))
+    }
 }
 
 /// Refuses surfaces that are not two-manifold, or of another topology than the labels.
@@ -263,6 +316,9 @@ fn check(options: &MeshOptions) -> Result<(), MeshError> {
     };
     let (low, high) = (*ELEMENTS.start() as f64, *ELEMENTS.end() as f64);
     rule("elements", options.elements as f64, low, high, "between 500 and 20 million")?;
+    for &(_, density) in &options.density {
+        rule("density", density, 0.01, 100.0, "between 0.01 and 100")?;
+    }
     rule("growth", options.growth, 0.01, 2.0, "between 0.01 and 2 mm a mm")?;
     rule("coarsest", options.coarsest, 1.0, 64.0, "between 1 and 64 times the finest")
 }
@@ -272,9 +328,15 @@ const SURPLUS: f64 = 1.22;
 /// The count of the lattice may miss its aim by this part: coarsening does the rest.
 const NEAR: f64 = 0.06;
 const MOST_TRIES: usize = 8;
-/// Elements a lattice should have at least so that it does not miss thin parts; below, surfaces are coarsened too
-/// (but not to less than a quarter).
-const LEAST_LATTICE: f64 = 20_000.0;
+/// Cutting adds elements in proportion to the surface, so the first guess is this over the cube root of the count more
+/// than the lattice's own.
+const CUT: f64 = 20.0;
+/// Elements a lattice should have at least so that it does not miss thin parts; below, surfaces are coarsened too,
+const LEAST_LATTICE: f64 = 40_000.0;
+/// but not by more than this factor.
+const MOST_COARSER: f64 = 8.0;
+/// The count is met within this part.
+const COUNT: f64 = 0.02;
 
 /// A cut lattice and the finest edges wanted in it and in the mesh to be made of it.
 struct Start {
@@ -285,8 +347,8 @@ struct Start {
 
 /// Finds the finest edge that gives the count with its surplus; a mesh that cannot have it is left as near as it comes.
 fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<Start, MeshError> {
-    let aim = (wanted as f64 * SURPLUS).max(LEAST_LATTICE.min(4.0 * wanted as f64));
-    let mut ratio = 1.0;
+    let aim = (wanted as f64 * SURPLUS).max(LEAST_LATTICE.min(MOST_COARSER * wanted as f64));
+    let mut ratio = 1.0 + CUT / aim.cbrt();
     let mut best: Option<Start> = None;
     let mut last: Option<(f64, f64)> = None;
     let miss = |n: usize| (n as f64 / aim).ln();
@@ -342,14 +404,19 @@ fn improved(
     }
     done(Stage::Coarsen);
     work.improve();
-    if work.count() > wanted {
-        work.coarsen(size, &Coarse { limit: 3.0, sag: 0.1, floor: 0.3, ..inside });
-        work.improve();
+    for (sag, floor) in [(0.1, 0.3), (0.2, 0.28), (0.3, 0.26), (0.5, 0.24)] {
+        if work.count() > wanted {
+            work.coarsen(size, &Coarse { limit: 3.0, sag, floor, ..inside });
+            work.improve();
+        }
     }
     work.restore_volumes(&fields.volumes, 3, 0.40);
     work.finish();
     work.restore_volumes(&fields.volumes, 3, 0.47);
-    (work.into_raw(), crumbs)
+    let mut raw = work.into_raw();
+    // Changes of surfaces are checked one by one above, but not everything where three labels meet.
+    repair::repair(&mut raw, fields.labels.len() as u8, 0.0);
+    (raw, crumbs)
 }
 
 /// Bisects for the finest edge whose estimated count is `count`.

@@ -21,10 +21,11 @@ pub(super) fn quality([a, b, c, d]: [V3; 4]) -> f64 {
     let squares = [dot(na, na), dot(nb, nb), dot(nc, nc), dot(nd, nd)];
     let areas2: f64 = squares.iter().map(|n| n.sqrt()).sum();
     let ratio = 6.0 * volume6 * volume6 / (areas2 * dot(r, r).sqrt());
-    // sin = 3 V l / (2 A1 A2) = 6V l / (2A1 2A2); the faces at edge ab are those opposite c and d, and so on.
+    // sin = 3 V l / (2 A1 A2) = 6V l / (2A1 2A2); the faces at edge ab are those opposite c and d, and so on. One division
+    // for all six: each is expanded by the two other faces.
     let [na, nb, nc, nd] = squares;
-    let products = [nc * nd, nb * nd, nb * nc, na * nd, na * nc, na * nb];
-    let least = (0..6).map(|i| l[i] / products[i]).fold(f64::INFINITY, f64::min);
+    let others = [na * nb, na * nc, na * nd, nb * nc, nb * nd, nc * nd];
+    let least = (0..6).map(|i| l[i] * others[i]).fold(f64::INFINITY, f64::min) / (others[0] * others[5]);
     (volume6 * volume6 * least).min(ratio).sqrt()
 }
 

@@ -1,31 +1,14 @@
-//! Making each label's surface two-manifold after the cuts, and dropping crumbs.
+//! Making each label's surface two-manifold, and dropping crumbs.
 
-use super::cut::{Incidence, OUTSIDE, RawMesh, drop_outside};
+use super::adjacency::{Incidence, OUT, neighbours};
+use super::cut::{OUTSIDE, RawMesh, drop_outside};
+use super::vec3::volume6;
 
 /// Rounds at most; each may uncover a few new places.
 const ROUNDS: usize = 24;
 /// Rounds in which as little as possible is relabelled. Two labels may then pass elements to and fro for ever; later rounds
 /// give all that is around such a point to one of them.
 const GENTLE: usize = 6;
-
-/// Relabels the smaller part wherever a label (or what lies around it) meets itself in a point or edge only, and pieces
-/// of a label too small to matter: below `crumb` mm3 and a hundredth of the label.
-///
-/// Returns the pieces given away.
-pub(super) fn repair(mesh: &mut RawMesh, labels: u8, crumb: f64) -> Vec<Crumb> {
-    let mut given = Vec::new();
-    for round in 0..ROUNDS {
-        let changed = crumbs(mesh, labels, crumb, if round == 0 { Some(&mut given) } else { None })
-            + pinches(mesh, round >= GENTLE);
-        if mesh.labels.contains(&OUTSIDE) {
-            drop_outside(mesh);
-        }
-        if changed == 0 && round > 0 {
-            break;
-        }
-    }
-    given
-}
 
 /// A separate piece of a label that was too small to keep.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,177 +19,233 @@ pub(super) struct Crumb {
     pub(super) volume: f64,
 }
 
-/// "No element": the outside.
-const OUT: u32 = u32::MAX;
-
-/// Every face of every element, sorted: equal faces follow each other.
-fn sorted_faces(mesh: &RawMesh) -> Vec<([u32; 3], u32)> {
-    const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]];
-    let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(mesh.tets.len() * 4);
-    for (i, t) in mesh.tets.iter().enumerate() {
-        for f in FACES {
-            let mut key = f.map(|c| t[c]);
-            key.sort_unstable();
-            faces.push((key, i as u32));
+/// Relabels the smaller part wherever a label (or what lies around it) meets itself in a point or edge only, and pieces
+/// of a label too small to matter: below `crumb` mm3 and a hundredth of the label.
+///
+/// Returns the pieces given away.
+pub(super) fn repair(mesh: &mut RawMesh, labels: u8, crumb: f64) -> Vec<Crumb> {
+    let mut r = Repair::new(mesh);
+    let mut given = Vec::new();
+    let mut points: Vec<u32> = (0..r.mesh.points.len() as u32).collect();
+    for round in 0..ROUNDS {
+        r.crumbs(labels, crumb, if round == 0 { Some(&mut given) } else { None });
+        if round > 0 {
+            points.extend(r.changed.iter().flat_map(|&t| r.mesh.tets[t as usize]));
+            points.sort_unstable();
+            points.dedup();
         }
-    }
-    faces.sort_unstable();
-    faces
-}
-
-/// Elements on the two sides of each face.
-fn face_pairs(mesh: &RawMesh) -> Vec<(u32, u32)> {
-    let faces = sorted_faces(mesh);
-    faces.chunk_by(|a, b| a.0 == b.0).map(|c| (c[0].1, c.get(1).map_or(OUT, |x| x.1))).collect()
-}
-
-fn volume(mesh: &RawMesh, t: u32) -> f64 {
-    super::vec3::volume6(mesh.corners(mesh.tets[t as usize])) / 6.0
-}
-
-/// Gives small separate pieces of a label to their commonest neighbour, and lists them.
-fn crumbs(mesh: &mut RawMesh, labels: u8, crumb: f64, list: Option<&mut Vec<Crumb>>) -> usize {
-    let pairs = face_pairs(mesh);
-    let mut sets = Sets::new(mesh.tets.len());
-    for &(a, b) in pairs.iter().filter(|p| p.1 != OUT) {
-        if mesh.labels[a as usize] == mesh.labels[b as usize] {
-            sets.join(a, b);
+        r.changed.clear();
+        r.pinches(&points, round >= GENTLE);
+        if r.changed.is_empty() {
+            break;
         }
+        points = r.changed.iter().flat_map(|&t| r.mesh.tets[t as usize]).collect();
     }
-    let mut size = vec![0.0; mesh.tets.len()];
-    let mut whole = vec![0.0; usize::from(labels)];
-    for t in 0..mesh.tets.len() as u32 {
-        let v = volume(mesh, t);
-        size[sets.root(t) as usize] += v;
-        whole[usize::from(mesh.labels[t as usize])] += v;
+    if mesh.labels.contains(&OUTSIDE) {
+        drop_outside(mesh);
     }
-    let roots: Vec<u32> = (0..mesh.tets.len() as u32).map(|t| sets.root(t)).collect();
-    let small = |t: u32, labels: &[u8]| {
-        let s = size[roots[t as usize] as usize];
-        s < crumb && s < 0.01 * whole[usize::from(labels[t as usize])]
-    };
-    if let Some(list) = list {
-        let roots = (0..mesh.tets.len() as u32).filter(|&t| size[t as usize] > 0.0 && small(t, &mesh.labels));
-        list.extend(roots.map(|t| Crumb { label: mesh.labels[t as usize], volume: size[t as usize] }));
+    given
+}
+
+/// Elements labelled [`OUTSIDE`] meanwhile count as not there.
+struct Repair<'a> {
+    mesh: &'a mut RawMesh,
+    around: Incidence,
+    behind: Vec<[u32; 4]>,
+    volumes: Vec<f64>,
+    /// Elements relabelled since the last look.
+    changed: Vec<u32>,
+}
+
+impl<'a> Repair<'a> {
+    fn new(mesh: &'a mut RawMesh) -> Self {
+        let around = Incidence::new(&mesh.tets, mesh.points.len());
+        let behind = neighbours(&mesh.tets, mesh.points.len());
+        let volumes = mesh.tets.iter().map(|&t| volume6(mesh.corners(t)) / 6.0).collect();
+        Self { mesh, around, behind, volumes, changed: Vec::new() }
     }
-    let mut new: Vec<(u32, u8)> = Vec::new();
-    for &(a, b) in &pairs {
-        let other = |x: u32| if x == OUT { OUTSIDE } else { mesh.labels[x as usize] };
-        if b == OUT || mesh.labels[a as usize] != mesh.labels[b as usize] {
-            if small(a, &mesh.labels) {
-                new.push((a, other(b)));
+
+    fn label(&self, t: u32) -> u8 {
+        if t == OUT { OUTSIDE } else { self.mesh.labels[t as usize] }
+    }
+
+    fn relabel(&mut self, t: u32, label: u8) {
+        self.mesh.labels[t as usize] = label;
+        self.changed.push(t);
+    }
+
+    /// Gives small separate pieces of a label to their neighbours, and lists them.
+    fn crumbs(&mut self, labels: u8, crumb: f64, list: Option<&mut Vec<Crumb>>) {
+        let count = self.mesh.tets.len() as u32;
+        let mut sets = Sets::new(count as usize);
+        for t in 0..count {
+            let own = self.label(t);
+            for b in self.behind[t as usize] {
+                if b != OUT && b > t && own != OUTSIDE && self.label(b) == own {
+                    sets.join(t, b);
+                }
             }
-            if b != OUT && small(b, &mesh.labels) {
-                new.push((b, other(a)));
+        }
+        let mut size = vec![0.0; count as usize];
+        let mut whole = vec![0.0; usize::from(labels)];
+        let roots: Vec<u32> = (0..count).map(|t| sets.root(t)).collect();
+        for t in (0..count).filter(|&t| self.label(t) != OUTSIDE) {
+            size[roots[t as usize] as usize] += self.volumes[t as usize];
+            whole[usize::from(self.label(t))] += self.volumes[t as usize];
+        }
+        let small = |t: u32| {
+            let (s, label) = (size[roots[t as usize] as usize], self.label(t));
+            label != OUTSIDE && s < crumb && s < 0.01 * whole[usize::from(label)]
+        };
+        if let Some(list) = list {
+            let roots = (0..count).filter(|&t| roots[t as usize] == t && small(t));
+            list.extend(roots.map(|t| Crumb { label: self.label(t), volume: size[t as usize] }));
+        }
+        // From the rim inwards; the rounds do the rest. Inner labels are preferred to the outside.
+        let rim =
+            |t: u32| self.behind[t as usize].map(|b| self.label(b)).into_iter().filter(|&l| l != self.label(t)).min();
+        let new: Vec<(u32, u8)> = (0..count).filter(|&t| small(t)).filter_map(|t| Some((t, rim(t)?))).collect();
+        new.into_iter().for_each(|(t, l)| self.relabel(t, l));
+    }
+
+    /// Relabels the smaller part of a label, or of its complement, around each of the points where it is in two pieces.
+    fn pinches(&mut self, points: &[u32], firmly: bool) {
+        let mut star = Vec::new();
+        for &v in points {
+            star.clear();
+            star.extend(self.around.of(v).iter().copied().filter(|&t| self.label(t) != OUTSIDE));
+            let Some(&first) = star.first() else { continue };
+            let outside = self.outside_pieces(v, &star);
+            if !outside.is_empty() || star.iter().any(|&t| self.label(t) != self.label(first)) {
+                self.unpinch(&star, &outside, firmly);
             }
         }
     }
-    // Element by element from the rim inwards; the rounds do the rest. Inner labels are preferred to the outside.
-    new.sort_unstable();
-    new.dedup_by_key(|x| x.0);
-    new.iter().for_each(|&(t, l)| mesh.labels[t as usize] = l);
-    new.len()
-}
 
-/// Relabels the smaller part of a label, or of its complement, around each point where it is in two pieces.
-fn pinches(mesh: &mut RawMesh, firmly: bool) -> usize {
-    let around = Incidence::new(mesh);
-    let outer = outer_faces(mesh);
-    let mut changed = 0;
-    for v in 0..mesh.points.len() as u32 {
-        let star = around.of(v);
-        let first = mesh.labels[star[0] as usize];
-        let on_rim = outer.binary_search_by_key(&v, |f| f.0).is_ok();
-        if !on_rim && star.iter().all(|&t| mesh.labels[t as usize] == first) {
-            continue;
+    /// The pieces of the outside around a point, each as the places in `star` of the elements that it touches: outer faces
+    /// at the point belong together where they share an edge with no third one.
+    fn outside_pieces(&self, v: u32, star: &[u32]) -> Vec<Vec<u32>> {
+        let mut ends: Vec<(u32, u32)> = Vec::new();
+        let mut owner: Vec<u32> = Vec::new();
+        for (a, &t) in star.iter().enumerate() {
+            let tet = self.mesh.tets[t as usize];
+            for i in (0..4).filter(|&i| tet[i] != v && self.label(self.behind[t as usize][i]) == OUTSIDE) {
+                let rim = (0..4).filter(|&k| k != i && tet[k] != v).map(|k| tet[k]);
+                ends.extend(rim.map(|x| (x, owner.len() as u32)));
+                owner.push(a as u32);
+            }
         }
-        changed += usize::from(unpinch(mesh, v, star, &outer, firmly));
+        ends.sort_unstable();
+        let mut sets = Sets::new(owner.len());
+        for pair in ends.chunk_by(|a, b| a.0 == b.0).filter(|c| c.len() == 2) {
+            sets.join(pair[0].1, pair[1].1);
+        }
+        let mut pieces: Vec<(u32, Vec<u32>)> = Vec::new();
+        for (f, &a) in owner.iter().enumerate() {
+            let root = sets.root(f as u32);
+            match pieces.iter_mut().find(|p| p.0 == root) {
+                Some(p) => p.1.push(a),
+                None => pieces.push((root, vec![a])),
+            }
+        }
+        pieces.into_iter().map(|p| p.1).collect()
     }
-    changed
-}
 
-/// `(point, element)` of outer faces, sorted: the element has an outer face at the point.
-fn outer_faces(mesh: &RawMesh) -> Vec<(u32, u32)> {
-    let faces = sorted_faces(mesh);
-    let single = faces.chunk_by(|a, b| a.0 == b.0).filter(|c| c.len() == 1).map(|c| c[0]);
-    let mut out: Vec<(u32, u32)> = single.flat_map(|(face, t)| face.map(|v| (v, t))).collect();
-    out.sort_unstable();
-    out.dedup();
-    out
-}
+    /// Looks at one point, label by label, until something had to be relabelled.
+    fn unpinch(&mut self, star: &[u32], outside: &[Vec<u32>], firmly: bool) {
+        let mut labels: Vec<u8> = star.iter().map(|&t| self.label(t)).collect();
+        labels.sort_unstable();
+        let commonest = labels.chunk_by(|a, b| a == b).max_by_key(|c| c.len()).map_or(OUTSIDE, |c| c[0]);
+        labels.dedup();
+        for &l in &labels {
+            let Some((elements, to)) = self.to_relabel(star, l, outside) else { continue };
+            if firmly && labels.len() > 1 {
+                star.iter().for_each(|&t| self.relabel(t, commonest));
+            } else {
+                elements.into_iter().for_each(|a| self.relabel(star[a as usize], to));
+            }
+            return;
+        }
+    }
 
-/// Looks at one point; true if something was relabelled.
-fn unpinch(mesh: &mut RawMesh, v: u32, star: &[u32], outer: &[(u32, u32)], firmly: bool) -> bool {
-    let mut labels: Vec<u8> = star.iter().map(|&t| mesh.labels[t as usize]).collect();
-    labels.sort_unstable();
-    let kept = labels.chunk_by(|a, b| a == b).filter(|c| c[0] != OUTSIDE);
-    let commonest = kept.max_by_key(|c| c.len()).map(|c| c[0]);
-    labels.dedup();
-    let several = labels.len() > 1;
-    for l in labels {
-        let inside = |t: u32| mesh.labels[t as usize] == l;
-        // The outside is one more element, after the last, that belongs to the complement.
+    /// Around a point, what to relabel where label `l` or the rest is in several pieces (as places in `star`): the smallest
+    /// piece of the label, else the smallest of the rest that has nothing of the outside, else what parts two pieces of the
+    /// outside.
+    fn to_relabel(&self, star: &[u32], l: u8, outside: &[Vec<u32>]) -> Option<(Vec<u32>, u8)> {
         let n = star.len();
-        let mut sets = Sets::new(n + 1);
-        for a in 0..n {
-            for b in a + 1..n {
-                if inside(star[a]) == inside(star[b]) && share_face(mesh, star[a], star[b]) {
+        let inside = |a: u32| self.label(star[a as usize]) == l;
+        let mut sets = self.pieces(star, inside, outside);
+        let open: Vec<u32> = (0..outside.len()).map(|k| sets.root((n + k) as u32)).collect();
+        let mut pieces: Vec<(f64, u32, bool)> = Vec::new();
+        for a in 0..(n + outside.len()) as u32 {
+            let (root, own) = (sets.root(a), (a as usize) < n);
+            let volume = if own { self.volumes[star[a as usize] as usize] } else { 0.0 };
+            match pieces.iter_mut().find(|p| p.1 == root) {
+                Some(p) => p.0 += volume,
+                None => pieces.push((volume, root, own && inside(a))),
+            }
+        }
+        let count = |side: bool| pieces.iter().filter(|p| p.2 == side).count();
+        let side = count(true) > 1;
+        if !side && count(false) < 2 {
+            return None;
+        }
+        let fillable = pieces.iter().filter(|p| p.2 == side && !open.contains(&p.1));
+        match fillable.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))) {
+            Some(&(_, root, _)) => {
+                let to = if side { self.other_label(star, l) } else { l };
+                Some(((0..n as u32).filter(|&a| sets.root(a) == root).collect(), to))
+            }
+            None => Some((self.between(star, &outside[0], |a| outside[1..].iter().any(|o| o.contains(&a)))?, OUTSIDE)),
+        }
+    }
+
+    /// The pieces of a label and of the rest around a point. Those of the outside are further elements, after the last, that
+    /// belong to the rest.
+    fn pieces(&self, star: &[u32], inside: impl Fn(u32) -> bool, outside: &[Vec<u32>]) -> Sets {
+        let n = star.len();
+        let mut sets = Sets::new(n + outside.len());
+        for (a, &t) in star.iter().enumerate() {
+            for (b, &u) in star.iter().enumerate().skip(a + 1) {
+                if inside(a as u32) == inside(b as u32) && self.behind[t as usize].contains(&u) {
                     sets.join(a as u32, b as u32);
                 }
             }
-            if !inside(star[a]) && outer.binary_search(&(v, star[a])).is_ok() {
-                sets.join(a as u32, n as u32);
-            }
         }
-        let has_outside = outer.binary_search_by_key(&v, |f| f.0).is_ok();
-        let mut pieces: Vec<(f64, u32, bool)> = Vec::new();
-        for a in 0..n as u32 {
-            let root = sets.root(a);
-            let size = volume(mesh, star[a as usize]);
-            match pieces.iter_mut().find(|p| p.1 == root) {
-                Some(p) => p.0 += size,
-                None => pieces.push((size, root, inside(star[a as usize]))),
-            }
+        for (k, touched) in outside.iter().enumerate() {
+            touched.iter().filter(|&&a| !inside(a)).for_each(|&a| sets.join(a, (n + k) as u32));
         }
-        let outside_root = sets.root(n as u32);
-        let count = |side: bool| pieces.iter().filter(|p| p.2 == side).count();
-        let extra = usize::from(has_outside && !pieces.iter().any(|p| p.1 == outside_root));
-        let side = match (count(true) > 1, count(false) + extra > 1) {
-            (true, _) => true,
-            (false, true) => false,
-            _ => continue,
-        };
-        if let (true, true, Some(to)) = (firmly, several, commonest) {
-            star.iter().for_each(|&t| mesh.labels[t as usize] = to);
-            return true;
-        }
-        // The piece joined with the outside cannot be filled.
-        let smallest = pieces
-            .iter()
-            .filter(|p| p.2 == side && (side || !has_outside || p.1 != outside_root))
-            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let Some(&(_, root, _)) = smallest else { continue };
-        let to = if side { other_label(mesh, star, l) } else { l };
-        for a in 0..n as u32 {
-            if sets.root(a) == root {
-                mesh.labels[star[a as usize] as usize] = to;
-            }
-        }
-        return true;
+        sets
     }
-    false
-}
 
-/// The label with most elements around a point besides `l`; the outside if there is none.
-fn other_label(mesh: &RawMesh, star: &[u32], l: u8) -> u8 {
-    let mut others: Vec<u8> = star.iter().map(|&t| mesh.labels[t as usize]).filter(|&x| x != l).collect();
-    others.sort_unstable();
-    others.chunk_by(|a, b| a == b).max_by_key(|c| c.len()).map_or(OUTSIDE, |c| c[0])
-}
+    /// The shortest way from one of the places `from` in a star to one of those that `ends`, face to face.
+    fn between(&self, star: &[u32], from: &[u32], ends: impl Fn(u32) -> bool) -> Option<Vec<u32>> {
+        let mut before = vec![OUT; star.len()];
+        let mut queue: Vec<u32> = from.to_vec();
+        queue.iter().for_each(|&a| before[a as usize] = a);
+        let mut at = 0;
+        while let Some(&a) = queue.get(at) {
+            if ends(a) {
+                let step = |&x: &u32| Some(before[x as usize]).filter(|&y| y != x);
+                return Some(std::iter::successors(Some(a), step).collect());
+            }
+            for (b, &u) in star.iter().enumerate() {
+                if before[b] == OUT && self.behind[star[a as usize] as usize].contains(&u) {
+                    before[b] = a;
+                    queue.push(b as u32);
+                }
+            }
+            at += 1;
+        }
+        None
+    }
 
-fn share_face(mesh: &RawMesh, a: u32, b: u32) -> bool {
-    let other = mesh.tets[b as usize];
-    mesh.tets[a as usize].iter().filter(|v| other.contains(v)).count() == 3
+    /// The label with most elements around a point besides `l`; the outside if there is none.
+    fn other_label(&self, star: &[u32], l: u8) -> u8 {
+        let mut others: Vec<u8> = star.iter().map(|&t| self.label(t)).filter(|&x| x != l).collect();
+        others.sort_unstable();
+        others.chunk_by(|a, b| a == b).max_by_key(|c| c.len()).map_or(OUTSIDE, |c| c[0])
+    }
 }
 
 struct Sets(Vec<u32>);
@@ -227,5 +266,49 @@ impl Sets {
     fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.root(a), self.root(b));
         self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_geometry::{Point, TetMesh};
+
+    /// A cone without its core, of six elements that all meet in its tip.
+    fn hollow_cone() -> RawMesh {
+        let ring = |radius: f64, turn: f64| {
+            (0..3).map(move |i| {
+                let a = (f64::from(i) + turn) * std::f64::consts::TAU / 3.0;
+                [radius * a.cos(), radius * a.sin(), 1.0]
+            })
+        };
+        let points: Vec<_> = [[0.0; 3]].into_iter().chain(ring(0.3, 0.0)).chain(ring(1.0, 0.5)).collect();
+        let mut mesh = RawMesh { points, tets: Vec::new(), labels: vec![0; 6] };
+        for i in 0..3u32 {
+            let (a, b, c, d) = (1 + i, 1 + (i + 1) % 3, 4 + i, 4 + (i + 2) % 3);
+            for mut t in [[0, a, b, c], [0, a, c, d]] {
+                if volume6(mesh.corners(t)) < 0.0 {
+                    t.swap(2, 3);
+                }
+                mesh.tets.push(t);
+            }
+        }
+        mesh
+    }
+
+    fn topology(mesh: &RawMesh) -> monro_geometry::Topology {
+        let vertices = mesh.points.iter().map(|&p| Point::from_array(p)).collect();
+        let labels = mesh.labels.iter().map(|&l| u16::from(l)).collect();
+        TetMesh { vertices, tets: mesh.tets.clone(), labels }.surface(|_| true).topology()
+    }
+
+    #[test]
+    fn an_outer_surface_that_meets_itself_in_a_point_is_opened() {
+        let mut mesh = hollow_cone();
+        assert!(!topology(&mesh).is_manifold());
+        repair(&mut mesh, 1, 0.0);
+        let after = topology(&mesh);
+        assert!(after.is_closed() && after.is_manifold() && after.euler() == 2, "{after:?}");
+        assert_eq!(mesh.tets.len(), 4);
     }
 }

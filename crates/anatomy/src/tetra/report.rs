@@ -4,7 +4,7 @@ use super::fields::LabelFields;
 use super::repair::Crumb;
 use super::size::SizeField;
 use crate::surface::isosurface;
-use monro_geometry::{Bvh, Point, TetMesh, TriangleMesh, Volume};
+use monro_geometry::{Bvh, Point, TetMesh, TriangleMesh};
 use rayon::prelude::*;
 
 /// Points per surface and direction for the distances.
@@ -86,11 +86,19 @@ pub struct MeshReport {
     pub labels: Vec<LabelReport>,
     /// Something kept reaches the border of the volume and is cut there.
     pub open_at_border: bool,
+    /// There were too few elements for surfaces of the inner labels: they are regions of about their volume.
+    pub coarse_regions: bool,
     /// What a user should know: pieces given away, labels that lost their shape, volume or topology.
     pub remarks: Vec<String>,
 }
 
-pub(super) fn report(mesh: &TetMesh, fields: &LabelFields, size: &SizeField, crumbs: &[Crumb]) -> MeshReport {
+pub(super) fn report(
+    mesh: &TetMesh,
+    fields: &LabelFields,
+    size: &SizeField,
+    crumbs: &[Crumb],
+    coarse_regions: bool,
+) -> MeshReport {
     let shapes: Vec<_> = (0..mesh.tets.len()).into_par_iter().map(|t| mesh.quality(t)).collect();
     let mut low: Vec<f64> = shapes.iter().map(|q| q.min_dihedral.to_degrees()).collect();
     let mut ratio: Vec<f64> = shapes.iter().map(|q| q.radius_ratio).collect();
@@ -109,7 +117,8 @@ pub(super) fn report(mesh: &TetMesh, fields: &LabelFields, size: &SizeField, cru
         radius_ratio_median: at(&ratio, 50),
         core_edge_mean,
         edge_bands,
-        remarks: remarks(&labels, crumbs),
+        coarse_regions,
+        remarks: remarks(&labels, crumbs, coarse_regions),
         labels,
         open_at_border: fields.at_border,
     }
@@ -120,8 +129,11 @@ const VOLUME_ERROR: f64 = 0.01;
 /// Beyond this mean distance, mm, the surface of a label is.
 const SURFACE_ERROR: f64 = 1.5;
 
-fn remarks(labels: &[LabelReport], crumbs: &[Crumb]) -> Vec<String> {
+fn remarks(labels: &[LabelReport], crumbs: &[Crumb], coarse_regions: bool) -> Vec<String> {
     let mut all = Vec::new();
+    if coarse_regions {
+        all.push("too few elements for the surfaces of the inner labels: only the outer surface is followed, the labels are coarse regions of about their volume, which may touch themselves in edges and points".into());
+    }
     for (i, l) in labels.iter().enumerate() {
         let of_label = || crumbs.iter().filter(|c| usize::from(c.label) == i);
         let (pieces, volume) = (of_label().count(), of_label().map(|c| c.volume).sum::<f64>());
@@ -138,6 +150,9 @@ fn remarks(labels: &[LabelReport], crumbs: &[Crumb]) -> Vec<String> {
                 "label {}: its surface has Euler number {} in {} piece(s), that of the labels {} in {}",
                 l.label, l.euler, l.surfaces, l.euler_labels, l.surfaces_labels
             ));
+        }
+        if !(coarse_regions || l.closed && l.manifold) {
+            all.push(format!("label {}: its surface is not two-manifold", l.label));
         }
         if l.volume_error.abs() > VOLUME_ERROR {
             all.push(format!("label {}: {:+.1} % of its volume", l.label, l.volume_error * 100.0));
@@ -166,7 +181,7 @@ fn spacing(mesh: &TetMesh, size: &SizeField) -> (Vec<EdgeBand>, f64) {
 fn label_report(mesh: &TetMesh, fields: &LabelFields, l: usize) -> LabelReport {
     let label = fields.labels[l];
     let surface = mesh.surface(|x| x == label);
-    let truth = label_isosurface(fields, l);
+    let truth = without_specks(isosurface(&fields.margins(l), 0.0), fields.step.powi(3));
     let (found, wanted) = (surface.topology(), truth.topology());
     let volume = mesh.label_volume(label);
     LabelReport {
@@ -184,17 +199,20 @@ fn label_report(mesh: &TetMesh, fields: &LabelFields, l: usize) -> LabelReport {
     }
 }
 
-/// The surface of one label of the smoothed fields, by marching cubes on their own lattice.
-fn label_isosurface(fields: &LabelFields, l: usize) -> TriangleMesh {
-    let source = fields.parts.get(l).unwrap_or(&fields.union).volume();
-    let grid = *source.grid();
-    let value = |at: usize| {
-        let [i, j, k] = grid.voxel(at);
-        let p = grid.centre(i, j, k).to_array();
-        fields.margin(l, p) as f32
-    };
-    let data: Vec<f32> = (0..grid.len()).into_par_iter().map(value).collect();
-    Volume::new(grid, data).map(|v| isosurface(&v, 0.0)).unwrap_or_default()
+/// Drops pieces that enclose less than `volume` mm3: crumbs of the smoothing, smaller than a cell.
+fn without_specks(mut surface: TriangleMesh, volume: f64) -> TriangleMesh {
+    let (piece, count) = surface.components();
+    if count < 2 {
+        return surface;
+    }
+    let mut volumes = vec![0.0; count];
+    for (t, &p) in piece.iter().enumerate() {
+        let [a, b, c] = surface.corners(t).map(|p| p - Point::ORIGIN);
+        volumes[p as usize] += a.dot(b.cross(c)) / 6.0;
+    }
+    let mut each = piece.iter();
+    surface.triangles.retain(|_| each.next().is_some_and(|&p| volumes[p as usize].abs() >= volume));
+    surface
 }
 
 fn distances(a: &TriangleMesh, b: &TriangleMesh) -> Option<InterfaceDistance> {

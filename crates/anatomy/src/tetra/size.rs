@@ -1,9 +1,11 @@
 //! How long edges should be where.
 
+use super::MeshOptions;
 use super::fields::LabelFields;
-use super::thickness::thickness_cap;
+use super::thickness::{spread, thickness_cap};
 use crate::surface::distance::squared_distance;
 use monro_geometry::{Grid, Patient, Point, Volume};
+use rayon::prelude::*;
 
 /// Cell of the lattice on which the size is kept, mm.
 const STEP: f64 = 1.8;
@@ -11,6 +13,8 @@ const STEP: f64 = 1.8;
 const CORE: f64 = 1.0;
 /// Thin places may ask for edges down to this part of the finest elsewhere.
 const THINNEST: f64 = 0.5;
+/// Edge length, mm, for which relative lengths change by the growth of lengths.
+const USUAL: f64 = 3.0;
 
 /// Distances from which the wanted edge length follows, with a free scale.
 #[derive(Debug, Clone)]
@@ -18,6 +22,8 @@ pub(super) struct SizeField {
     distance: super::fields::Field,
     /// Longest edge that thin places allow.
     cap: super::fields::Field,
+    /// Relative lengths of edges that densities ask for.
+    scale: Option<super::fields::Field>,
     /// Distances and caps inside the meshed region with the number of lattice cells that have them, for estimates.
     inside: Vec<(f32, f32, f32)>,
     growth: f64,
@@ -29,13 +35,8 @@ pub(super) struct SizeField {
 impl SizeField {
     /// Distances to the labels numbered in `fine` (indices into the fields' labels) and to the path. Edges grow by
     /// `growth` mm a mm up to `coarsest` times the finest. With nothing to be fine about, all edges are alike.
-    pub(super) fn new(
-        fields: &LabelFields,
-        fine: &[usize],
-        path: Option<[Point<Patient>; 2]>,
-        growth: f64,
-        coarsest: f64,
-    ) -> Option<Self> {
+    pub(super) fn new(fields: &LabelFields, fine: &[usize], options: &MeshOptions) -> Option<Self> {
+        let &MeshOptions { path, growth, coarsest, .. } = options;
         let corners = fields.union.volume().grid().corners().map(Point::to_array);
         let low: [f64; 3] = std::array::from_fn(|a| corners.iter().map(|c| c[a]).fold(f64::INFINITY, f64::min));
         let high: [f64; 3] = std::array::from_fn(|a| corners.iter().map(|c| c[a]).fold(f64::NEG_INFINITY, f64::max));
@@ -56,12 +57,15 @@ impl SizeField {
             grid.centre(i, j, k).to_array()
         };
         let cap = thickness_cap(fields, fine, 2.0 * growth, &grid);
+        let scale = density_scale(fields, &options.density, growth, &grid);
+        let elements = |at: usize| scale.as_ref().map_or(1.0, |s| s[at].powi(-3));
         let inside = (0..grid.len()).filter(|&at| fields.union.at(centre(at)) >= 0.5);
-        let mut inside = census(inside.map(|at| (distance[at], cap[at])));
+        let mut inside = census(inside.map(|at| (distance[at], cap[at], elements(at))));
         to_volume(&mut inside, fields.volumes.iter().sum());
         let distance = super::fields::Field::new(Volume::new(grid, distance).ok()?);
         let cap = super::fields::Field::new(Volume::new(grid, cap).ok()?);
-        Some(Self { distance, cap, inside, growth, coarsest, low, high })
+        let scale = scale.and_then(|s| Volume::new(grid, s).ok()).map(super::fields::Field::new);
+        Some(Self { distance, cap, scale, inside, growth, coarsest, low, high })
     }
 
     /// Box of the region, mm.
@@ -82,7 +86,7 @@ impl SizeField {
     /// Wanted edge length at `p` when the finest is `finest`; down to half of that in thin places.
     pub(super) fn edge(&self, p: [f64; 3], finest: f64) -> f64 {
         let p = self.clamped(p);
-        self.edge_at(self.distance.at(p), self.cap.at(p), finest)
+        self.edge_at(self.distance.at(p), self.cap.at(p), finest) * self.scale.as_ref().map_or(1.0, |s| s.at(p))
     }
 
     fn edge_at(&self, distance: f64, cap: f64, finest: f64) -> f64 {
@@ -99,23 +103,23 @@ impl SizeField {
     }
 }
 
-/// How many cells have about the same distance (to a quarter of a cell) and the same cap (to 0.2 mm, up to 40).
-fn census(cells: impl Iterator<Item = (f32, f32)>) -> Vec<(f32, f32, f32)> {
+/// How many cells (each with a weight) have about the same distance (to a quarter of a cell) and the same cap (to 0.2 mm, up to 40).
+fn census(cells: impl Iterator<Item = (f32, f32, f32)>) -> Vec<(f32, f32, f32)> {
     const CAPS: usize = 200;
     let (far, thick) = (STEP as f32 / 4.0, 0.2f32);
-    let mut counts: Vec<[u32; CAPS + 1]> = Vec::new();
-    for (distance, cap) in cells {
+    let mut counts: Vec<[f32; CAPS + 1]> = Vec::new();
+    for (distance, cap, weight) in cells {
         let (d, c) = ((distance / far) as usize, ((cap / thick) as usize).min(CAPS));
         if d >= counts.len() {
-            counts.resize(d + 1, [0; CAPS + 1]);
+            counts.resize(d + 1, [0.0; CAPS + 1]);
         }
-        counts[d][c] += 1;
+        counts[d][c] += weight;
     }
     let mut out = Vec::new();
     for (d, row) in counts.iter().enumerate() {
-        for (c, &n) in row.iter().enumerate().filter(|(_, n)| **n > 0) {
+        for (c, &n) in row.iter().enumerate().filter(|(_, n)| **n > 0.0) {
             let cap = if c == CAPS { super::thickness::THICK } else { (c as f32 + 0.5) * thick };
-            out.push(((d as f32 + if d == 0 { 0.0 } else { 0.5 }) * far, cap, n as f32));
+            out.push(((d as f32 + if d == 0 { 0.0 } else { 0.5 }) * far, cap, n));
         }
     }
     out
@@ -129,6 +133,24 @@ fn to_volume(inside: &mut Vec<(f32, f32, f32)>, volume: f64) {
     let cells: f64 = inside.iter().map(|c| f64::from(c.2)).sum();
     let scale = (volume / STEP.powi(3) / cells) as f32;
     inside.iter_mut().for_each(|c| c.2 *= scale);
+}
+
+/// Relative lengths of edges on a lattice: the inverse cube roots of the labels' densities, shorter ones reaching into
+/// longer by what `growth` allows. `None` where all are 1.
+fn density_scale(fields: &LabelFields, density: &[(u16, f64)], growth: f64, grid: &Grid) -> Option<Vec<f32>> {
+    let of = |label: u16| density.iter().find(|d| d.0 == label).map_or(1.0, |d| d.1.powf(-1.0 / 3.0) as f32);
+    let scales: Vec<f32> = fields.labels.iter().map(|&l| of(l)).collect();
+    if scales.iter().all(|&s| s == 1.0) {
+        return None;
+    }
+    let longest = scales.iter().copied().fold(0.0, f32::max);
+    let at = |at: usize| {
+        let [i, j, k] = grid.voxel(at);
+        fields.label_at(grid.centre(i, j, k).to_array()).map_or(longest, |l| scales[l])
+    };
+    let mut scale: Vec<f32> = (0..grid.len()).into_par_iter().map(at).collect();
+    spread(&mut scale, grid.dims(), grid.spacing()[0], growth / USUAL);
+    Some(scale)
 }
 
 fn mark_labels(fields: &LabelFields, fine: &[usize], grid: &Grid, sites: &mut [bool]) {

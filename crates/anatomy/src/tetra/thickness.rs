@@ -59,27 +59,42 @@ fn is_medial(d: &[f32], dims: [usize; 3], at: usize, step: f32) -> bool {
     })
 }
 
-/// Two sweeps over the array, each cell bounded by the neighbours already passed.
-fn spread(cap: &mut [f32], dims: [usize; 3], step: f64, growth: f64) {
-    let rise = |n: usize| {
-        let s = [n % 3, n / 3 % 3, n / 9];
-        ((s.iter().filter(|&&s| s != 1).count() as f64).sqrt() * step * growth) as f32
-    };
-    let rises: [f32; 27] = std::array::from_fn(rise);
-    let mut visit = |at: usize, half: std::ops::Range<usize>| {
-        let (i, j, k) = (at % dims[0], at / dims[0] % dims[1], at / (dims[0] * dims[1]));
-        if [(i, dims[0]), (j, dims[1]), (k, dims[2])].iter().any(|&(x, n)| x == 0 || x + 1 == n) {
-            return;
+/// Two sweeps over the rows of the array, each cell bounded by the neighbours already passed, `growth` more a mm.
+pub(super) fn spread(cap: &mut [f32], dims: [usize; 3], step: f64, growth: f64) {
+    let rise = [1.0f64, 2.0, 3.0].map(|n| (n.sqrt() * step * growth) as f32);
+    let inner: Vec<[usize; 2]> = (1..dims[2] - 1).flat_map(|k| (1..dims[1] - 1).map(move |j| [j, k])).collect();
+    let mut bound = vec![0f32; dims[0]];
+    for backwards in [false, true] {
+        let side = if backwards { 1 } else { -1 };
+        // Rows passed before this one: how far off in y and z.
+        let passed = [[-1, side], [0, side], [1, side], [side, 0]];
+        for at in 0..inner.len() {
+            let [j, k] = inner[if backwards { inner.len() - 1 - at } else { at }];
+            bound.fill(f32::INFINITY);
+            for [dj, dk] in passed {
+                let first = dims[0] * (j.wrapping_add_signed(dj) + dims[1] * k.wrapping_add_signed(dk));
+                let across = usize::from(dj != 0) + usize::from(dk != 0);
+                lower(&mut bound, &cap[first..first + dims[0]], rise[across - 1], rise[across]);
+            }
+            let first = dims[0] * (j + dims[1] * k);
+            sweep(&mut cap[first..first + dims[0]], &bound, rise[0], backwards);
         }
-        let base = at - (1 + dims[0] * (1 + dims[1]));
-        let mut low = cap[at];
-        for n in half {
-            let other = base + n % 3 + dims[0] * (n / 3 % 3 + dims[1] * (n / 9));
-            low = low.min(cap[other] + rises[n]);
-        }
-        cap[at] = low;
-    };
-    let count = dims.iter().product();
-    (0..count).for_each(|at| visit(at, 0..13));
-    (0..count).rev().for_each(|at| visit(at, 14..27));
+    }
+}
+
+/// Bounds the cells of a row by those of another, straight across and askew.
+fn lower(bound: &mut [f32], row: &[f32], straight: f32, askew: f32) {
+    let n = row.len();
+    bound.iter_mut().zip(row).for_each(|(b, &r)| *b = b.min(r + straight));
+    bound[1..].iter_mut().zip(row).for_each(|(b, &r)| *b = b.min(r + askew));
+    bound[..n - 1].iter_mut().zip(&row[1..]).for_each(|(b, &r)| *b = b.min(r + askew));
+}
+
+/// Along a row, each cell bounded by the one before.
+fn sweep(row: &mut [f32], bound: &[f32], rise: f32, backwards: bool) {
+    let n = row.len();
+    for i in 1..n - 1 {
+        let (at, before) = if backwards { (n - 1 - i, n - i) } else { (i, i - 1) };
+        row[at] = row[at].min(bound[at]).min(row[before] + rise);
+    }
 }

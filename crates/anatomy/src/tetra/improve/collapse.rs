@@ -3,6 +3,7 @@
 use super::super::vec3::{add, distance, scale};
 use super::ring::{LONGEST, Ring};
 use super::work::{OUTSIDE_BIT, Work};
+use monro_geometry::{Point, nearest_on_triangle};
 
 /// Longer rings than this are not collapsed (their link would have to be stored).
 const MOST_NEIGHBOURS: usize = 96;
@@ -24,12 +25,38 @@ impl Work<'_> {
             }
         }
         // A surface cannot go further than its point.
-        let near = distance(self.points[v as usize], self.points[w as usize]) <= sag;
-        if !inner && !near && !self.surface_keeps(v, w, sag) {
-            return false;
+        let length = distance(self.points[v as usize], self.points[w as usize]);
+        if !inner {
+            let near = length <= sag;
+            let drift = self.drift[v as usize] + if near { length } else { self.left_behind(v, w) };
+            if !near && (drift > sag || !self.surface_keeps(v, w, sag)) {
+                return false;
+            }
+            self.drift[w as usize] = self.drift[w as usize].max(drift);
         }
         self.merge(v, w, inner);
         true
+    }
+
+    /// How far `v` lies from the surface triangles that take the place of those around it: the tip of a horn must not be
+    /// merged away although what is left lies on the surface.
+    fn left_behind(&self, v: u32, w: u32) -> f64 {
+        let (from, to) = (self.points[v as usize], self.points[w as usize]);
+        let mut least = f64::INFINITY;
+        for &t in &self.stars[v as usize] {
+            let tet = self.tets[t as usize];
+            if tet.contains(&w) {
+                continue;
+            }
+            for &skip in tet.iter().filter(|&&x| x != v) {
+                let mut others = tet.iter().filter(|&&x| x != v && x != skip).map(|&x| self.points[x as usize]);
+                if let (Some(_), Some(a), Some(b)) = (self.face_pair(t, skip), others.next(), others.next()) {
+                    let near = nearest_on_triangle(Point::from_array(from), [a, b, to].map(Point::from_array));
+                    least = least.min(distance(near.to_array(), from));
+                }
+            }
+        }
+        least
     }
 
     fn merge(&mut self, v: u32, w: u32, inner: bool) {

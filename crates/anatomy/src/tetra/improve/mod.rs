@@ -2,6 +2,7 @@
 //!
 //! Every change must better the worst element it touches, so the passes can stop at any time.
 
+mod coarsen;
 mod collapse;
 mod relabel;
 mod relax;
@@ -9,8 +10,8 @@ mod ring;
 mod volume;
 mod work;
 
-use super::size::SizeField;
-use super::vec3::{distance, lerp};
+use super::vec3::distance;
+pub(super) use coarsen::Coarse;
 pub(super) use work::Work;
 
 /// Bars of the passes: elements below are worked on. 0.46 is the sine of 27 degrees.
@@ -20,7 +21,7 @@ const LAST_BARS: [f64; 3] = [0.40, 0.46, 0.485];
 /// Worst elements may be left to the last resorts below this bar: leaving the surface by a little, changing the label.
 const RESORT: f64 = 0.45;
 /// By how much of an edge they may leave the surface.
-const LOOSE: [f64; 6] = [0.04, 0.08, 0.12, 0.16, 0.2, 0.2];
+const LOOSE: [f64; 8] = [0.04, 0.08, 0.12, 0.16, 0.2, 0.2, 0.25, 0.3];
 
 /// Edges shorter than this part of an element's longest are merged first.
 const SHORT: f64 = 0.3;
@@ -89,75 +90,4 @@ impl Work<'_> {
             self.collapse(v, w, floor, SAG.max(self.loose) * size)
         })
     }
-
-    /// Merges points that are closer than wanted, nearest first, until `aim.target` elements are left or no edge is
-    /// shorter than `aim.limit` wanted lengths.
-    pub(super) fn coarsen(&mut self, size: &SizeField, aim: &Coarse) {
-        for _ in 0..8 {
-            let before = self.count();
-            let mut used = vec![false; self.points.len()];
-            for (_, v, w) in self.short_edges(size, aim) {
-                if self.count() <= aim.target {
-                    return;
-                }
-                if used[v as usize] || used[w as usize] {
-                    continue;
-                }
-                let floor = aim.floor.min(self.worst_around(v) + 1e-6);
-                let sag = aim.sag * size.edge(self.points[w as usize], aim.finest);
-                if self.collapse(v, w, floor, sag) {
-                    (used[v as usize], used[w as usize]) = (true, true);
-                }
-            }
-            if self.count() == before {
-                return;
-            }
-        }
-    }
-
-    /// Edges with their length over the wanted one, shortest first; each from a point that may go to one that stays.
-    fn short_edges(&self, size: &SizeField, aim: &Coarse) -> Vec<(f64, u32, u32)> {
-        let mut keys = Vec::new();
-        for (t, tet) in self.tets.iter().enumerate() {
-            if self.is_alive(t as u32) {
-                keys.extend(EDGES.map(|[i, j]| {
-                    let (a, b) = (tet[i].min(tet[j]), tet[i].max(tet[j]));
-                    u64::from(a) << 32 | u64::from(b)
-                }));
-            }
-        }
-        keys.sort_unstable();
-        keys.dedup();
-        let mut edges = Vec::new();
-        for k in keys {
-            let (a, b) = ((k >> 32) as u32, k as u32);
-            let may_go = |v: u32, w: u32| {
-                let (mv, mw) = (self.masks[v as usize], self.masks[w as usize]);
-                mv & !mw == 0 && (aim.sag > 0.0 || mv.count_ones() == 1)
-            };
-            let ends = [(a, b), (b, a)].into_iter().filter(|e| may_go(e.0, e.1));
-            let (p, q) = (self.points[a as usize], self.points[b as usize]);
-            let score = distance(p, q) / size.edge(lerp(p, q, 0.5), aim.finest);
-            if score < aim.limit {
-                edges.extend(ends.map(|(v, w)| (score, v, w)));
-            }
-        }
-        edges.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));
-        edges
-    }
-}
-
-/// How far to coarsen.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Coarse {
-    /// Finest wanted edge, mm.
-    pub(super) finest: f64,
-    /// Stop at this many elements.
-    pub(super) target: usize,
-    /// Leave edges longer than this many wanted lengths.
-    pub(super) limit: f64,
-    /// Merge on surfaces too, as long as they sag by no more than this many wanted lengths; 0 leaves them alone.
-    pub(super) sag: f64,
-    /// Make no element worse than this, unless the elements before were worse.
-    pub(super) floor: f64,
 }

@@ -102,7 +102,7 @@ impl Work<'_> {
         if matches!(freedom, Freedom::Fixed) && self.loose == 0.0 {
             return false;
         }
-        let mut best = self.worst_around(v);
+        let mut best = self.worst_first(v);
         let start = best;
         let (middle, edge) = self.middle(v);
         if self.try_place(v, &freedom, middle, edge, &mut best) {
@@ -158,18 +158,27 @@ impl Work<'_> {
 
     fn try_place(&mut self, v: u32, freedom: &Freedom, target: V3, edge: f64, best: &mut f64) -> bool {
         let Some(target) = self.constrain(v, freedom, target, edge) else { return false };
-        let from = std::mem::replace(&mut self.points[v as usize], target);
-        let mut worst = f64::INFINITY;
-        for &t in &self.stars[v as usize] {
-            worst = worst.min(self.worth(self.tets[t as usize]));
-            if worst <= *best + 1e-6 {
-                self.points[v as usize] = from;
-                return false;
+        if !self.try_move(v, target, *best + 1e-6) {
+            return false;
+        }
+        *best = self.worst_first(v);
+        true
+    }
+
+    /// The worst quality around a point, whose element is put first in the point's star: a move that does not help is then
+    /// mostly refused after one look.
+    fn worst_first(&mut self, v: u32) -> f64 {
+        let star = &mut self.stars[v as usize];
+        let mut worst = (f64::INFINITY, 0);
+        for (i, &t) in star.iter().enumerate() {
+            if self.quality[t as usize] < worst.0 {
+                worst = (self.quality[t as usize], i);
             }
         }
-        *best = worst;
-        self.rate_around(v);
-        true
+        if worst.1 > 0 {
+            star.swap(0, worst.1);
+        }
+        worst.0
     }
 
     /// Whether a surface edge `new` lies about as close to its surface as `old`: the sag of its middle may be as large

@@ -12,6 +12,9 @@ use super::work::{DEAD, Work};
 /// Largest part of the height over its neighbours that a point is moved by in one pass.
 const MOST: f64 = 0.5;
 
+/// Largest even shift in one pass, in cells of the fields.
+const MOST_SHIFT: f64 = 0.1;
+
 /// A surface point: its area normal, and how far it stands out over its neighbours.
 #[derive(Debug, Clone, Copy)]
 struct Stand {
@@ -95,14 +98,17 @@ impl Work<'_> {
         let chosen = || stands.iter().filter(|s| of(s.pair));
         let gain: f64 = chosen().map(|s| s.area * s.height).sum();
         let area: f64 = chosen().map(|s| s.area).sum();
-        // On a surface with as much hollow as bulge the heights say nothing.
+        // On a surface with as much hollow as bulge the heights say nothing: it is moved evenly.
         let heights: f64 = chosen().map(|s| s.area * s.height.abs()).sum();
-        if area <= 0.0 || gain.abs() < 0.1 * heights {
+        if area <= 0.0 {
             return;
         }
         let part = (missing / gain).clamp(-MOST, MOST);
+        let most = MOST_SHIFT * self.fields.step;
+        let even = (missing / area).clamp(-most, most);
+        let by_height = gain.abs() >= 0.1 * heights;
         for s in chosen() {
-            let step = scale(s.normal, part * s.height);
+            let step = scale(s.normal, if by_height { part * s.height } else { even });
             if !self.try_shift(s, step, floor) {
                 self.try_shift(s, scale(step, 0.5), floor);
             }
@@ -112,15 +118,12 @@ impl Work<'_> {
     fn try_shift(&mut self, stand: &Stand, step: V3, floor: f64) -> bool {
         let v = stand.point;
         let floor = self.worst_around(v).min(floor);
-        let from = self.points[v as usize];
-        self.points[v as usize] = add(from, step);
-        if self.stars[v as usize].iter().any(|&t| self.worth(self.tets[t as usize]) < floor) {
-            self.points[v as usize] = from;
+        // Not worse than the floor: a hair below it serves.
+        if !self.try_move(v, add(self.points[v as usize], step), floor - 1e-9) {
             return false;
         }
         // The normal looks out of the lower label, the field's gradient into it.
         self.lift[v as usize] -= dot(step, stand.normal);
-        self.rate_around(v);
         true
     }
 }

@@ -1,5 +1,6 @@
 //! A tetrahedral mesh that can be changed locally.
 
+use super::super::adjacency::{FACES, OUT, neighbours};
 use super::super::cut::RawMesh;
 use super::super::fields::LabelFields;
 use super::super::quality::quality;
@@ -25,6 +26,9 @@ pub(in super::super) struct Work<'a> {
     /// Points may leave their surface by this part of the mean edge around them.
     pub(super) loose: f64,
     pub(super) fields: &'a LabelFields,
+    /// How far the surface that a point stands for reaches beyond it because of points merged into it, mm.
+    pub(super) drift: Vec<f64>,
+    scratch: Vec<f64>,
     free: Vec<u32>,
     alive: usize,
 }
@@ -46,8 +50,23 @@ impl<'a> Work<'a> {
         }
         let alive = raw.tets.len();
         let RawMesh { points, tets, labels } = raw;
-        let lift = vec![0.0; points.len()];
-        Self { points, tets, labels, quality: worth, stars, masks, lift, loose: 0.0, fields, free: Vec::new(), alive }
+        let (lift, drift) = (vec![0.0; points.len()], vec![0.0; points.len()]);
+        let (scratch, free) = (Vec::new(), Vec::new());
+        Self {
+            points,
+            tets,
+            labels,
+            quality: worth,
+            stars,
+            masks,
+            lift,
+            loose: 0.0,
+            fields,
+            drift,
+            scratch,
+            free,
+            alive,
+        }
     }
 
     /// The mesh without removed elements and unused points.
@@ -128,12 +147,23 @@ impl<'a> Work<'a> {
         t
     }
 
-    /// Recomputes the quality of the elements around a moved point.
-    pub(super) fn rate_around(&mut self, v: u32) {
-        for i in 0..self.stars[v as usize].len() {
-            let t = self.stars[v as usize][i] as usize;
-            self.quality[t] = self.worth(self.tets[t]);
+    /// Moves a point if every element around stays, or becomes, better than `floor`.
+    pub(super) fn try_move(&mut self, v: u32, to: V3, floor: f64) -> bool {
+        let from = std::mem::replace(&mut self.points[v as usize], to);
+        let mut worths = std::mem::take(&mut self.scratch);
+        worths.clear();
+        let star = &self.stars[v as usize];
+        let good = star.iter().all(|&t| {
+            worths.push(self.worth(self.tets[t as usize]));
+            worths[worths.len() - 1] > floor
+        });
+        if good {
+            star.iter().zip(&worths).for_each(|(&t, &q)| self.quality[t as usize] = q);
+        } else {
+            self.points[v as usize] = from;
         }
+        self.scratch = worths;
+        good
     }
 
     /// Whether some element holds both points.
@@ -152,15 +182,10 @@ impl<'a> Work<'a> {
 
 /// Points of faces with one element.
 fn outer_points(raw: &RawMesh) -> Vec<u32> {
-    const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]];
-    let mut faces: Vec<[u32; 3]> = Vec::with_capacity(raw.tets.len() * 4);
-    for t in &raw.tets {
-        for f in FACES {
-            let mut key = f.map(|i| t[i]);
-            key.sort_unstable();
-            faces.push(key);
-        }
-    }
-    faces.sort_unstable();
-    faces.chunk_by(|a, b| a == b).filter(|c| c.len() == 1).flat_map(|c| c[0]).collect()
+    let behind = neighbours(&raw.tets, raw.points.len());
+    let outer = |(t, b): (&[u32; 4], &[u32; 4])| {
+        let (t, b) = (*t, *b);
+        (0..4).filter(move |&i| b[i] == OUT).flat_map(move |i| FACES[i].map(|k| t[k]))
+    };
+    raw.tets.iter().zip(&behind).flat_map(outer).collect()
 }

@@ -1,0 +1,89 @@
+//! Labels as coarse regions, where there are too few elements for their own surfaces.
+
+use super::cut::RawMesh;
+use super::fields::LabelFields;
+use super::vec3::{V3, add, scale, volume6};
+use rayon::prelude::*;
+
+/// Points along an edge of the lattice of samples in an element.
+const SAMPLES: usize = 6;
+/// Beyond this part of the inner labels' volume lost, their surfaces are given up.
+const LOST: f64 = 0.2;
+
+/// Whether a mesh has lost its inner labels.
+pub(super) fn is_lost(mesh: &RawMesh, fields: &LabelFields) -> bool {
+    let inner = fields.parts.len();
+    let wanted: f64 = fields.volumes[..inner].iter().sum();
+    let mean = fields.volumes.iter().sum::<f64>() / mesh.tets.len().max(1) as f64;
+    let each = mesh.tets.iter().zip(&mesh.labels).filter(|(_, l)| usize::from(**l) < inner);
+    let found: f64 = each.map(|(&t, _)| volume6(mesh.corners(t)) / 6.0).sum();
+    // What is smaller than two elements is lost at any rate.
+    wanted > 2.0 * mean && found < (1.0 - LOST) * wanted
+}
+
+/// Gives each inner label the elements that hold most of it, as many as have its volume together, and at least one. Such a
+/// region may touch itself in edges and points.
+pub(super) fn label_regions(mesh: &mut RawMesh, fields: &LabelFields) {
+    let weights = weights();
+    let shares: Vec<Vec<f32>> = mesh.tets.par_iter().map(|&t| shares(mesh.corners(t), &weights, fields)).collect();
+    let rest = fields.parts.len();
+    mesh.labels.fill(rest as u8);
+    let mut order: Vec<usize> = (0..rest).collect();
+    order.sort_by(|&a, &b| fields.volumes[a].total_cmp(&fields.volumes[b]));
+    for l in order {
+        let free = |t: &usize| usize::from(mesh.labels[*t]) == rest && shares[*t][l] > 0.0;
+        let mut most: Vec<usize> = (0..mesh.tets.len()).filter(free).collect();
+        most.sort_by(|&a, &b| shares[b][l].total_cmp(&shares[a][l]).then(a.cmp(&b)));
+        let mut missing = fields.volumes[l];
+        for (i, t) in most.into_iter().enumerate() {
+            let volume = volume6(mesh.corners(mesh.tets[t])) / 6.0;
+            if i > 0 && missing < 0.5 * volume {
+                break;
+            }
+            missing -= volume;
+            mesh.labels[t] = l as u8;
+        }
+    }
+}
+
+/// The part of each label in an element, by sampling.
+fn shares(corners: [V3; 4], weights: &[[f64; 4]], fields: &LabelFields) -> Vec<f32> {
+    let mut counts = vec![0f32; fields.labels.len()];
+    for w in weights {
+        let p = corners.iter().zip(w).fold([0.0; 3], |sum, (&c, &w)| add(sum, scale(c, w)));
+        if let Some(l) = fields.label_at(p) {
+            counts[l] += 1.0;
+        }
+    }
+    counts.iter_mut().for_each(|c| *c /= weights.len() as f32);
+    counts
+}
+
+/// Barycentric weights of an even lattice of points inside a tetrahedron.
+fn weights() -> Vec<[f64; 4]> {
+    let mut all = Vec::new();
+    let n = SAMPLES;
+    for i in 0..n {
+        for j in 0..n - i {
+            for k in 0..n - i - j {
+                let parts = [i, j, k, n - 1 - i - j - k];
+                all.push(parts.map(|x| (x as f64 + 0.25) / n as f64));
+            }
+        }
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_lie_inside_and_have_the_centroid_as_their_mean() {
+        let all = weights();
+        assert_eq!(all.len(), 56);
+        let mean = all.iter().fold([0.0; 4], |s, w| [0, 1, 2, 3].map(|i| s[i] + w[i] / all.len() as f64));
+        assert!(mean.iter().all(|m| (m - 0.25).abs() < 1e-12), "{mean:?}");
+        assert!(all.iter().all(|w| (w.iter().sum::<f64>() - 1.0).abs() < 1e-12));
+    }
+}

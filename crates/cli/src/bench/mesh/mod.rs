@@ -1,0 +1,81 @@
+//! `monro bench mesh`: the mesher on phantoms, scans and label volumes, in many sizes.
+
+mod measure;
+mod truth;
+
+use super::peak_memory_mib;
+use crate::args::{MeshBenchArgs, PhantomKind};
+use crate::console::Console;
+use crate::{mesh, phantom};
+use anyhow::Result;
+use measure::Subject;
+use monro_anatomy::phantom::{HeadModel, HeadOptions};
+use monro_geometry::{Patient, Point, Volume};
+use monro_prepare::{Request, Silent, simulated_labels};
+use monro_scan::ReadOptions;
+use serde_json::{Value, json};
+use std::path::Path;
+use truth::Truth;
+
+/// Elements of the mesh that a scan is prepared with, which is not looked at.
+const LEAST: usize = 5_824;
+
+/// Runs the bench.
+pub(super) fn run(args: &MeshBenchArgs, console: &Console) -> Result<()> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads.max(1)).build()?;
+    let mut rows: Vec<Value> = Vec::new();
+    let mut measure = |subject: &Subject| {
+        for &elements in &args.elements {
+            let row = pool.install(|| subject.measure(elements, args.repeat));
+            console.note(&format!("{} at {elements}: {} s", subject.name, row["seconds"]["without_report"]));
+            rows.push(row);
+        }
+    };
+    let mut voxels = Vec::new();
+    for seed in 0..args.seeds {
+        let subject = of_phantom(seed)?;
+        let off = subject.truth.as_ref().map(|t| t.compare_voxels(&subject.labels));
+        voxels.push(json!({ "subject": subject.name, "to_truth": off }));
+        measure(&subject);
+    }
+    for path in &args.subjects {
+        measure(&of_file(path)?);
+    }
+    let result = json!({ "threads": args.threads, "repeat": args.repeat, "voxels": voxels, "meshes": rows });
+    console.result(&result, &format!("{result:#}"));
+    Ok(())
+}
+
+/// The true labels of a phantom, with the path from Kocher's point to the foramen of Monro on the right.
+fn of_phantom(seed: u64) -> Result<Subject> {
+    let made = phantom::make(PhantomKind::Head, seed)?;
+    let model = HeadModel::new(&HeadOptions { seed, ..HeadOptions::default() });
+    let path = [made.landmarks.kocher_right, made.landmarks.monro_right];
+    let mut subject = simulated(format!("phantom {seed}"), &made.labels, path);
+    subject.truth = Truth::new(&model, &subject.labels);
+    Ok(subject)
+}
+
+/// A case, a label volume, or a scan, which is segmented and planned first.
+fn of_file(path: &Path) -> Result<Subject> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let is_case = path.join("case.toml").is_file();
+    if is_case || (path.is_file() && monro_scan::read_labels(path).is_ok_and(|l| is_label_volume(&l))) {
+        let mesh::Input { labels, keep, fine, path } = mesh::read_input(path)?;
+        return Ok(Subject { name, labels, keep, fine, path, truth: None });
+    }
+    let scan = monro_scan::read(path, &ReadOptions::default())?;
+    let request = Request { elements: LEAST, ..Request::default() };
+    let made = monro_prepare::build(scan, &request, &Silent)?;
+    Ok(simulated(name, &made.segmentation.labels, [made.case.plan.entry(), made.case.plan.target()]))
+}
+
+/// A scan has thousands of values, labels have few.
+fn is_label_volume(labels: &Volume<u16>) -> bool {
+    labels.data().iter().all(|&l| l < 1000)
+}
+
+fn simulated(name: String, labels: &Volume<u8>, path: [Point<Patient>; 2]) -> Subject {
+    let (merged, keep, fine) = simulated_labels(labels);
+    Subject { name, labels: merged.map(u16::from), keep, fine, path: Some(path), truth: None }
+}
