@@ -20,6 +20,8 @@ const BARS: [f64; 4] = [0.30, 0.38, 0.44, 0.47];
 const LAST_BARS: [f64; 3] = [0.40, 0.46, 0.485];
 /// Worst elements may be left to the last resorts below this bar: leaving the surface by a little, changing the label.
 const RESORT: f64 = 0.45;
+/// Their neighbours are bettered up to this.
+const ROOMY: f64 = 0.65;
 /// By how much of an edge they may leave the surface.
 const LOOSE: [f64; 8] = [0.04, 0.08, 0.12, 0.16, 0.2, 0.2, 0.25, 0.3];
 
@@ -43,8 +45,27 @@ impl Work<'_> {
             self.loose = loose;
             self.pass(RESORT);
             self.relabel_worst(RESORT);
+            self.make_room(RESORT);
         }
         self.loose = 0.0;
+    }
+
+    /// Betters the good neighbours of elements below a bar, which are then less in their way.
+    fn make_room(&mut self, bar: f64) {
+        for t in self.below(bar) {
+            if !self.is_alive(t) {
+                continue;
+            }
+            let mut near: Vec<u32> =
+                self.tets[t as usize].into_iter().flat_map(|v| self.stars[v as usize].iter().copied()).collect();
+            near.sort_unstable();
+            near.dedup();
+            for u in near {
+                if self.is_alive(u) && self.quality[u as usize] < ROOMY {
+                    self.mend(u, ROOMY);
+                }
+            }
+        }
     }
 
     fn pass(&mut self, bar: f64) {
