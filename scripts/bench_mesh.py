@@ -112,8 +112,10 @@ def ours(monro, case, elements, repeat):
 
 
 def theirs(peer, file, elements):
-    command = [sys.executable, __file__, str(file), "--one", peer, "--elements", str(elements)]
-    done = subprocess.run(command, capture_output=True, text=True)
+    script = pathlib.Path(__file__).resolve()
+    command = [sys.executable, script, str(file), "--one", peer, "--elements", str(elements)]
+    # tetgen leaves files where it runs.
+    done = subprocess.run(command, capture_output=True, text=True, cwd=file.parent)
     lines = [line for line in done.stdout.splitlines() if line.startswith('{"elements"')]
     if not lines:
         reason = (done.stderr.strip().splitlines() or [f"ended with {done.returncode}"])[-1]
