@@ -243,11 +243,14 @@ impl Model {
         }
     }
 
-    /// The energy of physical mode.
-    pub(crate) fn elastic(&self) -> Option<&Elastic> {
+    /// The energy of physical mode in double precision, made anew: stepping does not need it, and it takes about 250
+    /// bytes for each element.
+    pub(crate) fn elastic(&self) -> Option<Elastic> {
         match &self.solver {
             Solver::Paper(_) => None,
-            Solver::Physical(p) => Some(&p.elastic),
+            Solver::Physical(p) => {
+                Some(Elastic::new(&self.rest, &self.tets, &self.region, &self.regions, p.nodal_shear))
+            }
         }
     }
 

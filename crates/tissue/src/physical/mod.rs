@@ -22,8 +22,9 @@ use elastic::Elastic;
 /// Constants of physical mode.
 #[derive(Debug, Clone)]
 pub(crate) struct PhysicalModel {
-    pub(crate) elastic: Elastic,
     pub(crate) descent: Descent,
+    /// Share of the shear that is averaged over nodes.
+    pub(crate) nodal_shear: f64,
 }
 
 impl PhysicalModel {
@@ -36,6 +37,6 @@ impl PhysicalModel {
     ) -> Self {
         let elastic = Elastic::new(rest, tets, region, regions, nodal_shear);
         let descent = Descent::new(&elastic, rest, mass, (region, regions), slabs);
-        Self { elastic, descent }
+        Self { descent, nodal_shear }
     }
 }

@@ -282,7 +282,7 @@ impl Model {
         options: &StaticOptions,
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<StaticSolution, StaticError> {
-        let elastic = self.elastic().ok_or(StaticError::NotPhysical)?;
+        let elastic = &self.elastic().ok_or(StaticError::NotPhysical)?;
         let loads = loads::Loads::new(self, elastic, problem)?;
         let spheres = sphere::Spheres::new(self, elastic, problem);
         let start = start.map(|moved| {
