@@ -15,6 +15,7 @@ export interface Case {
   nodes: number;
   elements: number;
   has_ct: boolean;
+  has_report: boolean;
 }
 
 export interface Guidance {
@@ -89,6 +90,12 @@ export interface Registration {
   checked: { name: string; distance_mm: number; limit_mm: number; holds: boolean } | null;
 }
 
+export interface Calibration {
+  phase: Guidance["phase"];
+  tip: { tip_mm: Point; tip_sigma_mm: number; residual_mm: number; tilt_deg: number; poses: number; used: number } | null;
+  axis: { axis: Point; wobble_deg: number; axis_sigma_deg: number } | null;
+}
+
 /** The server says why not. */
 export class Refused extends Error {}
 
@@ -126,6 +133,15 @@ export class Api {
   /** Touches, forgets, marks, accepts or checks. */
   async register(action: string, more: { name?: string; position_lps_mm?: Point } = {}): Promise<Registration> {
     return this.post("/api/registration", { action, ...more });
+  }
+
+  async calibration(): Promise<Calibration> {
+    return (await this.#fetch("/api/calibration")).json() as Promise<Calibration>;
+  }
+
+  /** Watches a motion of the catheter for so many seconds, or accepts what was found. */
+  async calibrate(action: "pivot" | "turn" | "accept", seconds?: number): Promise<Calibration> {
+    return this.post("/api/calibration", seconds === undefined ? { action } : { action, seconds });
   }
 
   /** An event of the procedure. */

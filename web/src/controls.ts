@@ -8,7 +8,7 @@ import type { SurfaceName } from "./view/surfaces";
 type WindowName = keyof typeof WINDOWS;
 
 /** Which panes are shown; the names stand in style.css too. */
-const LAYOUTS = { guide: "Guide", slices: "Slices", all: "All", register: "Register" } as const;
+const LAYOUTS = { guide: "Guide", slices: "Slices", all: "All", calibrate: "Calibrate", register: "Register" } as const;
 /** Pane that fills the window, when one does. */
 const ALONE = "alone";
 

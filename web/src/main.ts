@@ -1,7 +1,8 @@
 // Opens the session and keeps panel and stage up to date.
 
-import { Unauthorized, type Case, type Status } from "./api";
+import { Unauthorized, type Api, type Case, type Status } from "./api";
 import { Budget, Counter, type Stages } from "./budget";
+import { Calibrate } from "./calibrate";
 import { controls } from "./controls";
 import { element } from "./dom";
 import { Panel } from "./panel";
@@ -22,13 +23,22 @@ function describe(opened: Case, status: Status): void {
   document.title = `${opened.pseudonym} · Monro`;
 }
 
+/** The report opens in a tab of its own: a ticket lets it in, for links carry no token. */
+function offerReport(opened: Case, api: Api): void {
+  const button = element<HTMLButtonElement>("#report");
+  button.hidden = !opened.has_report;
+  button.onclick = () => void api.ticket().then((ticket) => window.open(`/report?ticket=${ticket}`, "_blank", "noopener"));
+}
+
 async function main(): Promise<void> {
   const panel = new Panel();
   const { api, first: opened } = await signIn((a) => a.case());
   describe(opened, await api.status());
+  offerReport(opened, api);
   const images = opened.has_ct ? await api.container("/api/ct") : null;
   const stage = new Stage(await api.container("/api/scene"), images);
   controls(stage);
+  new Calibrate(api);
   new Register(api, stage);
   const stages: Stages = { take: new Counter(), draw: new Counter() };
   const budget = new Budget();
@@ -63,7 +73,7 @@ async function main(): Promise<void> {
   // A question that fails is asked again; that the server is gone is said by the stream.
   setInterval(() => api.status().then((s) => budget.show(s, stages), () => undefined), BUDGET_MS);
   // For the console, and for tests that compare what is drawn with the API.
-  Object.assign(window, { monro: { stage, glasses } });
+  Object.assign(window, { monro: { stage, glasses, panel } });
 }
 
 void main();

@@ -69,7 +69,7 @@ export class Register {
   }
 
   #say(text: string, kind = ""): void {
-    this.#said.className = kind;
+    this.#said.className = `said ${kind}`;
     write(this.#said, text);
   }
 

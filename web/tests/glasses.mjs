@@ -8,14 +8,17 @@ const PLACE = [0.4, 1.5, -0.3];
 const TURN = [0.1, 0.5, -0.2, 0.8].map((v) => v / Math.hypot(0.1, 0.5, -0.2, 0.8));
 
 /** Installs the emulator before the page's own scripts run; its room starts where it is then. */
-export async function putOnGlasses(page) {
+export async function putOnGlasses(page, modes = ["inline", "immersive-vr", "immersive-ar"]) {
   await page.addInitScript({ path: EMULATOR });
-  await page.addInitScript(() => {
-    const device = new window.IWER.XRDevice(window.IWER.metaQuest3);
+  await page.addInitScript((supportedSessionModes) => {
+    const device = new window.IWER.XRDevice({ ...window.IWER.metaQuest3, supportedSessionModes });
     device.installRuntime({ forceInstall: true });
     window.emulated = device;
-  });
+  }, modes);
 }
+
+/** As glasses that cannot show the room: only immersive-vr. */
+export const putOnDarkGlasses = (page) => putOnGlasses(page, ["inline", "immersive-vr"]);
 
 /** The wearer walks away from where the room starts. */
 export function walk(page) {

@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
-import { existsSync, mkdtempSync, rmSync } from "node:fs";
+import { existsSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { dirname, join } from "node:path";
 import { createInterface } from "node:readline";
@@ -17,25 +17,43 @@ export async function prepareInBrowser(open, shot) {
   const dir = mkdtempSync(join(tmpdir(), "monro-prepare-"));
   const out = join(dir, "case");
   execFileSync(MONRO, ["phantom", "--out", join(dir, "scans", "phantom")], { stdio: "ignore" });
-  const server = spawn(MONRO, ["serve", "--json", "--scans", join(dir, "scans"), "--out", out, "--no-igtl", "--no-record"], { stdio: ["ignore", "pipe", "ignore"] });
+  // In the way of the session's recording.
+  const taken = join(dir, "taken.mnrs");
+  writeFileSync(taken, "");
+  const server = spawn(MONRO, ["serve", "--json", "--scans", join(dir, "scans"), "--out", out, "--no-igtl", "--record", taken], { stdio: ["ignore", "pipe", "ignore"] });
   try {
     const { url, token } = JSON.parse(await new Promise((resolve) => createInterface(server.stdout).once("line", resolve)));
     const page = await open(`${url}/#token=${token}`);
     await prepare(page, shot);
     const planned = await movePath(page, shot);
     assert.ok(!existsSync(out), "the case is written before it was asked for");
+    await failToOpen(page, taken, shot);
+    assert.ok(existsSync(join(out, "case.toml")), "the case was written, although it could not be opened");
     await page.getByRole("button", { name: "Write the case and navigate" }).click();
     await page.waitForFunction(() => document.querySelector("#signal span")?.textContent === "Live", null, { timeout: LONG_MS });
     assert.equal(new URL(page.url()).origin, url);
     const headers = { Authorization: `Bearer ${token}` };
     const { plan } = await (await fetch(`${url}/api/case`, { headers })).json();
     assert.ok(Math.hypot(...plan.target_lps_mm.map((v, i) => v - planned[i])) < 1e-3, "the path that was moved is the path that is followed");
-    assert.deepEqual(page.faults, []);
+    const [report] = await Promise.all([page.context().waitForEvent("page"), page.getByRole("button", { name: "Report" }).click()]);
+    await report.getByRole("heading", { name: "Prepared case" }).waitFor();
+    assert.ok(await report.evaluate(() => getComputedStyle(document.body).maxWidth === "1320px"), "the report has its styles");
+    await report.close();
+    // The browser itself reports the refusal on the console.
+    assert.deepEqual(page.faults.filter((f) => !/409|422/.test(f)), []);
     await shot(page, "prepared-and-live");
   } finally {
     server.kill();
     rmSync(dir, { recursive: true, force: true });
   }
+}
+
+/** What stands in the way is said, the server lives on, and once it is put right the case opens. */
+async function failToOpen(page, taken, shot) {
+  await page.getByRole("button", { name: "Write the case and navigate" }).click();
+  await page.waitForFunction(() => /taken\.mnrs/.test(document.querySelector("#said").textContent), null, { timeout: LONG_MS });
+  await shot(page, "prepared-not-opened");
+  rmSync(taken);
 }
 
 async function prepare(page, shot) {

@@ -6,7 +6,8 @@ import { spawn } from "node:child_process";
 import { createInterface } from "node:readline";
 import { launch } from "./chromium.mjs";
 import { deformedSlices } from "./deformed.mjs";
-import { drawn, expectedTip, inRoom, putOnGlasses, walk } from "./glasses.mjs";
+import { drawn, expectedTip, inRoom, putOnDarkGlasses, putOnGlasses, walk } from "./glasses.mjs";
+import { calibrate } from "./hand.mjs";
 import { prepareInBrowser } from "./prepare.mjs";
 import { stalledDisplay } from "./stalled.mjs";
 
@@ -34,6 +35,13 @@ async function serve(...more) {
     return response.json();
   };
   return { ...told, child, api };
+}
+
+/** A server whose catheter stands where, and moves as, the test says. */
+async function withHand(calibrated = true) {
+  const held = await serve("--hand");
+  if (calibrated) await held.api("/api/session", { event: "calibrated", tip_mm: [0, 0, -20], axis: [0, 0, -1] });
+  return { ...held, tell: (line) => held.child.stdin.write(`${line}\n`) };
 }
 
 const served = await serve();
@@ -204,12 +212,51 @@ const tests = {
     assert.deepEqual(p.faults, []);
   },
 
+  async "glasses that cannot show the room show the catheter on black"() {
+    const p = await page(`${url}/#token=${token}`, putOnDarkGlasses);
+    await p.getByRole("button", { name: "Show on black" }).click();
+    await until("the glasses", () => p.evaluate(() => window.monro.glasses.presenting));
+    await walk(p);
+    await until("the catheter where glasses, reference and calibration put it", async () => {
+      const [before, { tip }, after] = [await api("/api/guidance"), await drawn(p), await api("/api/guidance")];
+      const rests = before.depth_mm !== null && Math.abs(before.depth_mm - after.depth_mm) < 0.01;
+      return rests && before.display_from_patient && close(tip, expectedTip(before), 5e-4);
+    });
+    await shot(p, "glasses-on-black");
+    await p.getByRole("button", { name: "End" }).press("Enter");
+    await until("the screen again", () => p.evaluate(() => !window.monro.glasses.presenting));
+    assert.deepEqual(p.faults, []);
+  },
+
+  async "a fault of the soft body is said, and gone when it is over"() {
+    const p = await page(`${url}/#token=${token}`);
+    await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
+    const guidance = await api("/api/guidance");
+    const shown = await p.evaluate((g) => {
+      const alarm = document.querySelector("#alarm");
+      return [true, false].map((solver_fault) => {
+        window.monro.panel.show({ ...g, solver_fault, reference_moved_mm: null });
+        return [alarm.hidden, alarm.textContent];
+      });
+    }, guidance);
+    assert.match(shown[0][1], /soft body had a fault/);
+    assert.deepEqual([shown[0][0], shown[1]], [false, [true, ""]]);
+  },
+
+  async "the catheter is calibrated by pivoting and turning, and too little motion is refused"() {
+    const held = await withHand(false);
+    const p = await page(`${held.url}/#token=${held.token}`);
+    await calibrate(p, held, { until, text, shot });
+    // The browser itself reports the refusal on the console.
+    assert.deepEqual(p.faults.filter((f) => !/422/.test(f)), []);
+    held.child.kill();
+  },
+
   async "landmarks are touched, accepted and checked, and the catheter is then where the hand holds it"() {
-    const held = await serve("--hand");
-    await held.api("/api/session", { event: "calibrated", tip_mm: [0, 0, -20], axis: [0, 0, -1] });
+    const held = await withHand();
     const p = await page(`${held.url}/#token=${held.token}`);
     const move = async (place) => {
-      held.child.stdin.write(`${place.join(" ")}\n`);
+      held.tell(place.join(" "));
       await p.waitForTimeout(100);
     };
     const button = (name) => p.getByRole("button", { name, exact: true });
@@ -224,6 +271,18 @@ const tests = {
     const solved = await held.api("/api/registration");
     assert.equal(await text(p, "#register-tre"), `${solved.predicted_tre_mm.toFixed(1)} mm`);
     await shot(p, "register");
+    // One more, where somebody clicks on the skin.
+    await p.getByLabel("Name of the new landmark").fill("a mole");
+    await button("Mark on the skin").click();
+    const scene = await p.locator("#scene").boundingBox();
+    await p.mouse.click(scene.x + scene.width / 2, scene.y + scene.height / 2);
+    await button("Touch a mole").waitFor();
+    const mole = (await held.api("/api/registration")).landmarks.find((l) => l.name === "a mole");
+    // The skin of the made-up head is an ellipsoid, in coarse triangles.
+    const [a, b, c] = mole.marked_lps_mm.map((v, i) => v / (1.2 * [65, 82, 62][i]));
+    assert.ok(mole.added && Math.abs(Math.hypot(a, b, c) - 1) < 0.1, JSON.stringify(mole));
+    await button("Remove a mole").click();
+    await until("no mole", async () => (await p.getByRole("button", { name: "Touch a mole" }).count()) === 0);
     await button("Accept").click();
     await move(landmarks[0].marked_lps_mm);
     await button("Check nasion").click();
@@ -235,6 +294,15 @@ const tests = {
     // It trembles by 0.1 mm, and so did the touches.
     await until("the tip at the target", async () => (await held.api("/api/guidance")).distance_to_target_rigid_mm < 0.25);
     assert.equal(await text(p, "#n-tre"), `${solved.predicted_tre_mm.toFixed(1)} mm`);
+    // The reference is bumped: an alarm, until a landmark was checked.
+    assert.equal(await p.locator("#alarm").isVisible(), false);
+    held.tell("bump 4 0 0");
+    await until("the alarm", async () => /reference has moved by 4\.\d mm/.test(await text(p, "#alarm")) && (await p.locator("#alarm").isVisible()));
+    await shot(p, "reference-moved");
+    held.tell("bump 0 0 0");
+    await move(landmarks[0].marked_lps_mm);
+    await button("Check nasion").click();
+    await until("no alarm", async () => !(await p.locator("#alarm").isVisible()));
     const [x, y, z] = landmarks[3].marked_lps_mm;
     await move([x, y + 9, z]);
     await button("Check vertex").click();

@@ -3,9 +3,11 @@
 use crate::NOTICE;
 use crate::args::{ModeArg, ServeArgs};
 use crate::console::Console;
-use crate::simulate;
+use crate::{prepare, simulate};
 use anyhow::{Context, Result};
 use clap::ValueEnum;
+use monro_case::Staging;
+use monro_prepare::Prepared;
 use monro_server::{Certificate, Invitation, Ready, Recording, ServeOptions, Tracker};
 use qrcode::QrCode;
 use qrcode::render::unicode::Dense1x2;
@@ -32,10 +34,18 @@ pub(crate) fn run(args: &ServeArgs, console: &Console) -> Result<()> {
         igtl: (!args.no_igtl).then_some(args.igtl),
     };
     match &args.scans {
-        Some(scans) => monro_server::serve_scans(scans.clone(), options, |ready| announce(ready, console))?,
+        Some(scans) => {
+            monro_server::serve_scans(scans.clone(), options, Box::new(report), |ready| announce(ready, console))?;
+        }
         None => monro_server::serve(options, |ready| announce(ready, console))?,
     }
     Ok(())
+}
+
+/// Writes the report of a case that was prepared in the browser.
+fn report(prepared: &Prepared, stages: &[(String, f64)], staging: &Staging) -> Result<(), String> {
+    let html = prepare::report(prepared, stages).map_err(|e| format!("{e:#}"))?;
+    staging.write("report.html", html.as_bytes()).map_err(|e| e.to_string())
 }
 
 /// Serves the case that the demo has made, until it is interrupted.

@@ -25,9 +25,9 @@ impl Default for GuardOptions {
 /// The reference has moved.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bump {
-    /// How far, mm.
+    /// How far, where it was farthest, mm.
     pub shift: f64,
-    /// By what angle, rad.
+    /// By what angle there, rad.
     pub turn: f64,
     /// When it was noticed, s.
     pub time: f64,
@@ -82,7 +82,11 @@ impl ReferenceGuard {
         let Some(now) = mean else { return self.bump };
         let moved = baseline.inverse().after(&now);
         let (shift, turn) = (moved.translation().norm(), moved.angle());
-        if self.bump.is_none() && (shift > self.options.shift || turn > self.options.turn) {
+        // Against what is allowed: from 1 on it is an alarm, which tells the farthest motion since.
+        let far = |shift: f64, turn: f64| (shift / self.options.shift).max(turn / self.options.turn);
+        let worst = self.bump.map_or(1.0, |b| far(b.shift, b.turn));
+        if far(shift, turn) > worst {
+            let time = self.bump.map_or(time, |b| b.time);
             self.bump = Some(Bump { shift, turn, time });
         }
         self.bump
@@ -137,6 +141,17 @@ mod tests {
         assert_eq!(still, Some(bump), "the alarm stays until it is confirmed");
         guard.confirm();
         assert!(guard.bump().is_none() && !guard.is_armed());
+    }
+
+    /// The alarm used to tell the motion at which it was raised, a small part of what followed.
+    #[test]
+    fn an_alarm_tells_the_whole_motion_not_its_beginning() {
+        let mut guard = ReferenceGuard::new(GuardOptions { average: 4, ..GuardOptions::default() });
+        for i in 0..40 {
+            guard.push(&pose(f64::from(i - 8).clamp(0.0, 20.0) * 0.4, 0.0), f64::from(i) / 120.0);
+        }
+        let bump = guard.bump().expect("8 mm");
+        assert!((bump.shift - 8.0).abs() < 1e-6 && bump.time < 0.15, "{bump:?}");
     }
 
     #[test]

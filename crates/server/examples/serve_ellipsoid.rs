@@ -1,7 +1,8 @@
 //! Serves a made-up head without preparing anything: for the browser tests and for work on the web app.
 //!
 //! `serve_ellipsoid [--hand] [CASE]` prints one JSON line {url, token, open, case, igtl} when it is ready. With a folder, serves
-//! that case instead; with `--hand`, the catheter's tip is held where stdin says, a line "X Y Z" (patient, mm) a place.
+//! that case instead; with `--hand`, the catheter's tip is held where stdin says, a line "X Y Z" (patient, mm) a place; a line
+//! "pivot", "turn" or "hold" says how it moves there, and "bump X Y Z" shifts the patient's reference (mm).
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -33,9 +34,41 @@ fn main() {
     }
 }
 
+/// What the hand does with the catheter while its tip rests.
+#[derive(Clone, Copy)]
+enum Motion {
+    Hold,
+    /// Swings it in a cone, which opens and closes.
+    Pivot,
+    /// Turns it about its own axis.
+    Turn,
+}
+
+/// What stdin has asked for.
+#[derive(Clone, Copy)]
+struct Wish {
+    tip: Point<Patient>,
+    motion: Motion,
+    bump: Vector<TrackerFrame>,
+}
+
+impl Wish {
+    fn take(&mut self, line: &str) {
+        let numbers: Vec<f64> = line.split_whitespace().filter_map(|n| n.parse().ok()).collect();
+        match (line.split_whitespace().next(), &numbers[..]) {
+            (Some("pivot"), _) => self.motion = Motion::Pivot,
+            (Some("turn"), _) => self.motion = Motion::Turn,
+            (Some("hold"), _) => self.motion = Motion::Hold,
+            (Some("bump"), &[x, y, z]) => self.bump = Vector::new(x, y, z),
+            (_, &[x, y, z]) => self.tip = Point::new(x, y, z),
+            _ => eprintln!("not understood: {line}"),
+        }
+    }
+}
+
 /// Holds the catheter, pointing down, with its tip where stdin says.
 struct Hand {
-    tip: Arc<Mutex<Point<Patient>>>,
+    wish: Arc<Mutex<Wish>>,
     clock: Clock,
     frames: u64,
 }
@@ -45,17 +78,15 @@ const TIP: Point<Tool> = Point::new(0.0, 0.0, -20.0);
 
 impl Hand {
     fn new() -> Self {
-        let tip = Arc::new(Mutex::new(Point::new(0.0, 0.0, 200.0)));
-        let told = Arc::clone(&tip);
+        let wish = Wish { tip: Point::new(0.0, 0.0, 200.0), motion: Motion::Hold, bump: Vector::ZERO };
+        let wish = Arc::new(Mutex::new(wish));
+        let told = Arc::clone(&wish);
         std::thread::spawn(move || {
             for line in std::io::stdin().lines().map_while(Result::ok) {
-                let numbers: Vec<f64> = line.split_whitespace().map_while(|n| n.parse().ok()).collect();
-                if let [x, y, z] = numbers[..] {
-                    *told.lock().expect("lock") = Point::new(x, y, z);
-                }
+                told.lock().expect("lock").take(&line);
             }
         });
-        Self { tip, clock: Clock::new(), frames: 0 }
+        Self { wish, clock: Clock::new(), frames: 0 }
     }
 
     /// Where the patient lies, and the reference on the head.
@@ -63,8 +94,20 @@ impl Hand {
         Rigid::from_axis_angle(Vector::new(0.2, 1.0, -0.4), 1.3, Vector::new(50.0, 800.0, -300.0)).expect("axis")
     }
 
-    fn tracker_from_reference() -> Rigid<TrackerFrame, Tool> {
-        Rigid::from_axis_angle(Vector::new(1.0, 0.3, 0.1), 0.6, Vector::new(90.0, 700.0, -250.0)).expect("axis")
+    fn tracker_from_reference(bump: Vector<TrackerFrame>) -> Rigid<TrackerFrame, Tool> {
+        let at = Vector::new(90.0, 700.0, -250.0) + bump;
+        Rigid::from_axis_angle(Vector::new(1.0, 0.3, 0.1), 0.6, at).expect("axis")
+    }
+
+    /// How the catheter is turned.
+    fn turned(&self, motion: Motion) -> Rigid<TrackerFrame, Tool> {
+        let round = self.frames as f64 * 0.05;
+        let (axis, angle) = match motion {
+            Motion::Hold => (Vector::new(0.0, 0.0, 1.0), 0.0),
+            Motion::Pivot => (Vector::new(round.cos(), round.sin(), 0.0), 0.6 * (0.23 * round).sin()),
+            Motion::Turn => (Vector::new(0.0, 0.0, 1.0), round),
+        };
+        Rigid::from_axis_angle(axis, angle, Vector::ZERO).expect("axis")
     }
 }
 
@@ -73,13 +116,15 @@ impl Source for Hand {
         std::thread::sleep(wait.min(Duration::from_millis(10)));
         self.frames += 1;
         // It trembles by 0.1 mm.
-        let tremble = Vector::new(if self.frames.is_multiple_of(2) { 0.1 } else { -0.1 }, 0.0, 0.0);
-        let at = Self::tracker_from_patient().point(*self.tip.lock().expect("lock")) + tremble;
-        let body = Vector::from_array((at - Point::ORIGIN).to_array()) - Vector::from_array(TIP.to_array());
-        let catheter = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], body).expect("pose");
+        let tremble = [12.9, 78.2, 37.7].map(|w| 0.1 * (w * self.frames as f64).sin());
+        let tremble = Vector::from_array(tremble);
+        let Wish { tip, motion, bump } = *self.wish.lock().expect("lock");
+        let at = Self::tracker_from_patient().point(tip) + tremble;
+        let turned = self.turned(motion);
+        let catheter = Rigid::from_quaternion(turned.quaternion_wxyz(), at - turned.point(TIP)).expect("pose");
         let now = self.clock.now();
         let pose = |name: &str, rigid| TimedPose::new(name, None, now, Ok((rigid, None)));
-        let poses = vec![pose("Catheter", catheter), pose("Reference", Self::tracker_from_reference())];
+        let poses = vec![pose("Catheter", catheter), pose("Reference", Self::tracker_from_reference(bump))];
         Ok(Some(Batch { poses, clock: None }))
     }
 

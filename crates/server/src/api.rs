@@ -1,5 +1,6 @@
 //! The JSON API.
 
+use crate::calibrate;
 use crate::door::{self, Role, refuse};
 use crate::pairing;
 use crate::record::Log;
@@ -36,6 +37,7 @@ pub(crate) fn routes() -> Router<Arc<Shared>> {
         .route("/api/ticket", post(ticket))
         .route("/api/session", post(event))
         .route("/api/glasses", post(glasses))
+        .route("/api/calibration", get(calibrate::get).post(calibrate::post))
         .route("/api/registration", get(register::get).post(register::post))
         .route("/api/tracker", post(tracker))
         .route("/api/pair", post(pair))

@@ -3,14 +3,18 @@
 
 use crate::container::Arrays;
 use crate::{ServeError, half};
+use monro_anatomy::surface::decimate;
 use monro_case::Case;
 use monro_geometry::{Embedding, Grid, Patient, Point, TetLocator, TriangleMesh, Volume};
 use monro_scan::ReadOptions;
 use serde_json::{Value, json};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Voxels sent at most; a finer CT is thinned, for the memory of tablets.
 const MOST_VOXELS: usize = 1 << 25;
+/// Vertices of all surfaces at most: what an ordinary GPU moves and draws sixty times a second, in several panes.
+const MOST_VERTICES: usize = 100_000;
 
 /// The surfaces, the simulated mesh and the plan.
 ///
@@ -19,8 +23,9 @@ const MOST_VOXELS: usize = 1 << 25;
 pub(crate) fn scene(case: &Case) -> Result<Vec<u8>, ServeError> {
     let locator = TetLocator::new(&case.tets).map_err(monro_geometry::EmbeddingError::from)?;
     let mut arrays = Arrays::default();
-    let mut surfaces = vec![rigid_surface("skin", &case.skin, &mut arrays)];
-    for (name, mesh) in [("brain", &case.brain), ("ventricles", &case.ventricles)] {
+    let [skin, brain, ventricles] = shown([&case.skin, &case.brain, &case.ventricles], MOST_VERTICES);
+    let mut surfaces = vec![rigid_surface("skin", &skin, &mut arrays)];
+    for (name, mesh) in [("brain", &*brain), ("ventricles", &*ventricles)] {
         let embedding = Embedding::with_locator(&locator, &case.tets, &mesh.vertices)?;
         surfaces.push(soft_surface(name, mesh, &embedding, &mut arrays));
     }
@@ -33,6 +38,25 @@ pub(crate) fn scene(case: &Case) -> Result<Vec<u8>, ServeError> {
         "plan": plan(case),
     });
     Ok(arrays.finish(&header))
+}
+
+/// Skin, brain and ventricles with so many vertices at most. The ventricles, which are looked at closely, keep theirs up to
+/// a fifth of all; skin and brain share the rest.
+fn shown(surfaces: [&TriangleMesh; 3], most: usize) -> [Cow<'_, TriangleMesh>; 3] {
+    let count = surfaces.map(|s| s.vertices.len());
+    if count.iter().sum::<usize>() <= most {
+        return surfaces.map(Cow::Borrowed);
+    }
+    let ventricles = count[2].min(most / 5);
+    let half = (most - ventricles) / 2;
+    // What one leaves is the other's.
+    let skin = count[0].min(half.max(most - ventricles - count[1].min(half)));
+    let most = [skin, most - ventricles - skin, ventricles];
+    // A closed surface has twice as many triangles as vertices.
+    core::array::from_fn(|i| match surfaces[i] {
+        mesh if count[i] <= most[i] => Cow::Borrowed(mesh),
+        mesh => Cow::Owned(decimate(mesh, 2 * most[i])),
+    })
 }
 
 /// The planned path as JSON.
@@ -120,6 +144,45 @@ pub(crate) fn strides(grid: &Grid, most: usize) -> [usize; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use monro_anatomy::surface::weld;
+    use monro_geometry::Vector;
+
+    /// A ball, each face of an octahedron cut into four so many times.
+    fn ball(cuts: u32, radius: f64) -> TriangleMesh {
+        let corner = |x: f64, y: f64, z: f64| Vector::new(x, y, z);
+        let (x, y, z) = (corner(1.0, 0.0, 0.0), corner(0.0, 1.0, 0.0), corner(0.0, 0.0, 1.0));
+        let mut faces: Vec<[Vector<Patient>; 3]> = Vec::new();
+        for (a, b, c) in [(x, y, z), (y, -x, z), (-x, -y, z), (-y, x, z)] {
+            faces.extend([[a, b, c], [b, a, -c]]);
+        }
+        for _ in 0..cuts {
+            let halved = |[a, b, c]: [Vector<Patient>; 3]| {
+                let [d, e, f] = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
+                [[a, d, f], [d, b, e], [f, e, c], [d, e, f]]
+            };
+            faces = faces.into_iter().flat_map(halved).collect();
+        }
+        let place = |v: Vector<Patient>| Point::ORIGIN + v * (radius / v.norm());
+        let vertices = faces.as_flattened().iter().map(|v| place(*v)).collect();
+        let triangles = (0..faces.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        weld(&TriangleMesh { vertices, triangles })
+    }
+
+    #[test]
+    fn displays_get_no_more_vertices_than_they_can_draw_and_the_same_surface() {
+        let [skin, brain, ventricles] = [ball(6, 90.0), ball(6, 70.0), ball(4, 20.0)];
+        assert_eq!((skin.vertices.len(), ventricles.vertices.len()), (16386, 1026));
+        let given = [&skin, &brain, &ventricles];
+        assert!(shown(given, 40_000).iter().zip(given).all(|(s, g)| **s == *g));
+        let coarse = shown(given, 9_000);
+        assert!(coarse.iter().map(|s| s.vertices.len()).sum::<usize>() <= 9_100);
+        assert_eq!(coarse[2].vertices.len(), 1026);
+        for (surface, radius) in coarse.iter().zip([90.0, 70.0, 20.0]) {
+            assert!(surface.topology().is_closed());
+            let off = |p: &Point<Patient>| (p.distance(Point::ORIGIN) - radius).abs();
+            assert!(surface.vertices.iter().map(off).fold(0.0, f64::max) < 0.2);
+        }
+    }
 
     #[test]
     fn a_fine_ct_is_thinned_along_its_finest_axes_and_stays_in_place() {

@@ -183,7 +183,7 @@ impl Door {
         let (path, role) = (request.uri().path(), self.keys.role(headers));
         let looks = [Method::GET, Method::HEAD].contains(request.method());
         let is_known = match path {
-            "/live" | "/desk" => role.is_some() || self.keys.has_ticket(request.uri()),
+            "/live" | "/desk" | "/report" => role.is_some() || self.keys.has_ticket(request.uri()),
             "/api/pair" => true,
             p if p == "/api" || p.starts_with("/api/") => role.is_some(),
             _ => true,

@@ -13,6 +13,7 @@
 //!   page says how to build it.
 
 mod api;
+mod calibrate;
 mod case_data;
 mod clock;
 mod container;
@@ -43,7 +44,7 @@ mod web;
 
 pub use error::ServeError;
 pub use options::{Certificate, Recording, ServeOptions};
-pub use preparing::serve_scans;
+pub use preparing::{Beside, serve_scans};
 pub use replay::{Replayed, replay};
 pub use server::{Invitation, Ready, Running, serve, start};
 pub use tracker::Tracker;

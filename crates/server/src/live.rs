@@ -5,7 +5,7 @@ use crate::guidance::Guidance;
 use crate::rate::Rate;
 use crate::record::Log;
 use crate::snapshot::{Quantised, digest, encode};
-use monro_geometry::{Display, Patient, Point, Rigid, Tool};
+use monro_geometry::{Display, Patient, Point, Rigid, Tool, Tracker};
 use monro_guidance::NeedlePose;
 use monro_session::live::log::Entry;
 use monro_session::live::{Deformed, Observation, Phase, Refusal, Session, SessionEvent, Snapshot};
@@ -168,6 +168,12 @@ impl Live {
     /// When the tip was seen (s), and where, in the frame of the reference.
     pub(crate) fn tip(&self) -> Option<(f64, Point<Tool>)> {
         lock(&self.session).tip_in_reference(self.clock.now())
+    }
+
+    /// When the catheter's tracked body was last seen (s), and where.
+    pub(crate) fn catheter(&self) -> Option<(f64, Rigid<Tracker, Tool>)> {
+        let session = lock(&self.session);
+        session.tracking().latest(&session.tools().catheter)
     }
 
     /// Publishes a deformation that took `duration` (s).

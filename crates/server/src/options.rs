@@ -26,6 +26,22 @@ pub struct ServeOptions {
     pub igtl: Option<SocketAddr>,
 }
 
+impl ServeOptions {
+    /// The same once more, for another try; `None` where somebody else has opened the tracker.
+    pub(crate) fn try_clone(&self) -> Option<Self> {
+        Some(Self {
+            case_dir: self.case_dir.clone(),
+            listen: self.listen,
+            certificate: self.certificate.clone(),
+            names: self.names.clone(),
+            tracker: self.tracker.try_clone()?,
+            model: self.model,
+            recording: self.recording.clone(),
+            igtl: self.igtl,
+        })
+    }
+}
+
 /// Where the certificate comes from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Certificate {

@@ -5,8 +5,8 @@ use crate::ServeError;
 use monro_case::Case;
 use monro_session::live::log::{Entry, MAGIC, Opened, framed};
 use std::fs::{File, create_dir_all};
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::io::{self, Write};
+use std::path::{Component, Path, PathBuf, absolute};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -18,6 +18,20 @@ type Trouble = Arc<Mutex<Option<String>>>;
 pub(crate) fn identity(case: &Case) -> String {
     let one = |f: &monro_case::FileEntry| format!("{}={:.16}", f.name, f.sha256);
     case.manifest.files.iter().map(one).collect::<Vec<_>>().join(" ")
+}
+
+/// The way from the folder of a recording to that of its case, so that both can be moved together.
+pub(crate) fn way_to_case(recording: &Path, case_dir: &Path) -> io::Result<PathBuf> {
+    let (recording, case) = (absolute(recording)?, absolute(case_dir)?);
+    let folder: Vec<_> = recording.parent().into_iter().flat_map(Path::components).collect();
+    let common = folder.iter().zip(case.components()).take_while(|(a, b)| **a == *b).count();
+    let up = folder[common..].iter().map(|_| Component::ParentDir);
+    Ok(up.chain(case.components().skip(common)).collect())
+}
+
+/// The case of a recording, by the way that it tells.
+pub(crate) fn case_of(recording: &Path, way: &str) -> PathBuf {
+    recording.parent().unwrap_or(Path::new("")).join(way)
 }
 
 /// An open log.
@@ -73,5 +87,25 @@ fn write(mut file: File, entries: &Receiver<Vec<u8>>, trouble: &Trouble) {
             *trouble.lock().unwrap_or_else(PoisonError::into_inner) = Some(why);
             return;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_way_from_a_recording_leads_to_its_case() {
+        for (recording, case, way) in [
+            ("/a/case-sessions/x.mnrs", "/a/case", "../case"),
+            ("/a/x.mnrs", "/a/b/case", "b/case"),
+            ("/r/x.mnrs", "/a/case", "../a/case"),
+            ("case-sessions/x.mnrs", "case", "../case"),
+        ] {
+            assert_eq!(way_to_case(Path::new(recording), Path::new(case)).expect("a way"), Path::new(way));
+        }
+        assert_eq!(case_of(Path::new("/b/case-sessions/x.mnrs"), "../case"), Path::new("/b/case-sessions/../case"));
+        // Recordings of earlier versions tell the folder itself.
+        assert_eq!(case_of(Path::new("/b/x.mnrs"), "/a/case"), Path::new("/a/case"));
     }
 }

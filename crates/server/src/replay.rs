@@ -2,7 +2,7 @@
 
 use crate::ServeError;
 use crate::guidance::Guidance;
-use crate::record::identity;
+use crate::record::{case_of, identity};
 use crate::snapshot::{Quantised, digest, encode};
 use monro_case::Case;
 use monro_session::ModelSettings;
@@ -35,7 +35,7 @@ pub struct Replayed {
 }
 
 /// Plays a recording. `settings` knows the soft body by the name that was recorded; `case_dir` is used instead of the
-/// folder of then; `each` gets the JSON of each snapshot.
+/// folder that the recording tells, seen from its own; `each` gets the JSON of each snapshot.
 ///
 /// # Errors
 /// A file that is no recording, a case that is missing or another one, a log that does not follow from it.
@@ -48,7 +48,8 @@ pub fn replay(
     let named = |error| ServeError::Recording { path: recording.to_owned(), error };
     let (entries, cut_off) = read(&std::fs::read(recording).map_err(named)?)?;
     let Some(Entry::Opened(opened)) = entries.first() else { return Err(ServeError::NoOpening) };
-    let case = open_case(opened, case_dir)?;
+    let dir = case_dir.map_or_else(|| case_of(recording, &opened.case_dir), Path::to_owned);
+    let case = open_case(opened, dir)?;
     let settings = settings(&opened.settings).ok_or_else(|| ServeError::Settings(opened.settings.clone()))?;
     let mut taken = BTreeMap::new();
     let mut playback = Playback::new(&case, &settings)?;
@@ -107,8 +108,7 @@ impl Replayed {
 }
 
 /// The case of a recording; another one, or a changed one, is refused.
-fn open_case(opened: &Opened, case_dir: Option<&Path>) -> Result<Case, ServeError> {
-    let dir = case_dir.map_or_else(|| PathBuf::from(&opened.case_dir), Path::to_owned);
+fn open_case(opened: &Opened, dir: PathBuf) -> Result<Case, ServeError> {
     let case = Case::open(&dir)?;
     if identity(&case) == opened.identity { Ok(case) } else { Err(ServeError::OtherCase(dir)) }
 }

@@ -1,15 +1,19 @@
 //! Puts everything together: case, session, threads, routes.
 
+use crate::calibrate::Calibrating;
 use crate::door::{self, Door, Keys, Role};
 use crate::live::Live;
 use crate::options::{Certificate, Recording, ServeOptions};
-use crate::record::{Log, identity};
+use crate::record::{Log, identity, way_to_case};
 use crate::slicer;
 use crate::tls::{self, Tls};
 use crate::tracker::Tracker;
 use crate::{ServeError, api, case_data, deformer, headers, listener, register, socket, web};
 use axum::body::Bytes;
-use axum::extract::DefaultBodyLimit;
+use axum::extract::{DefaultBodyLimit, State};
+use axum::http::StatusCode;
+use axum::http::header::{CONTENT_SECURITY_POLICY, CONTENT_TYPE};
+use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Router, middleware};
 use monro_case::Case;
@@ -82,8 +86,11 @@ pub(crate) struct Shared {
     pub(crate) ct: Option<Bytes>,
     pub(crate) tracker: String,
     pub(crate) simulated: bool,
+    pub(crate) calibrating: Mutex<Calibrating>,
     pub(crate) registering: Mutex<Registering>,
     pub(crate) igtl: Option<SocketAddr>,
+    /// The report of the case, where there is one.
+    report: Option<PathBuf>,
 }
 
 /// A running server; it stops when this is dropped.
@@ -217,11 +224,24 @@ fn invite(url: &str, keys: &Keys, tls: &Tls) -> Result<Invitation, ServeError> {
 fn router(shared: Arc<Shared>, door: Arc<Door>) -> Router {
     api::routes()
         .route("/live", get(socket::upgrade))
+        .route("/report", get(report))
         .fallback(get(web::file))
         .layer(DefaultBodyLimit::max(MOST_BODY_BYTES))
         .layer(middleware::from_fn_with_state(door, door::guard))
         .layer(middleware::from_fn(headers::add))
         .with_state(shared)
+}
+
+/// The report of the case, for a new tab of the browser: its styles are within it, and it may do nothing else.
+async fn report(State(shared): State<Arc<Shared>>) -> Response {
+    let html = shared.report.as_ref().and_then(|path| std::fs::read(path).ok());
+    match html {
+        Some(html) => {
+            let policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'";
+            ([(CONTENT_TYPE, "text/html; charset=utf-8"), (CONTENT_SECURITY_POLICY, policy)], html).into_response()
+        }
+        None => door::refuse(StatusCode::NOT_FOUND, "this case has no report.html"),
+    }
 }
 
 type Prepared = (Shared, Deformation, Plan, Tracker, slicer::Scene);
@@ -239,32 +259,34 @@ fn prepare(options: ServeOptions, keys: Arc<Keys>) -> Result<Prepared, ServeErro
     let log = options.recording.as_ref().map(|r| open_log(r, &options.case_dir, &case)).transpose()?;
     let image = ct.as_ref().and_then(|ct| slicer::image(ct, case_data::strides(ct.grid(), slicer::MOST_VOXELS)));
     let peers = slicer::Scene::new(&case, image)?;
+    let report = Some(options.case_dir.join("report.html")).filter(|path| path.is_file());
     let shared = Shared {
         live: Arc::new(Live::new(session, deformation.at_rest(), log)),
         keys,
-        case: describe(&case, ct.is_some()),
+        case: describe(&case, ct.is_some(), report.is_some()),
         scene: scene.into(),
         ct: ct.as_ref().map(case_data::ct_for_displays).map(Bytes::from),
         tracker: options.tracker.name().to_owned(),
         simulated: matches!(options.tracker, Tracker::Sim),
+        calibrating: Mutex::default(),
         registering: Mutex::new(register::landmarks(&case)),
         igtl: None,
+        report,
     };
     Ok((shared, deformation, case.plan, options.tracker, peers))
 }
 
 fn open_log(recording: &Recording, case_dir: &Path, case: &Case) -> Result<Log, ServeError> {
-    let case_dir = std::path::absolute(case_dir)?;
     let opened = Opened {
         generator: format!("monro {}", env!("CARGO_PKG_VERSION")),
-        case_dir: case_dir.display().to_string(),
+        case_dir: way_to_case(&recording.path, case_dir)?.display().to_string(),
         identity: identity(case),
         settings: recording.settings.clone(),
     };
     Log::create(&recording.path, opened)
 }
 
-fn describe(case: &Case, has_ct: bool) -> Value {
+fn describe(case: &Case, has_ct: bool, has_report: bool) -> Value {
     let m = &case.manifest;
     json!({
         "pseudonym": m.pseudonym,
@@ -278,5 +300,6 @@ fn describe(case: &Case, has_ct: bool) -> Value {
         "nodes": case.tets.vertices.len(),
         "elements": case.tets.tets.len(),
         "has_ct": has_ct,
+        "has_report": has_report,
     })
 }

@@ -67,6 +67,13 @@ async fn a_recorded_session_replays_to_the_snapshots_that_were_shown() {
     assert!(first.iter().chain(&second).all(|g| shown.contains(g)));
     assert!(shown.iter().any(touched));
 
+    // Recording and case are moved together.
+    let moved = tempfile::tempdir().expect("temp");
+    std::fs::rename(dir.path(), moved.path().join("elsewhere")).expect("move");
+    let (again, _) = played(&moved.path().join("elsewhere/sessions/a.mnrs"), None).expect("replay");
+    assert_eq!(again, done);
+    std::fs::rename(moved.path().join("elsewhere"), dir.path()).expect("move back");
+
     assert!(matches!(start(recorded(case.clone(), &file)).await, Err(ServeError::Recording { .. })), "overwritten");
     // The beginning will do to see which case is taken.
     let file = dir.path().join("beginning.mnrs");

@@ -152,6 +152,34 @@ async fn every_answer_carries_the_headers_of_a_closed_page() {
     }
 }
 
+/// Paths and methods of the router, read from where it is made: the router itself does not list them.
+fn routes() -> Vec<(String, &'static str)> {
+    let sources = [include_str!("../src/api.rs"), include_str!("../src/server.rs")];
+    let lines = sources.into_iter().flat_map(str::lines).filter_map(|l| l.split_once(".route(\"")?.1.split_once('"'));
+    let methods = |rest: &'static str| {
+        ["get", "post", "put", "delete", "patch"].map(|m| rest.contains(&format!("{m}(")).then_some(m))
+    };
+    let known = lines.filter(|(path, _)| !path.contains('{'));
+    known
+        .flat_map(|(path, rest)| methods(rest).into_iter().flatten().map(|m| (path.to_owned(), m)).collect::<Vec<_>>())
+        .collect()
+}
+
+#[test]
+fn every_route_is_documented_and_nothing_else() {
+    let api: Value = serde_json::from_str(include_str!("../src/openapi.json")).expect("json");
+    let paths = api["paths"].as_object().expect("paths");
+    let method = |m: &'static str, o: &Value| o.get(m).is_some();
+    let all = ["get", "post", "put", "delete", "patch"];
+    let mut documented: Vec<(String, &str)> =
+        paths.iter().flat_map(|(p, o)| all.into_iter().filter(|m| method(m, o)).map(|m| (p.clone(), m))).collect();
+    let mut there = routes();
+    documented.sort();
+    there.sort();
+    assert!(there.len() > 12, "{there:?}");
+    assert_eq!(documented, there);
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn every_documented_path_is_there_and_answers_with_its_documented_fields() {
     let served = serve(true).await;
@@ -160,7 +188,11 @@ async fn every_documented_path_is_there_and_answers_with_its_documented_fields()
         for method in methods.as_object().expect("methods").keys() {
             let status = served.status(&served.head(&method.to_ascii_uppercase(), path)).await;
             // An event without a body is refused for that, not for its path.
-            assert!(status == 200 || status == 415, "{method} {path}: {status}");
+            // So is a WebSocket that is asked for as a page.
+            let is_socket = path == "/live" && status == 400;
+            // The made-up head has none.
+            let no_report = path == "/report" && status == 404;
+            assert!(status == 200 || status == 415 || is_socket || no_report, "{method} {path}: {status}");
         }
     }
     for (path, schema) in [("/api/guidance", "Guidance"), ("/api/case", "Case"), ("/api/status", "Status")] {

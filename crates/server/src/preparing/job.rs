@@ -1,5 +1,6 @@
 //! One scan on its way to a case, on a thread of its own.
 
+use super::Beside;
 use crate::case_data;
 use axum::body::Bytes;
 use monro_case::Staging;
@@ -42,9 +43,12 @@ struct Made {
 
 struct Inner {
     case_dir: PathBuf,
+    beside: Beside,
     progress: Mutex<Progress>,
     made: Mutex<Option<Made>>,
     busy: AtomicBool,
+    /// What was written last.
+    written: Mutex<Option<u32>>,
 }
 
 /// The job; clones share it.
@@ -70,9 +74,9 @@ impl Observer for Job {
 }
 
 impl Job {
-    pub(super) fn new(case_dir: PathBuf) -> Self {
-        let (progress, made) = (Mutex::default(), Mutex::default());
-        Self(Arc::new(Inner { case_dir, progress, made, busy: AtomicBool::new(false) }))
+    pub(super) fn new(case_dir: PathBuf, beside: Beside) -> Self {
+        let (progress, made, written) = (Mutex::default(), Mutex::default(), Mutex::default());
+        Self(Arc::new(Inner { case_dir, beside, progress, made, busy: AtomicBool::new(false), written }))
     }
 
     fn enter(&self, stage: &'static str) {
@@ -138,16 +142,23 @@ impl Job {
         }
     }
 
-    /// Writes the case.
+    /// Writes the case, unless it is there already as it is now; in place of one that was written and then changed.
     pub(super) fn write(&self) -> Result<(), String> {
         if self.0.busy.load(Ordering::Acquire) {
             return Err("wait until the case is prepared".into());
         }
         let made = lock(&self.0.made);
-        let Made { prepared, .. } = made.as_ref().ok_or("nothing is prepared yet")?;
-        let staging = Staging::begin(&self.0.case_dir, false).map_err(|e| e.to_string())?;
+        let Made { prepared, version, .. } = made.as_ref().ok_or("nothing is prepared yet")?;
+        let mut written = lock(&self.0.written);
+        if *written == Some(*version) {
+            return Ok(());
+        }
+        let staging = Staging::begin(&self.0.case_dir, written.is_some()).map_err(|e| e.to_string())?;
         monro_prepare::write(prepared, &staging, self).map_err(|e| e.to_string())?;
+        let stages: Vec<_> = lock(&self.0.progress).done.iter().map(|(name, s)| ((*name).to_owned(), *s)).collect();
+        (self.0.beside)(prepared, &stages, &staging)?;
         staging.finish().map_err(|e| e.to_string())?;
+        *written = Some(*version);
         Ok(())
     }
 

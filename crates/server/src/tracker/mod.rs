@@ -52,6 +52,15 @@ impl Tracker {
         }
     }
 
+    /// The same once more, unless somebody else has opened it.
+    pub(crate) fn try_clone(&self) -> Option<Self> {
+        match self {
+            Self::Sim => Some(Self::Sim),
+            Self::Url { text, url } => Some(Self::Url { text: text.clone(), url: url.clone() }),
+            Self::Source { .. } => None,
+        }
+    }
+
     /// Starts it.
     ///
     /// # Errors

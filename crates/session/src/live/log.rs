@@ -56,7 +56,7 @@ pub enum Entry {
 pub struct Opened {
     /// Program and version.
     pub generator: String,
-    /// The folder of the case.
+    /// The folder of the case, seen from that of the log.
     pub case_dir: String,
     /// What tells the case from others: its files with their hashes.
     pub identity: String,

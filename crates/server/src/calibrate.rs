@@ -1,0 +1,140 @@
+//! `/api/calibration`: the catheter's tip by pivoting about it and its axis by turning about that, with the same code as
+//! `monro calibrate`; then both are taken into the session.
+
+use crate::door::refuse;
+use crate::live::Live;
+use crate::server::Shared;
+use axum::Json;
+use axum::extract::State;
+use axum::extract::rejection::JsonRejection;
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use monro_geometry::{Rigid, Tool, Tracker};
+use monro_guidance::calibration::{
+    AxisCalibration, AxisError, PivotCalibration, PivotError, PivotOptions, calibrate_axis, calibrate_pivot,
+};
+use monro_session::live::{Calibration, Refusal, SessionEvent};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::sync::{Arc, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::time::sleep;
+
+/// How often the catheter is looked at: more often than trackers give poses; one that was seen already is not taken twice.
+const LOOK: Duration = Duration::from_millis(3);
+/// Seconds that a motion is watched if nothing is said, and how short or long that may be.
+const WATCHED_S: f64 = 10.0;
+const LEAST_S: f64 = 1.0;
+const MOST_S: f64 = 60.0;
+
+/// What was found so far.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Calibrating {
+    tip: Option<PivotCalibration>,
+    axis: Option<AxisCalibration>,
+}
+
+/// What to do.
+#[derive(Debug, Deserialize)]
+#[serde(tag = "action", rename_all = "snake_case", deny_unknown_fields)]
+pub(crate) enum Action {
+    /// Watch the catheter being swung about its resting tip.
+    Pivot { seconds: Option<f64> },
+    /// Watch it being turned about its own axis in a fixed guide.
+    Turn { seconds: Option<f64> },
+    /// Take what was found into the session.
+    Accept,
+}
+
+/// Why it was not done.
+#[derive(Debug, thiserror::Error)]
+enum Why {
+    #[error("{0}")]
+    Pivot(#[from] PivotError),
+    #[error("{0}")]
+    Axis(#[from] AxisError),
+    #[error("{0}")]
+    Phase(#[from] Refusal),
+    #[error("pivot the catheter about its tip first")]
+    NoTip,
+    #[error("turn the catheter about its axis first")]
+    NoAxis,
+    #[error("seconds must be from {LEAST_S} to {MOST_S}")]
+    Seconds,
+}
+
+fn lock(shared: &Shared) -> MutexGuard<'_, Calibrating> {
+    shared.calibrating.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// `GET /api/calibration`.
+pub(crate) async fn get(State(shared): State<Arc<Shared>>) -> Json<Value> {
+    Json(describe(&shared))
+}
+
+/// `POST /api/calibration`.
+pub(crate) async fn post(State(shared): State<Arc<Shared>>, body: Result<Json<Action>, JsonRejection>) -> Response {
+    let Json(action) = match body {
+        Ok(json) => json,
+        Err(e) => return refuse(e.status(), &e.body_text()),
+    };
+    match act(&shared, action).await {
+        Ok(()) => Json(describe(&shared)).into_response(),
+        Err(why @ Why::Phase(_)) => refuse(StatusCode::CONFLICT, &why.to_string()),
+        Err(why) => refuse(StatusCode::UNPROCESSABLE_ENTITY, &why.to_string()),
+    }
+}
+
+async fn act(shared: &Shared, action: Action) -> Result<(), Why> {
+    match action {
+        Action::Pivot { seconds } => {
+            let found = calibrate_pivot(&watch(&shared.live, seconds).await?, &PivotOptions::default())?;
+            // Another tip: the axis belonged to the old one.
+            *lock(shared) = Calibrating { tip: Some(found), axis: None };
+        }
+        Action::Turn { seconds } => {
+            let tip = lock(shared).tip.as_ref().map(|t| t.tip).ok_or(Why::NoTip)?;
+            let found = calibrate_axis(&watch(&shared.live, seconds).await?, tip)?;
+            lock(shared).axis = Some(found);
+        }
+        Action::Accept => {
+            let Calibrating { tip, axis } = lock(shared).clone();
+            let (tip, axis) = (tip.ok_or(Why::NoTip)?.tip, axis.ok_or(Why::NoAxis)?.axis);
+            shared.live.apply(SessionEvent::Calibrated(Calibration { tip, axis }))?;
+        }
+    }
+    Ok(())
+}
+
+/// The catheter's poses during a motion, as long as it is seen.
+async fn watch(live: &Live, seconds: Option<f64>) -> Result<Vec<Rigid<Tracker, Tool>>, Why> {
+    let seconds = seconds.unwrap_or(WATCHED_S);
+    if !(LEAST_S..=MOST_S).contains(&seconds) {
+        return Err(Why::Seconds);
+    }
+    let begun = live.clock.now();
+    let (mut poses, mut last) = (Vec::new(), begun);
+    while live.clock.now() < begun + seconds {
+        // What was seen before the motion began does not belong to it.
+        if let Some((time, pose)) = live.catheter().filter(|(time, _)| *time > last) {
+            last = time;
+            poses.push(pose);
+        }
+        sleep(LOOK).await;
+    }
+    Ok(poses)
+}
+
+fn describe(shared: &Shared) -> Value {
+    let Calibrating { tip, axis } = lock(shared).clone();
+    json!({
+        "phase": shared.live.phase().name(),
+        "tip": tip.map(|t| json!({
+            "tip_mm": t.tip.to_array(), "tip_sigma_mm": t.covariance.rms(), "residual_mm": t.residual,
+            "tilt_deg": t.tilt.to_degrees(), "poses": t.used.len(), "used": t.used.iter().filter(|u| **u).count(),
+        })),
+        "axis": axis.map(|a| json!({
+            "axis": a.axis.to_array(), "wobble_deg": a.wobble.to_degrees(), "axis_sigma_deg": a.sigma.to_degrees(),
+        })),
+    })
+}
