@@ -144,7 +144,7 @@ pub enum MeshError {
 /// of about their volume, and the report says so. The same input gives the same bits on any number of threads.
 ///
 /// # Errors
-/// Nothing to mesh, options out of range, or a count that cannot be met within 2 %.
+/// Nothing to mesh, options out of range, or a count that cannot be met within 5 % (2 % is aimed at).
 pub fn mesh<T: Copy + Into<u16> + Sync>(
     labels: &Volume<T>,
     options: &MeshOptions,
@@ -206,7 +206,7 @@ pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
     };
     done(Stage::Improve);
     let found = made.raw.tets.len();
-    if !made.has_count(options.elements) {
+    if !made.has_count(options.elements, ACCEPTED) {
         return Err(MeshError::Count { wanted: options.elements, found });
     }
     let mesh = finish(made.raw, &fields);
@@ -234,9 +234,25 @@ impl Made {
         wanted: usize,
         done: &mut impl FnMut(Stage),
     ) -> Result<Self, MeshError> {
-        let start = to_count(fields, size, wanted)?;
+        let first = Self::once(fields, size, wanted, done)?;
+        if first.has_count(wanted, COUNT) || first.raw.tets.is_empty() {
+            return Ok(first);
+        }
+        // What the first is short of is asked for on top.
+        let aim = (wanted as f64).powi(2) / first.raw.tets.len() as f64;
+        let second = Self::once(fields, size, aim.clamp(0.8 * wanted as f64, 1.25 * wanted as f64) as usize, done)?;
+        Ok(if second.miss(wanted) < first.miss(wanted) { second } else { first })
+    }
+
+    fn once(
+        fields: &LabelFields,
+        size: &SizeField,
+        aim: usize,
+        done: &mut impl FnMut(Stage),
+    ) -> Result<Self, MeshError> {
+        let start = to_count(fields, size, aim)?;
         done(Stage::Cut);
-        let (raw, crumbs) = improved(start, fields, size, wanted, done);
+        let (raw, crumbs) = improved(start, fields, size, aim, done);
         Ok(Self { raw, crumbs, regions: false })
     }
 
@@ -253,12 +269,17 @@ impl Made {
         Ok(Self { raw, regions: true, ..made })
     }
 
-    fn has_count(&self, wanted: usize) -> bool {
-        (self.raw.tets.len() as f64 / wanted as f64 - 1.0).abs() <= COUNT
+    /// Part that the count is off by.
+    fn miss(&self, wanted: usize) -> f64 {
+        (self.raw.tets.len() as f64 / wanted as f64 - 1.0).abs()
+    }
+
+    fn has_count(&self, wanted: usize, within: f64) -> bool {
+        self.miss(wanted) <= within
     }
 
     fn is_good(&self, fields: &LabelFields, wanted: usize) -> bool {
-        fields.parts.is_empty() || (self.has_count(wanted) && !coarse::is_lost(&self.raw, fields))
+        fields.parts.is_empty() || (self.has_count(wanted, ACCEPTED) && !coarse::is_lost(&self.raw, fields))
     }
 }
 
@@ -335,8 +356,10 @@ const CUT: f64 = 20.0;
 const LEAST_LATTICE: f64 = 40_000.0;
 /// but not by more than this factor.
 const MOST_COARSER: f64 = 8.0;
-/// The count is met within this part.
+/// The count should be met within this part; a mesh that misses it is made again,
 const COUNT: f64 = 0.02;
+/// and refused where it still misses by this part.
+const ACCEPTED: f64 = 0.05;
 
 /// A cut lattice and the finest edges wanted in it and in the mesh to be made of it.
 struct Start {
