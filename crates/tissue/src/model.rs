@@ -29,7 +29,6 @@ pub(crate) struct Tether {
 
 /// Constants of one mode.
 #[derive(Debug, Clone)]
-#[expect(clippy::large_enum_variant, reason = "one per model, never in a list")]
 pub(crate) enum Solver {
     Paper(PaperModel),
     Physical(PhysicalModel),
