@@ -89,8 +89,7 @@ fn the_thin_head_agrees_with_its_reference_and_its_cuts_are_told() {
     let reference =
         monro_scan::read_labels(&data("head-ct-thin/ventricles_reference.nii.gz").expect("data")).expect("reference");
     let score = dice(&found, &reference, lateral, |r| r == 1 || r == 2);
-    // The reference is a threshold of the same noisy voxels: a smoother border cannot follow its wobbles.
-    assert!(score >= 0.86, "{score}");
+    assert!(score >= 0.88, "{score}");
     assert!(found.findings.iter().any(|f| f.contains("vertex cut")), "{:?}", found.findings);
     check_landmarks(&ct, &found, "head-ct-thin");
 }
@@ -126,7 +125,7 @@ fn a_phantom_is_found_again() {
     let made = head(&HeadOptions { seed: 3, ..HeadOptions::default() }).expect("phantom");
     let found = segment(&made.ct).expect("segmentation");
     let truth = made.labels.map(u16::from);
-    for (s, least) in [(1, 0.95), (2, 0.9), (4, 0.88), (5, 0.96), (6, 0.96), (7, 0.88)] {
+    for (s, least) in [(1, 0.95), (2, 0.9), (4, 0.88), (5, 0.9), (6, 0.9), (7, 0.85)] {
         let score = dice(&found, &truth, |l| l == s, |t| t == u16::from(s));
         assert!(score >= least, "structure {s}: {score}");
     }

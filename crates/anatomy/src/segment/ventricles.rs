@@ -1,6 +1,5 @@
 //! The ventricles: fluid reached from the posed model's seeds before it is reached from cisterns and sulci.
 
-use super::boundary::{Picture, refine};
 use super::confidence::{Borders, Doubt, borders};
 use super::error::SegmentError;
 use super::lattice::Lattice;
@@ -26,8 +25,6 @@ const CALCIFIED: f32 = 13.0;
 /// gap, mm.
 const CHOROID: f32 = 8.0;
 const CHOROID_GAP: f32 = 4.0;
-/// Room around the ventricles in which their surface is fitted, voxels.
-const SURFACE_ROOM: usize = 9;
 /// A lateral ventricle has at least this, mL.
 const LEAST_ML: f64 = 0.4;
 
@@ -35,8 +32,6 @@ const LEAST_ML: f64 = 0.4;
 #[derive(Debug)]
 pub(crate) struct Scene<'a> {
     pub(crate) lattice: Lattice,
-    /// The scan, HU.
-    pub(crate) raw: &'a Raster<f32>,
     /// Smoothed HU.
     pub(crate) smooth: &'a Raster<f32>,
     pub(crate) cavity: &'a Mask,
@@ -51,7 +46,7 @@ pub(crate) struct Ventricles {
     pub(crate) lattice: Lattice,
     /// [`LEFT`], [`RIGHT`], [`THIRD`] or 0.
     pub(crate) classes: Raster<u8>,
-    /// Signed distance to the ventricles' surface, mm, positive inside.
+    /// 0 on the ventricles' surface, 0.5 or more deep inside, negative outside.
     pub(crate) field: Raster<f32>,
     /// Mode of the fluid, HU.
     pub(crate) fluid: f32,
@@ -67,8 +62,6 @@ pub(crate) struct Ventricles {
 struct Crop<'a> {
     scene: &'a Scene<'a>,
     lattice: Lattice,
-    /// The scan and the smoothed scan, HU.
-    raw: Raster<f32>,
     hu: Raster<f32>,
     cavity: Mask,
     depth: Raster<f32>,
@@ -96,7 +89,7 @@ pub(crate) fn ventricles(scene: &Scene<'_>) -> Result<Ventricles, SegmentError> 
         classes.data[n] = if lateral.data[n] > 0 { lateral.data[n] } else { u8::from(third.data[n]) * THIRD };
     }
     enough(&classes)?;
-    let (classes, field) = crop.surface(&classes, &flooded, (fluid, edge));
+    let field = crop.field(&classes, &flooded, (fluid, edge));
     let mut found =
         Ventricles { lattice: crop.lattice, classes, field, fluid, edge, expected: [0.0; 3], doubts: Vec::new() };
     let Borders { expected, doubts } = borders(&crop.hu, &found, scene.brain);
@@ -137,8 +130,7 @@ impl<'a> Crop<'a> {
         }
         let horns = drawings.each_ref().map(distance_to);
         let depth = distance_to_false(scene.cavity).crop(low, high);
-        let (raw, hu) = (scene.raw.crop(low, high), scene.smooth.crop(low, high));
-        Ok(Self { scene, lattice, raw, hu, cavity, depth, course, horns })
+        Ok(Self { scene, lattice, hu: scene.smooth.crop(low, high), cavity, depth, course, horns })
     }
 
     fn nearest_course(&self, n: usize) -> f32 {
@@ -284,51 +276,9 @@ impl<'a> Crop<'a> {
         label(&all).touching(&markers.map(|m| m == THIRD))
     }
 
-    /// The classes and the signed distance to their surface after the scan has been fitted to a fraction of a voxel.
-    fn surface(
-        &self,
-        classes: &Raster<u8>,
-        flooded: &Raster<u8>,
-        (fluid, edge): (f32, f32),
-    ) -> (Raster<u8>, Raster<f32>) {
-        let guess = self.guess(classes, flooded, (fluid, edge));
-        // Fluid that belongs elsewhere and what fills a ventricle would pull the surface.
-        let other = flooded.zip(classes, |f, c| f > 0 && c == 0);
-        let filled = classes.zip(&self.hu, |c, v| c > 0 && v > self.scene.brain + CHOROID);
-        let counts = self.cavity.minus(&dilate(&other, 1.0)).minus(&dilate(&filled, 2.0));
-        let tissue = self.hu.map(|v| v > edge && v < self.scene.brain + CALCIFIED);
-        let (low, high) = classes.map(|c| c > 0).bounds(SURFACE_ROOM).unwrap_or(([0; 3], classes.dims));
-        let picture = Picture {
-            hu: &self.raw.crop(low, high),
-            counts: &counts.crop(low, high),
-            tissue: &tissue.crop(low, high),
-            fluid,
-            brain: self.scene.brain,
-        };
-        let fitted = refine(&guess.crop(low, high), &picture);
-        let mut field = Raster::filled(classes.dims, -1f32);
-        for n in 0..fitted.data.len() {
-            let v = fitted.voxel(n);
-            let at = field.index(v[0] + low[0], v[1] + low[1], v[2] + low[2]);
-            field.data[at] = fitted.data[n];
-        }
-        for n in 0..field.data.len() {
-            if filled.data[n] {
-                field.data[n] = field.data[n].max(0.5);
-            } else if other.data[n] || !self.cavity.data[n] {
-                field.data[n] = field.data[n].min(-0.5);
-            }
-        }
-        let classes = watershed(&field.map(|d| -d), classes, &field.map(|d| d > 0.0));
-        for (value, class) in field.data.iter_mut().zip(&classes.data) {
-            *value = if *class > 0 { *value } else { value.min(-0.05) };
-        }
-        (classes, field)
-    }
-
-    /// A field whose zero is a first guess of the surface: the smoothed scan crossing the edge where that is next to a
-    /// class, a step where a class ends otherwise.
-    fn guess(&self, classes: &Raster<u8>, flooded: &Raster<u8>, (fluid, edge): (f32, f32)) -> Raster<f32> {
+    /// Signed field whose zero is the surface: the smoothed scan crossing the edge where that is next to a class, a
+    /// step where a class ends otherwise.
+    fn field(&self, classes: &Raster<u8>, flooded: &Raster<u8>, (fluid, edge): (f32, f32)) -> Raster<f32> {
         let near = distance_to(&classes.map(|c| c > 0));
         let mut field = Raster::filled(classes.dims, -0.5f32);
         for n in 0..field.data.len() {
