@@ -3,10 +3,15 @@ use super::*;
 use monro_geometry::Grid;
 use proptest::prelude::*;
 
+/// A head's count is met within 2 %; what a random blob may miss is what a mesh is refused beyond.
 fn check(mesh: &TetMesh, report: &MeshReport, elements: usize) {
-    mesh.validate().expect("valid");
     let miss = mesh.tets.len() as f64 / elements as f64 - 1.0;
-    assert!(miss.abs() < 0.02, "{} for {elements}", mesh.tets.len());
+    assert!(miss.abs() <= COUNT, "{} for {elements}", mesh.tets.len());
+    sound(mesh, report);
+}
+
+fn sound(mesh: &TetMesh, report: &MeshReport) {
+    mesh.validate().expect("valid");
     let whole = mesh.surface(|_| true).topology();
     assert!(whole.is_closed() && whole.is_oriented(), "{whole:?}");
     for l in report.labels.iter().filter(|_| !report.coarse_regions) {
@@ -92,7 +97,10 @@ proptest! {
         let mut options = MeshOptions::new(&[1, 2, 3], &[2, 3], 1_000);
         options.strict = true;
         match mesh(&boxes(&parts, thick), &options) {
-            Ok((mesh, report)) => check(&mesh, &report, options.elements),
+            Ok((mesh, report)) => {
+                prop_assert!((mesh.tets.len() as f64 / options.elements as f64 - 1.0).abs() <= ACCEPTED);
+                sound(&mesh, &report);
+            }
             Err(e) => prop_assert!(matches!(e, MeshError::Count{..} | MeshError::Topology{..} | MeshError::Euler{..} | MeshError::Empty{..}), "{e}"),
         }
     }
