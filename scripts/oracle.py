@@ -1,8 +1,9 @@
-"""What the oracle scripts share: our examples as programs, and a count of checks."""
+"""What the oracle scripts share: our examples as programs, a free port, and a count of checks."""
 
 import argparse
 import os
 import pathlib
+import socket
 import subprocess
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
@@ -24,6 +25,13 @@ def binary(about):
         return given
     subprocess.run(["cargo", "build", "-q", "--locked", "--workspace", "--bins"], cwd=ROOT, check=True)
     return str(ROOT / os.environ.get("CARGO_TARGET_DIR", "target") / "debug" / "monro")
+
+
+def free_port():
+    """A TCP port that nobody listens to."""
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
 
 
 def check(name, ok, detail=""):

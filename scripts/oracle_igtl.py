@@ -16,7 +16,7 @@ import time
 import numpy as np
 import pyigtl
 
-from oracle import check, example, finish
+from oracle import check, example, finish, free_port
 from igtl_library import compiled, split
 
 
@@ -115,12 +115,6 @@ def same(a, b):
         if hasattr(a, name) and not np.array_equal(getattr(a, name), getattr(b, name)):
             return False
     return not hasattr(a, "positions") or np.allclose(a.positions, b.positions)
-
-
-def free_port():
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
 
 
 def check_sockets():

@@ -19,7 +19,7 @@ import urllib.request
 import numpy as np
 import pyigtl
 
-from oracle import binary, check, example, finish
+from oracle import binary, check, example, finish, free_port
 from igtl_library import compiled, split
 
 MONRO = binary(__doc__)
@@ -98,9 +98,7 @@ def tracked(port, frames, query=""):
 
 
 def check_tracked_pyigtl():
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     server = pyigtl.OpenIGTLinkServer(port=port, local_server=True)
     pose = np.array([[1, 0, 0, 10.5], [0, 0, -1, -20.25], [0, 1, 0, 30.125], [0, 0, 0, 1]], dtype=np.float32)
     stop = threading.Event()
