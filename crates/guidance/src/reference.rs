@@ -4,6 +4,7 @@
 //! reason to touch a landmark again, so any motion beyond noise raises the alarm, and it stays raised until that was done.
 
 use monro_geometry::{Rigid, Tool, Tracker, Vector};
+use std::collections::VecDeque;
 
 /// When a motion of the reference counts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,11 +15,13 @@ pub struct GuardOptions {
     pub turn: f64,
     /// Poses in the baseline, and in each average that is compared with it.
     pub average: usize,
+    /// How long before it was confirmed the reference counts as in its place, s: a landmark was being touched then.
+    pub settled: f64,
 }
 
 impl Default for GuardOptions {
     fn default() -> Self {
-        Self { shift: 1.0, turn: 0.5f64.to_radians(), average: 24 }
+        Self { shift: 1.0, turn: 0.5f64.to_radians(), average: 24, settled: 0.5 }
     }
 }
 
@@ -41,19 +44,23 @@ pub fn relative_to(
     tracker_from_reference.inverse().after(tracker_from_tool)
 }
 
-/// Watches the reference body.
+/// Watches the reference body, from the first time that it was confirmed.
 #[derive(Debug, Clone)]
 pub struct ReferenceGuard {
     options: GuardOptions,
+    watching: bool,
     baseline: Option<Rigid<Tracker, Tool>>,
-    recent: Vec<Rigid<Tracker, Tool>>,
+    /// The last poses and their times, as many as are averaged.
+    recent: VecDeque<(f64, Rigid<Tracker, Tool>)>,
+    /// How many of them were not compared yet.
+    fresh: usize,
     bump: Option<Bump>,
 }
 
 impl ReferenceGuard {
-    /// A guard that takes its baseline from the first poses.
+    /// A guard that remembers poses, and watches from [`confirm`](Self::confirm) on.
     pub const fn new(options: GuardOptions) -> Self {
-        Self { options, baseline: None, recent: Vec::new(), bump: None }
+        Self { options, watching: false, baseline: None, recent: VecDeque::new(), fresh: 0, bump: None }
     }
 
     /// The alarm, if raised.
@@ -69,17 +76,30 @@ impl ReferenceGuard {
     /// Takes the reference's pose at `time` (s) and returns the alarm. Averages over some poses are compared, so that
     /// noise of single ones does not raise it.
     pub fn push(&mut self, tracker_from_reference: &Rigid<Tracker, Tool>, time: f64) -> Option<Bump> {
-        self.recent.push(*tracker_from_reference);
-        if self.recent.len() < self.options.average.max(1) {
-            return self.bump;
+        let average = self.options.average.max(1);
+        self.recent.push_back((time, *tracker_from_reference));
+        self.recent.drain(..self.recent.len().saturating_sub(average));
+        self.fresh += 1;
+        if self.baseline.is_none() {
+            self.take_baseline();
+        } else if self.fresh >= average {
+            self.fresh = 0;
+            self.compare(time);
         }
-        let mean = mean(&self.recent);
-        self.recent.clear();
-        let Some(baseline) = self.baseline else {
-            self.baseline = mean;
-            return self.bump;
-        };
-        let Some(now) = mean else { return self.bump };
+        self.bump
+    }
+
+    /// The poses so far, once there are enough, are where the reference should be.
+    fn take_baseline(&mut self) {
+        if self.watching && self.recent.len() >= self.options.average.max(1) {
+            self.baseline = mean(self.recent.iter().map(|(_, pose)| pose));
+            self.fresh = 0;
+        }
+    }
+
+    fn compare(&mut self, time: f64) {
+        let now = mean(self.recent.iter().map(|(_, pose)| pose));
+        let (Some(baseline), Some(now)) = (self.baseline, now) else { return };
         let moved = baseline.inverse().after(&now);
         let (shift, turn) = (moved.translation().norm(), moved.angle());
         // Against what is allowed: from 1 on it is an alarm, which tells the farthest motion since.
@@ -89,27 +109,38 @@ impl ReferenceGuard {
             let time = self.bump.map_or(time, |b| b.time);
             self.bump = Some(Bump { shift, turn, time });
         }
-        self.bump
     }
 
-    /// Lowers the alarm and takes a new baseline: after a landmark was touched again and found in its place.
+    /// Lowers the alarm and takes a new baseline: after a landmark was touched and found in its place. The poses of that
+    /// touch are the baseline, so that nothing which happens right after it is missed; those before it are not.
     pub fn confirm(&mut self) {
-        *self = Self::new(self.options);
+        let settled = self.recent.back().map_or(0.0, |(last, _)| last - self.options.settled);
+        self.recent.retain(|(time, _)| *time >= settled);
+        (self.watching, self.baseline, self.bump) = (true, None, None);
+        self.take_baseline();
+    }
+
+    /// Stops watching, as when the registration is void: an alarm stays, poses are still remembered.
+    pub const fn rest(&mut self) {
+        (self.watching, self.baseline) = (false, None);
     }
 }
 
 /// The mean of nearby poses: mean translation, normalised mean quaternion. `None` for none.
-pub fn mean(poses: &[Rigid<Tracker, Tool>]) -> Option<Rigid<Tracker, Tool>> {
-    let first = poses.first()?.quaternion_wxyz();
-    let (mut q, mut t) = ([0.0; 4], Vector::ZERO);
+pub fn mean<'a>(
+    poses: impl Iterator<Item = &'a Rigid<Tracker, Tool>> + Clone,
+) -> Option<Rigid<Tracker, Tool>> {
+    let first = poses.clone().next()?.quaternion_wxyz();
+    let (mut q, mut t, mut count) = ([0.0; 4], Vector::ZERO, 0.0);
     for p in poses {
+        count += 1.0;
         let own = p.quaternion_wxyz();
         // q and -q are one rotation: all are brought to the side of the first.
         let side = if own.iter().zip(&first).map(|(a, b)| a * b).sum::<f64>() < 0.0 { -1.0 } else { 1.0 };
         q = core::array::from_fn(|i| q[i] + side * own[i]);
         t += p.translation();
     }
-    Rigid::from_quaternion(q, t / poses.len() as f64)
+    Rigid::from_quaternion(q, t / count)
 }
 
 #[cfg(test)]
@@ -130,9 +161,15 @@ mod tests {
         (0..n).map(|i| guard.push(&tool.see(truth, &noise, random), i as f64 / 120.0)).last().flatten()
     }
 
+    fn watching(options: GuardOptions) -> ReferenceGuard {
+        let mut guard = ReferenceGuard::new(options);
+        guard.confirm();
+        guard
+    }
+
     #[test]
     fn noise_alone_is_quiet_and_a_small_bump_is_not() {
-        let (mut guard, mut random) = (ReferenceGuard::new(GuardOptions::default()), Random::new(1));
+        let (mut guard, mut random) = (watching(GuardOptions::default()), Random::new(1));
         assert_eq!(feed(&mut guard, &pose(0.0, 0.0), 5000, &mut random), None);
         assert!(guard.is_armed());
         let bump = feed(&mut guard, &pose(2.0, 0.0), 48, &mut random).expect("2 mm");
@@ -140,13 +177,39 @@ mod tests {
         let still = feed(&mut guard, &pose(0.0, 0.0), 480, &mut random);
         assert_eq!(still, Some(bump), "the alarm stays until it is confirmed");
         guard.confirm();
-        assert!(guard.bump().is_none() && !guard.is_armed());
+        assert!(guard.bump().is_none() && guard.is_armed(), "the poses before are where it should be");
+    }
+
+    /// A reference that was bumped within 24 poses after a landmark was found in its place raised no alarm at all: those
+    /// poses were the baseline.
+    #[test]
+    fn a_bump_right_after_a_check_is_noticed() {
+        let (mut guard, mut random) = (ReferenceGuard::new(GuardOptions::default()), Random::new(3));
+        assert_eq!(feed(&mut guard, &pose(0.0, 0.0), 60, &mut random), None);
+        assert_eq!(feed(&mut guard, &pose(9.0, 0.0), 60, &mut random), None, "nobody watches before a registration");
+        guard.confirm();
+        let bump = feed(&mut guard, &pose(13.0, 0.0), 24, &mut random).expect("4 mm");
+        assert!((3.0..5.0).contains(&bump.shift), "{bump:?}");
+        guard.rest();
+        assert!(guard.bump().is_some() && !guard.is_armed());
+    }
+
+    #[test]
+    fn poses_from_before_the_touch_are_no_baseline() {
+        let mut guard = ReferenceGuard::new(GuardOptions::default());
+        (0..30).for_each(|i| drop(guard.push(&pose(0.0, 0.0), f64::from(i) / 20.0)));
+        // Put back in its place 0.3 s before the touch is over.
+        (0..6).for_each(|i| drop(guard.push(&pose(5.0, 0.0), 10.0 + f64::from(i) / 20.0)));
+        guard.confirm();
+        assert!(!guard.is_armed());
+        (6..200).for_each(|i| assert_eq!(guard.push(&pose(5.0, 0.0), 10.0 + f64::from(i) / 20.0), None));
+        assert!(guard.is_armed());
     }
 
     /// The alarm used to tell the motion at which it was raised, a small part of what followed.
     #[test]
     fn an_alarm_tells_the_whole_motion_not_its_beginning() {
-        let mut guard = ReferenceGuard::new(GuardOptions { average: 4, ..GuardOptions::default() });
+        let mut guard = watching(GuardOptions { average: 4, ..GuardOptions::default() });
         for i in 0..40 {
             guard.push(&pose(f64::from(i - 8).clamp(0.0, 20.0) * 0.4, 0.0), f64::from(i) / 120.0);
         }
@@ -156,7 +219,7 @@ mod tests {
 
     #[test]
     fn a_turn_alone_raises_the_alarm() {
-        let (mut guard, mut random) = (ReferenceGuard::new(GuardOptions::default()), Random::new(2));
+        let (mut guard, mut random) = (watching(GuardOptions::default()), Random::new(2));
         feed(&mut guard, &pose(0.0, 0.0), 48, &mut random);
         let bump = feed(&mut guard, &pose(0.0, 0.02), 48, &mut random).expect("1.1 degrees");
         assert!((bump.turn - 0.02).abs() < 0.008, "{bump:?}");
@@ -172,6 +235,6 @@ mod tests {
         let after = relative_to(&table.after(&reference), &table.after(&tool));
         let p = Point::new(1.0, 2.0, 3.0);
         assert!(before.point(p).distance(after.point(p)) < 1e-9);
-        assert!(mean(&[]).is_none());
+        assert!(mean([].iter()).is_none());
     }
 }

@@ -139,15 +139,16 @@ impl Session {
         self.plan = self.plan.filter(|_| self.phase >= Phase::Case);
         self.calibration = self.calibration.filter(|_| self.phase >= Phase::Calibrated);
         self.registration = self.registration.filter(|_| self.phase >= Phase::Registered);
+        if self.registration.is_none() {
+            self.guard.rest();
+        }
         Ok(self.phase)
     }
 
     /// Takes a pose; returns whether something new is known.
     pub fn observe(&mut self, seen: &Observation) -> bool {
         let new = self.tracking.observe(seen);
-        if let Some(pose) = seen.tracker_from_tool.filter(|_| new && seen.name == self.tools.reference)
-            && self.registration.is_some()
-        {
+        if let Some(pose) = seen.tracker_from_tool.filter(|_| new && seen.name == self.tools.reference) {
             self.guard.push(&pose, seen.time_s);
         }
         new
