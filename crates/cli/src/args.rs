@@ -421,13 +421,13 @@ pub(crate) struct LiveBenchArgs {
     #[arg(long, value_name = "N", default_value_t = 65_691)]
     pub(crate) elements: usize,
     /// Seconds measured.
-    #[arg(long, value_name = "S", default_value_t = 10.0)]
+    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = |t: &str| in_range(t, 0.5, 3600.0))]
     pub(crate) seconds: f64,
     /// Frames of the tracker per second.
-    #[arg(long, value_name = "HZ", default_value_t = 240.0)]
+    #[arg(long, value_name = "HZ", default_value_t = 240.0, value_parser = rate)]
     pub(crate) rate: f64,
     /// Snapshots that each display asks for per second.
-    #[arg(long, value_name = "HZ", default_value_t = 90.0)]
+    #[arg(long, value_name = "HZ", default_value_t = 90.0, value_parser = rate)]
     pub(crate) display_rate: f64,
     /// Which soft body.
     #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
@@ -472,10 +472,10 @@ pub(crate) enum BenchCommand {
     /// How long a pose takes from datagram to our hands (NatNet, loopback).
     Latency {
         /// Frames.
-        #[arg(long, value_name = "N", default_value_t = 2400)]
+        #[arg(long, value_name = "N", default_value_t = 2400, value_parser = clap::value_parser!(u32).range(10..=10_000_000))]
         frames: u32,
         /// Frames per second.
-        #[arg(long, value_name = "HZ", default_value_t = 240.0)]
+        #[arg(long, value_name = "HZ", default_value_t = 240.0, value_parser = rate)]
         rate: f64,
     },
     /// Time of the soft body's whole frame: collision, deformation, surface update, checks.
@@ -557,6 +557,17 @@ fn frames_in_range(text: &str) -> Result<usize, String> {
 
 fn whole_in_range(text: &str, least: usize, most: usize) -> Result<usize, String> {
     let n: usize = text.trim().parse().map_err(|_| format!("\"{text}\" is no whole number"))?;
+    if (least..=most).contains(&n) { Ok(n) } else { Err(format!("{n} is not within {least} to {most}")) }
+}
+
+/// Frames per second.
+pub(crate) fn rate(text: &str) -> Result<f64, String> {
+    in_range(text, 0.1, 2000.0)
+}
+
+/// A number within limits.
+pub(crate) fn in_range(text: &str, least: f64, most: f64) -> Result<f64, String> {
+    let n: f64 = text.trim().parse().map_err(|_| format!("\"{text}\" is no number"))?;
     if (least..=most).contains(&n) { Ok(n) } else { Err(format!("{n} is not within {least} to {most}")) }
 }
 

@@ -1,9 +1,9 @@
 //! `monro track URL`: live poses with age and quality.
 
 use anyhow::{Result, bail};
-use monro_guidance::clock::{Expiry, age};
+use monro_guidance::clock::{Expiry, Freshness, age};
 use monro_tracking::{Batch, Source};
-use monro_wire::{Quality, TimedPose};
+use monro_wire::{Missing, Quality, TimedPose};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -29,65 +29,115 @@ impl Default for TrackOptions {
     }
 }
 
-/// When a tool was last seen, s on our clock.
-type Seen = BTreeMap<String, f64>;
+/// Silence after which people are told why nothing comes, rather than left to wait.
+const SILENCE: Duration = Duration::from_secs(2);
 
-/// Prints poses as they come until the frames are through, the source ends, or `stop` is set.
+/// A tool that has been seen.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    /// When last, s on our clock.
+    at: f64,
+    /// How fresh the last line about it said that it was.
+    told: Freshness,
+}
+
+/// What is known of the tools, and where it is printed.
+struct Printer<'a> {
+    options: &'a TrackOptions,
+    seen: BTreeMap<String, Seen>,
+    out: &'a mut dyn Write,
+}
+
+/// Prints poses as they come until the frames are through, the source ends, or `stop` is set; when a tool becomes stale or
+/// lost because nothing more is told of it, a line says that too. What concerns the source goes to `notes`.
 ///
 /// # Errors
 /// When nothing comes for too long (with the reason, as far as it is known), or the output is closed.
-pub fn track(source: &mut dyn Source, options: &TrackOptions, stop: &AtomicBool, out: &mut dyn Write) -> Result<u64> {
-    let (mut frames, mut seen, mut last) = (0, Seen::new(), Instant::now());
+pub fn track(
+    source: &mut dyn Source,
+    options: &TrackOptions,
+    stop: &AtomicBool,
+    out: &mut dyn Write,
+    notes: &mut dyn Write,
+) -> Result<u64> {
+    let mut printer = Printer { options, seen: BTreeMap::new(), out };
+    let (mut frames, mut last, mut told) = (0, Instant::now(), false);
     while !stop.load(Ordering::Relaxed) && options.frames.is_none_or(|n| frames < n) {
-        let Some(batch) = source.next(Duration::from_millis(100))? else { break };
-        if batch.poses.is_empty() {
-            if last.elapsed() >= options.patience {
-                bail!("{}", source.diagnosis(&[]));
+        let Some(batch) = source.next(Duration::from_millis(100))? else {
+            let end = source.diagnosis(&[]);
+            if !end.well {
+                writeln!(notes, "warning: {end}")?;
             }
-            continue;
+            break;
+        };
+        printer.frame(&batch, source.now())?;
+        if !batch.poses.is_empty() {
+            (frames, last, told) = (frames + 1, Instant::now(), false);
+        } else if last.elapsed() >= options.patience {
+            bail!("{}", source.diagnosis(&[]));
+        } else if !told && last.elapsed() >= SILENCE {
+            told = true;
+            writeln!(notes, "waiting: {}", source.diagnosis(&[]))?;
         }
-        (frames, last) = (frames + 1, Instant::now());
-        let now = source.now();
-        for pose in &batch.poses {
-            let line = line(pose, &batch, now, options, &mut seen);
-            writeln!(out, "{line}")?;
-        }
-        out.flush()?;
     }
     Ok(frames)
 }
 
-fn line(pose: &TimedPose, batch: &Batch, now: f64, options: &TrackOptions, seen: &mut Seen) -> String {
-    let own_age = age(now, pose.arrival_time, pose.source_time, batch.clock.as_ref());
-    if pose.tracker_from_tool.is_some() {
-        seen.insert(pose.name.clone(), now - own_age);
+impl Printer<'_> {
+    /// All poses of a frame, and the tools that have become stale or lost without being in it.
+    fn frame(&mut self, batch: &Batch, now: f64) -> Result<()> {
+        for pose in &batch.poses {
+            let own_age = age(now, pose.arrival_time, pose.source_time, batch.clock.as_ref());
+            self.pose(pose, now, own_age)?;
+        }
+        let expiry = self.options.expiry;
+        let is_worse = |s: &Seen| expiry.state(Some(now - s.at)) > s.told;
+        let silent: Vec<_> = self.seen.iter().filter(|(_, s)| is_worse(s)).map(|(n, _)| n.clone()).collect();
+        for name in silent {
+            let nothing = TimedPose::new(name, None, now, Err(Missing::NotSent));
+            self.pose(&nothing, now, 0.0)?;
+        }
+        Ok(self.out.flush()?)
     }
-    let age = seen.get(&pose.name).map(|t| now - t);
-    let state = options.expiry.state(age).name();
-    // A tool that is not seen now has no pose, however young its last one is.
-    let position = pose.tracker_from_tool.map(|p| p.translation().to_array());
-    let quaternion = pose.tracker_from_tool.map(|p| p.quaternion_wxyz());
+
+    fn pose(&mut self, pose: &TimedPose, now: f64, own_age: f64) -> Result<()> {
+        let before = self.seen.get(&pose.name).copied();
+        let at = if pose.tracker_from_tool.is_some() { Some(now - own_age) } else { before.map(|s| s.at) };
+        let age = at.map(|t| now - t);
+        // What is not seen now has no pose to be live with, however young its last one is.
+        let least = if pose.tracker_from_tool.is_some() { Freshness::Live } else { Freshness::Stale };
+        let told = self.options.expiry.state(age).max(least);
+        if let Some(at) = at {
+            self.seen.insert(pose.name.clone(), Seen { at, told });
+        }
+        let line = if self.options.json { json(pose, told, now - own_age, age) } else { words(pose, told, age) };
+        Ok(writeln!(self.out, "{line}")?)
+    }
+}
+
+fn json(pose: &TimedPose, state: Freshness, time: f64, age: Option<f64>) -> String {
     let error = match pose.quality {
         Quality::Tracked { error } => error,
         Quality::Missing(_) => None,
     };
-    if options.json {
-        return json!({
-            "name": pose.name,
-            "time_s": now - own_age,
-            "position_mm": position,
-            "quaternion_wxyz": quaternion,
-            "state": state,
-            "age_ms": age.map(|a| 1e3 * a),
-            "error_mm": error,
-        })
-        .to_string();
-    }
+    json!({
+        "name": pose.name,
+        "time_s": time,
+        "position_mm": pose.tracker_from_tool.map(|p| p.translation().to_array()),
+        "quaternion_wxyz": pose.tracker_from_tool.map(|p| p.quaternion_wxyz()),
+        "state": state.name(),
+        "age_ms": age.map(|a| 1e3 * a),
+        "error_mm": error,
+    })
+    .to_string()
+}
+
+fn words(pose: &TimedPose, state: Freshness, age: Option<f64>) -> String {
     let age = age.map_or("never seen".to_owned(), |a| format!("{:6.1} ms", 1e3 * a));
-    let place = match (position, pose.quality) {
+    let place = match (pose.tracker_from_tool.map(|p| p.translation().to_array()), pose.quality) {
         (Some([x, y, z]), _) => format!("{x:9.2} {y:9.2} {z:9.2} mm"),
         (None, Quality::Missing(why)) => why.name().to_owned(),
         (None, Quality::Tracked { .. }) => String::new(),
     };
-    format!("{:<24} {state:<5} {age:>12}  {place}", pose.name)
+    format!("{:<24} {:<5} {age:>12}  {place}", pose.name, state.name())
 }

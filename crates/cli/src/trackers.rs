@@ -1,12 +1,13 @@
 //! `monro track`, `monro fake-tracker`, `monro doctor`.
 
+use crate::args::{in_range, rate};
 use crate::console::Console;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 use monro_cli::track::{TrackOptions, track as print_poses};
 use monro_guidance::clock::Expiry;
 use monro_tracking::{
-    Clock, IgtlFake, Motion, NatNetFake, Recorder, Scene, SceneOptions, TrackerUrl, open, run_fake_igtl,
+    Clock, Findings, IgtlFake, Motion, NatNetFake, Recorder, Scene, SceneOptions, TrackerUrl, open, run_fake_igtl,
     run_fake_natnet,
 };
 use monro_wire::natnet::{DATA_PORT, UpAxis, Version};
@@ -22,19 +23,25 @@ static NEVER: AtomicBool = AtomicBool::new(false);
 
 #[derive(Debug, Args)]
 pub(crate) struct TrackArgs {
-    /// `natnet://HOST[:PORT][?interface=&multicast=&unicast=1&up=z&version=]`, `igtl://HOST[:PORT]`, `replay:FILE[?fast=1]`, `sim:`.
+    /// `natnet://HOST[:PORT]`, `igtl://HOST[:PORT]`, `replay:FILE`, `sim:`; settings behind a `?`, with `&` between them.
+    ///
+    /// natnet: `interface=ADDRESS` (ours, facing the server), `multicast=GROUP`, `unicast=1`, `data_port=PORT`, `up=y|z`
+    /// (Motive's up axis), `version=4.1` (read frames so, whatever the server says), `bitstream=3.0` (ask the server for it).
+    /// igtl: `start=TDATA|QTDATA` (ask a server that waits to be asked).
+    /// replay: `fast=1` (not at real speed), `up=y|z`, `version=4.1`.
+    #[arg(verbatim_doc_comment)]
     pub(crate) url: String,
     /// Stop after so many frames.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) frames: Option<u64>,
     /// Keep what arrives in a new file, to be played again with `replay:FILE`.
     #[arg(long, value_name = "FILE")]
     pub(crate) record: Option<PathBuf>,
     /// A pose is stale from this age on, ms.
-    #[arg(long, value_name = "MS", default_value_t = 100.0)]
+    #[arg(long, value_name = "MS", default_value_t = 100.0, value_parser = |t: &str| in_range(t, 1.0, 3.6e6))]
     pub(crate) stale: f64,
     /// A pose is lost from this age on, ms.
-    #[arg(long, value_name = "MS", default_value_t = 500.0)]
+    #[arg(long, value_name = "MS", default_value_t = 500.0, value_parser = |t: &str| in_range(t, 1.0, 3.6e6))]
     pub(crate) lost: f64,
 }
 
@@ -46,7 +53,7 @@ pub(crate) struct DoctorArgs {
     #[arg(long, value_name = "NAME")]
     pub(crate) tool: Vec<String>,
     /// How long to listen, s.
-    #[arg(long, value_name = "S", default_value_t = 3.0)]
+    #[arg(long, value_name = "S", default_value_t = 3.0, value_parser = |t: &str| in_range(t, 0.1, 3600.0))]
     pub(crate) listen: f64,
 }
 
@@ -66,22 +73,22 @@ pub(crate) struct SceneArgs {
     #[arg(long, value_enum, default_value_t = MotionArg::Insertion)]
     pub(crate) motion: MotionArg,
     /// Frames per second.
-    #[arg(long, value_name = "HZ", default_value_t = 120.0)]
+    #[arg(long, value_name = "HZ", default_value_t = 120.0, value_parser = rate)]
     pub(crate) rate: f64,
     /// Noise of a marker across the cameras' view, mm.
-    #[arg(long, value_name = "MM", default_value_t = 0.12)]
+    #[arg(long, value_name = "MM", default_value_t = 0.12, value_parser = |t: &str| in_range(t, 0.0, 1000.0))]
     pub(crate) noise_across: f64,
     /// Noise of a marker along the cameras' view, mm.
-    #[arg(long, value_name = "MM", default_value_t = 0.74)]
+    #[arg(long, value_name = "MM", default_value_t = 0.74, value_parser = |t: &str| in_range(t, 0.0, 1000.0))]
     pub(crate) noise_along: f64,
     /// Probability that a tool is missed in a frame.
-    #[arg(long, value_name = "P", default_value_t = 0.0)]
+    #[arg(long, value_name = "P", default_value_t = 0.0, value_parser = |t: &str| in_range(t, 0.0, 1.0))]
     pub(crate) dropout: f64,
     /// Frames are late by up to this, ms.
-    #[arg(long, value_name = "MS", default_value_t = 0.0)]
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = |t: &str| in_range(t, 0.0, 60_000.0))]
     pub(crate) jitter: f64,
     /// Bump the reference by 3 mm after so many seconds.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = |t: &str| in_range(t, 0.0, 1e6))]
     pub(crate) bump_at: Option<f64>,
     /// Seed of the noise.
     #[arg(long, default_value_t = 1)]
@@ -101,7 +108,8 @@ pub(crate) enum FakeTrackerCommand {
         /// Send to each client by itself, not to a multicast group.
         #[arg(long)]
         unicast: bool,
-        /// Bitstream version, 2.0 to 4.3; above that it is announced as such, in the layout of 4.3.
+        /// Bitstream version, 2.0 to 4.9. Those above 4.3 are announced as such, in the layout of 4.3: a server newer than
+        /// tested.
         #[arg(long, value_name = "VERSION", default_value = "4.1")]
         protocol: String,
         /// Stream with z up instead of y.
@@ -124,19 +132,13 @@ pub(crate) enum FakeTrackerCommand {
 }
 
 impl SceneArgs {
-    fn scene(&self) -> Result<Scene> {
-        if !(self.rate.is_finite() && (0.1..=2000.0).contains(&self.rate)) {
-            bail!("--rate {} is not between 0.1 and 2000 frames a second", self.rate);
-        }
-        if !(self.noise_across >= 0.0 && self.noise_along >= 0.0 && self.jitter >= 0.0) {
-            bail!("noise and jitter must not be negative");
-        }
+    fn scene(&self) -> Scene {
         let motion = match self.motion {
             MotionArg::Insertion => Motion::Insertion,
             MotionArg::Pivot => Motion::Pivot,
             MotionArg::Trace => Motion::Trace,
         };
-        Ok(Scene::new(SceneOptions {
+        Scene::new(SceneOptions {
             motion,
             across: self.noise_across,
             along: self.noise_along,
@@ -144,19 +146,23 @@ impl SceneArgs {
             bump_at: self.bump_at,
             speed: 1.0,
             seed: self.seed,
-        }))
+        })
     }
 }
 
 /// Prints poses until their number is reached or the source ends.
 pub(crate) fn track(args: &TrackArgs, json: bool) -> Result<()> {
+    if args.stale >= args.lost {
+        bail!("--stale {} is not below --lost {}: a pose goes stale before it is lost", args.stale, args.lost);
+    }
     let url: TrackerUrl = args.url.parse()?;
     let clock = Clock::new();
     let recorder = args.record.as_deref().map(|p| Recorder::create(p, clock)).transpose()?;
     let mut source = open(&url, clock, recorder)?;
     let expiry = Expiry { stale: args.stale / 1e3, lost: args.lost / 1e3 };
     let options = TrackOptions { frames: args.frames, json, expiry, ..TrackOptions::default() };
-    let printed = print_poses(source.as_mut(), &options, &NEVER, &mut std::io::stdout().lock());
+    let (mut out, mut notes) = (std::io::stdout().lock(), std::io::stderr());
+    let printed = print_poses(source.as_mut(), &options, &NEVER, &mut out, &mut notes);
     match printed {
         // Whoever reads our output has seen enough.
         Err(e) if is_broken_pipe(&e) => Ok(()),
@@ -184,26 +190,25 @@ pub(crate) fn fake(command: &FakeTrackerCommand) -> Result<()> {
                 jitter: scene.jitter / 1e3,
                 up: if *z_up { UpAxis::Z } else { UpAxis::Y },
             };
-            run_fake_natnet(&fake, &mut scene.scene()?, &NEVER, ready("fake Motive takes commands"))?;
+            run_fake_natnet(&fake, &mut scene.scene(), &NEVER, ready("fake Motive takes commands"))?;
         }
         FakeTrackerCommand::Openigtlink { listen, header, scene } => {
             let version = if *header == 1 { HeaderVersion::V1 } else { HeaderVersion::V2 };
             let fake = IgtlFake { listen: *listen, version, rate: scene.rate, jitter: scene.jitter / 1e3 };
-            run_fake_igtl(&fake, &mut scene.scene()?, &NEVER, ready("fake PLUS listens"))?;
+            run_fake_igtl(&fake, &mut scene.scene(), &NEVER, ready("fake PLUS listens"))?;
         }
     }
     Ok(())
 }
 
-/// Says what a tracker sends, or why it does not.
+/// Says what a tracker sends, or why it does not; that is a failure, too.
 pub(crate) fn doctor(args: &DoctorArgs, console: &Console) -> Result<()> {
-    if !(args.listen.is_finite() && (0.0..=3600.0).contains(&args.listen)) {
-        bail!("--listen {} is not between 0 and 3600 seconds", args.listen);
-    }
     let mut source = open(&args.url.parse()?, Clock::new(), None)?;
     let wanted: Vec<&str> = args.tool.iter().map(String::as_str).collect();
-    let lines = monro_tracking::doctor(source.as_mut(), &wanted, Duration::from_secs_f64(args.listen))?;
-    let (diagnosis, facts) = lines.split_last().context("the source told nothing")?;
-    console.result(&json!({ "facts": facts, "diagnosis": diagnosis }), &lines.join("\n"));
-    Ok(())
+    let Findings { mut facts, health } =
+        monro_tracking::doctor(source.as_mut(), &wanted, Duration::from_secs_f64(args.listen))?;
+    let found = json!({ "well": health.well, "facts": facts, "diagnosis": health.words });
+    facts.extend(health.well.then(|| health.words.clone()));
+    console.result(&found, &facts.join("\n"));
+    if health.well { Ok(()) } else { bail!("{health}") }
 }

@@ -2,7 +2,7 @@
 
 use monro_cli::track::{TrackOptions, track};
 use monro_geometry::{Rigid, Vector};
-use monro_tracking::{Batch, Source, TOOLS, TrackingError};
+use monro_tracking::{Batch, Health, Source, TOOLS, TrackingError};
 use monro_wire::{Missing, TimedPose};
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
@@ -25,8 +25,8 @@ impl Source for Every {
         1.7e9 + self.0 as f64 / 100.0
     }
 
-    fn diagnosis(&self, _: &[&str]) -> String {
-        "well".to_owned()
+    fn diagnosis(&self, _: &[&str]) -> Health {
+        Health::well("well")
     }
 
     fn facts(&self) -> Vec<String> {
@@ -47,8 +47,8 @@ impl Source for Silent {
         0.0
     }
 
-    fn diagnosis(&self, _: &[&str]) -> String {
-        "the cable is out".to_owned()
+    fn diagnosis(&self, _: &[&str]) -> Health {
+        Health::ill("the cable is out")
     }
 
     fn facts(&self) -> Vec<String> {
@@ -60,14 +60,14 @@ impl Source for Silent {
 fn track_prints_one_json_object_a_pose() {
     let (mut out, never) = (Vec::new(), AtomicBool::new(false));
     let options = TrackOptions { frames: Some(30), json: true, ..TrackOptions::default() };
-    assert_eq!(track(&mut Every(0), &options, &never, &mut out).expect("track"), 30);
+    assert_eq!(track(&mut Every(0), &options, &never, &mut out, &mut std::io::sink()).expect("track"), 30);
     let text = String::from_utf8(out).expect("text");
     let lines: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).expect("JSON")).collect();
     assert_eq!(lines.len(), 30 * TOOLS.len());
     for line in &lines {
         assert!(TOOLS.contains(&line["name"].as_str().expect("name")) && line["time_s"].as_f64().expect("time") > 1e9);
-        assert_eq!(line["state"], "live");
         let lost = line["position_mm"].is_null();
+        assert_eq!(line["state"], if lost { "stale" } else { "live" }, "what has no pose is not live");
         assert_eq!(lost, line["quaternion_wxyz"].is_null());
         let age = line["age_ms"].as_f64().expect("age");
         // A missed tool is as old as the frame that last showed it.
@@ -84,6 +84,50 @@ fn track_prints_one_json_object_a_pose() {
 fn silence_ends_with_the_reason() {
     let (mut out, never) = (Vec::new(), AtomicBool::new(false));
     let options = TrackOptions { patience: Duration::from_millis(150), ..TrackOptions::default() };
-    let error = track(&mut Silent, &options, &never, &mut out).expect_err("silent");
+    let error = track(&mut Silent, &options, &never, &mut out, &mut std::io::sink()).expect_err("silent");
     assert!(error.to_string().contains("the cable is out") && out.is_empty());
+}
+
+/// Ten frames, then silence; the time goes on by itself.
+struct Dying(u64);
+
+impl Source for Dying {
+    fn next(&mut self, wait: Duration) -> Result<Option<Batch>, TrackingError> {
+        self.0 += 1;
+        match self.0 {
+            0..=10 => Every(0).next(wait),
+            11..=70 => Ok(Some(Batch::default())),
+            _ => Ok(None),
+        }
+    }
+
+    fn now(&self) -> f64 {
+        1.7e9 + self.0 as f64 / 100.0
+    }
+
+    fn diagnosis(&self, _: &[&str]) -> Health {
+        Health::ill("its last record was cut short")
+    }
+
+    fn facts(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+/// A server that died used to be followed by nothing at all.
+#[test]
+fn tools_of_which_nothing_more_comes_become_stale_and_lost() {
+    let (mut out, mut notes, never) = (Vec::new(), Vec::new(), AtomicBool::new(false));
+    let options = TrackOptions { json: true, ..TrackOptions::default() };
+    assert_eq!(track(&mut Dying(0), &options, &never, &mut out, &mut notes).expect("track"), 10);
+    let text = String::from_utf8(out).expect("text");
+    let lines: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).expect("JSON")).collect();
+    let (frames, after) = lines.split_at(10 * TOOLS.len());
+    assert!(frames.iter().any(|l| l["state"] == "live"));
+    for tool in TOOLS {
+        let states: Vec<_> = after.iter().filter(|l| l["name"] == tool).collect();
+        assert_eq!(states.last().expect("told")["state"], "lost", "{tool}: {after:?}");
+        assert!(states.iter().all(|l| l["position_mm"].is_null()) && states.len() <= 2, "{tool}: {states:?}");
+    }
+    assert!(String::from_utf8(notes).expect("text").contains("cut short"));
 }

@@ -19,7 +19,20 @@ impl Exchange {
     fn middle(&self) -> f64 {
         0.5 * (self.received + self.sent)
     }
+
+    /// Whether one and the same clock can have given both answers: each bounds its offset by the two ways of the question.
+    fn agrees(&self, later: &Self) -> bool {
+        let drift = SLACK + DRIFT * (later.received - self.sent).abs();
+        let low = (self.other - self.received).max(later.other - later.received);
+        let high = (self.other - self.sent).min(later.other - later.sent);
+        low <= high + drift
+    }
 }
+
+/// Two clocks of computers drift apart by less than this, s a second.
+const DRIFT: f64 = 1e-3;
+/// What a coarse clock adds to the bounds of an exchange, s.
+const SLACK: f64 = 1e-3;
 
 /// An estimate of `other - ours`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,13 +69,22 @@ impl ClockEstimate {
         Self { exchanges: Vec::new(), window }
     }
 
-    /// Takes an exchange; one whose answer came before its question is ignored.
+    /// Takes an exchange; one whose answer came before its question is ignored. One that contradicts the last says that the
+    /// other clock was set anew, as when its computer was restarted: what was known before is forgotten.
     pub fn push(&mut self, e: Exchange) {
         let valid = e.round_trip() >= 0.0 && e.other.is_finite() && e.sent.is_finite() && e.received.is_finite();
         if valid {
+            if self.exchanges.last().is_some_and(|last| !last.agrees(&e)) {
+                self.forget();
+            }
             self.exchanges.push(e);
             self.exchanges.retain(|x| x.received >= e.received - self.window);
         }
+    }
+
+    /// Forgets all exchanges: the other clock is known to have been set anew.
+    pub fn forget(&mut self) {
+        self.exchanges.clear();
     }
 
     /// The offset; `None` before the first exchange.
@@ -177,6 +199,28 @@ mod tests {
         assert!((o.offset - 500.0).abs() <= o.bound + 1e-12 && (o.bound - 0.002).abs() < 1e-12);
         estimate.push(Exchange { sent: 5.0, other: 0.0, received: 4.0 });
         assert_eq!(estimate.offset(), Some(o));
+    }
+
+    /// The answers of both clocks used to be mixed for the whole window: ages were wrong for a minute.
+    #[test]
+    fn a_clock_that_was_set_anew_is_believed_at_once() {
+        let mut estimate = ClockEstimate::new(60.0);
+        let mut ask = |sent: f64, other: f64, way: f64| {
+            estimate.push(Exchange { sent, other: other + way, received: sent + 2.0 * way });
+            estimate.offset().expect("exchanges").offset
+        };
+        for i in (0..30).map(f64::from) {
+            assert!((ask(i, 1000.0 + i, 3e-4) - 1000.0).abs() < 1e-3);
+        }
+        // The new clock's first answer is late: it is believed for what it bounds.
+        assert!((ask(31.0, 0.5, 2e-2) + 30.5).abs() < 0.02);
+        assert!((ask(32.0, 1.5, 3e-4) + 30.5).abs() < 1e-3);
+        // One that drifts, and whose answers are held up now and then, is still the same.
+        for i in 33..90 {
+            let (t, way) = (f64::from(i), 3e-4 * f64::from(1 + i % 40));
+            assert!((ask(t, t * (1.0 + 2e-4) - 30.5064, way) + 30.5).abs() < 0.02);
+        }
+        assert!(estimate.exchanges.len() > 50);
     }
 
     #[test]

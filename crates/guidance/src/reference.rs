@@ -127,9 +127,7 @@ impl ReferenceGuard {
 }
 
 /// The mean of nearby poses: mean translation, normalised mean quaternion. `None` for none.
-pub fn mean<'a>(
-    poses: impl Iterator<Item = &'a Rigid<Tracker, Tool>> + Clone,
-) -> Option<Rigid<Tracker, Tool>> {
+pub fn mean<'a>(poses: impl Iterator<Item = &'a Rigid<Tracker, Tool>> + Clone) -> Option<Rigid<Tracker, Tool>> {
     let first = poses.clone().next()?.quaternion_wxyz();
     let (mut q, mut t, mut count) = ([0.0; 4], Vector::ZERO, 0.0);
     for p in poses {
@@ -197,9 +195,9 @@ mod tests {
     #[test]
     fn poses_from_before_the_touch_are_no_baseline() {
         let mut guard = ReferenceGuard::new(GuardOptions::default());
-        (0..30).for_each(|i| drop(guard.push(&pose(0.0, 0.0), f64::from(i) / 20.0)));
+        (0..30).for_each(|i| assert_eq!(guard.push(&pose(0.0, 0.0), f64::from(i) / 20.0), None));
         // Put back in its place 0.3 s before the touch is over.
-        (0..6).for_each(|i| drop(guard.push(&pose(5.0, 0.0), 10.0 + f64::from(i) / 20.0)));
+        (0..6).for_each(|i| assert_eq!(guard.push(&pose(5.0, 0.0), 10.0 + f64::from(i) / 20.0), None));
         guard.confirm();
         assert!(!guard.is_armed());
         (6..200).for_each(|i| assert_eq!(guard.push(&pose(5.0, 0.0), 10.0 + f64::from(i) / 20.0), None));

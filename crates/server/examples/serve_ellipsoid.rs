@@ -9,7 +9,7 @@ mod common;
 
 use monro_geometry::{Patient, Point, Rigid, Tool, Tracker as TrackerFrame, Vector};
 use monro_server::Tracker;
-use monro_tracking::{Batch, Clock, Source, TrackingError};
+use monro_tracking::{Batch, Clock, Health, Source, TrackingError};
 use monro_wire::TimedPose;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -132,8 +132,8 @@ impl Source for Hand {
         self.clock.now()
     }
 
-    fn diagnosis(&self, _: &[&str]) -> String {
-        "held by hand".into()
+    fn diagnosis(&self, _: &[&str]) -> Health {
+        Health::well("held by hand")
     }
 
     fn facts(&self) -> Vec<String> {

@@ -5,7 +5,7 @@ mod common;
 use common::{options, request, write_case};
 use monro_geometry::{Rigid, Vector};
 use monro_server::{Running, ServeError, Tracker, start};
-use monro_tracking::{Batch, Source, TrackingError};
+use monro_tracking::{Batch, Health, Source, TrackingError};
 use monro_wire::TimedPose;
 use monro_wire::openigtlink::{Content, Message, Parser, ToolStatus, Verb};
 use serde_json::Value;
@@ -236,8 +236,8 @@ impl Source for Still {
         1e9 + 0.002
     }
 
-    fn diagnosis(&self, wanted: &[&str]) -> String {
-        format!("still, asked for {}", wanted.join(" and "))
+    fn diagnosis(&self, wanted: &[&str]) -> Health {
+        Health::well(format!("still, asked for {}", wanted.join(" and ")))
     }
 
     fn facts(&self) -> Vec<String> {

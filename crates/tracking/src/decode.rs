@@ -30,11 +30,30 @@ pub(crate) struct NatNetDecoder {
     pub(crate) client: Client,
     pub(crate) estimate: ClockEstimate,
     first_frame: Option<f64>,
+    /// Exposure of the last frame on the server's clock, and its arrival on ours, s.
+    last: Option<(Option<f64>, f64)>,
 }
+
+/// A clock that goes back by more than this, or exposures that far in the future, belong to a server that was restarted, s.
+const BREAK: f64 = 0.25;
+/// After a silence of this length it may have been restarted too, s.
+const SILENCE: f64 = 1.0;
 
 impl NatNetDecoder {
     pub(crate) fn new(options: ClientOptions) -> Self {
-        Self { client: Client::new(options), estimate: ClockEstimate::new(CLOCK_WINDOW), first_frame: None }
+        let (client, estimate) = (Client::new(options), ClockEstimate::new(CLOCK_WINDOW));
+        Self { client, estimate, first_frame: None, last: None }
+    }
+
+    /// Whether a frame may come from another server than the last one: after a silence, or because the clock has gone back,
+    /// or ahead of the arrivals (one that was held up on its way has done neither).
+    fn is_restarted(&mut self, source: Option<f64>, arrival: f64) -> bool {
+        let Some((before, then)) = self.last.replace((source, arrival)) else { return false };
+        let clock_broke = source.zip(before).is_some_and(|(source, before)| {
+            let late = self.estimate.offset().map_or(0.0, |o| then - o.to_ours(before)).max(0.0);
+            source < before - BREAK || source - before > arrival - then + late + BREAK
+        });
+        clock_broke || arrival - then > SILENCE
     }
 
     /// Takes a datagram that arrived at `arrival`, s. One that cannot be read is counted by the client.
@@ -45,6 +64,13 @@ impl NatNetDecoder {
                 self.estimate.push(Exchange { sent: e.sent, other: e.server, received: e.received });
             }
             Ok(Some(Event::Frame(_, poses))) => {
+                if self.is_restarted(poses.first().and_then(|p| p.source_time), arrival) {
+                    self.estimate.forget();
+                    self.client.restart();
+                    self.first_frame = None;
+                    // Its bodies may have got other numbers: these poses might bear wrong names.
+                    return Taken::Nothing;
+                }
                 let first = *self.first_frame.get_or_insert(arrival);
                 // Names come a moment after the first frames; a server that never tells them is listened to all the same.
                 if !self.client.names().is_empty() || arrival - first > PATIENCE_FOR_NAMES {

@@ -1,14 +1,23 @@
 //! Why there is no data.
 
-use crate::{Source, TrackingError};
+use crate::{Health, Source, TrackingError};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-/// Listens to a source for a while and says what it found, a line a fact; the diagnosis comes last.
+/// What listening to a source has shown.
+#[derive(Debug, Clone)]
+pub struct Findings {
+    /// A line a fact.
+    pub facts: Vec<String>,
+    /// What follows from them.
+    pub health: Health,
+}
+
+/// Listens to a source for a while and says what it found.
 ///
 /// # Errors
 /// When the source cannot go on.
-pub fn doctor(source: &mut dyn Source, wanted: &[&str], listen: Duration) -> Result<Vec<String>, TrackingError> {
+pub fn doctor(source: &mut dyn Source, wanted: &[&str], listen: Duration) -> Result<Findings, TrackingError> {
     let begun = Instant::now();
     let (mut frames, mut tracked) = (0u64, BTreeMap::<String, (u64, u64)>::new());
     while begun.elapsed() < listen {
@@ -20,10 +29,9 @@ pub fn doctor(source: &mut dyn Source, wanted: &[&str], listen: Duration) -> Res
             entry.1 += u64::from(pose.tracker_from_tool.is_some());
         }
     }
-    let mut lines = source.facts();
-    lines.push(format!("{:.1} frames a second", frames as f64 / begun.elapsed().as_secs_f64().max(1e-3)));
+    let mut facts = source.facts();
+    facts.push(format!("{:.1} frames a second", frames as f64 / begun.elapsed().as_secs_f64().max(1e-3)));
     let share = |(all, seen): (u64, u64)| 100.0 * seen as f64 / all.max(1) as f64;
-    lines.extend(tracked.into_iter().map(|(name, n)| format!("{name}: seen in {:.0} % of its frames", share(n))));
-    lines.push(source.diagnosis(wanted));
-    Ok(lines)
+    facts.extend(tracked.into_iter().map(|(name, n)| format!("{name}: seen in {:.0} % of its frames", share(n))));
+    Ok(Findings { facts, health: source.diagnosis(wanted) })
 }

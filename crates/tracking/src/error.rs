@@ -18,13 +18,19 @@ pub enum TrackerUrlError {
     #[error("'{0}' in the tracker's address has no '='")]
     NoValue(String),
     /// A setting that this kind of tracker does not have.
-    #[error("'{name}' is no setting of this tracker; known are: {known}")]
+    #[error("'{name}' is no setting of this tracker; known are: {}", if known.is_empty() { "none" } else { known })]
     Setting {
         /// As given.
         name: String,
         /// All that there are.
         known: String,
     },
+    /// A setting given more than once.
+    #[error("{0} is given twice in the tracker's address")]
+    Twice(String),
+    /// What stands for the host is none.
+    #[error("'{0}' is no host with a port; write HOST:PORT, an IPv6 address in brackets")]
+    Host(String),
     /// A value that cannot be read.
     #[error("{name}={value} cannot be read; {wanted}")]
     Value {
@@ -35,8 +41,8 @@ pub enum TrackerUrlError {
         /// What it should be.
         wanted: &'static str,
     },
-    /// The port is no number from 0 to 65535.
-    #[error("'{0}' is no port")]
+    /// The port is no number from 1 to 65535.
+    #[error("'{0}' is no port; give a number from 1 to 65535")]
     Port(String),
     /// The host is missing.
     #[error("the tracker's address names no host")]
@@ -114,6 +120,20 @@ pub enum TrackingError {
         path: PathBuf,
         /// The reason.
         error: RecordingError,
+    },
+    /// A recorded stream that cannot be followed any more.
+    #[error(
+        "the recording {path} is damaged {since_s:.2} s after its start ({error}); {left} records behind it are lost"
+    )]
+    Damaged {
+        /// Its path.
+        path: PathBuf,
+        /// Where, s.
+        since_s: f64,
+        /// Records that were not played.
+        left: usize,
+        /// The reason.
+        error: Box<IgtlError>,
     },
     /// A thread or a socket failed.
     #[error(transparent)]

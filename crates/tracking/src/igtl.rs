@@ -1,7 +1,7 @@
 //! An OpenIGTLink client on a TCP socket; it connects again when the other side goes away.
 
 use crate::decode::IgtlDecoder;
-use crate::{Batch, Clock, IgtlAddress, Recorder, Source, TrackingError};
+use crate::{Batch, Clock, Health, IgtlAddress, Recorder, Source, TrackingError};
 use monro_wire::openigtlink::{Content, Message, StreamRequest, Verb};
 use monro_wire::recording::Protocol;
 use std::io::{Read, Write};
@@ -102,17 +102,17 @@ impl Source for IgtlSource {
         self.clock.now()
     }
 
-    fn diagnosis(&self, wanted: &[&str]) -> String {
+    fn diagnosis(&self, wanted: &[&str]) -> Health {
         let place = &self.place;
         let why = self.trouble().map_or(String::new(), |t| format!(" ({t})"));
         if !self.connected {
-            return format!("no connection to {place}{why}: is the server running, and its port right?");
+            return Health::ill(format!("no connection to {place}{why}: is the server running, and its port right?"));
         }
         let devices = &self.decoder.devices;
         if devices.is_empty() {
-            return format!(
+            return Health::ill(format!(
                 "connected to {place}, but no message came{why}: has the server no tool, or does it wait to be asked (?start=TDATA or ?start=QTDATA)?"
-            );
+            ));
         }
         // Also without the "ToTracker" that PLUS puts behind a tool's name.
         let sent = |wanted: &str| {
@@ -120,9 +120,10 @@ impl Source for IgtlSource {
         };
         match wanted.iter().find(|w| !sent(w)) {
             Some(name) => {
-                format!("'{name}' is not sent (sent: {})", devices.keys().cloned().collect::<Vec<_>>().join(", "))
+                let sent = devices.keys().cloned().collect::<Vec<_>>().join(", ");
+                Health::ill(format!("'{name}' is not sent (sent: {sent})"))
             }
-            None => format!("receiving from {place}"),
+            None => Health::well(format!("receiving from {place}")),
         }
     }
 

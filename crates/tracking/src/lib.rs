@@ -20,7 +20,7 @@ mod source;
 mod url;
 
 pub use clock::Clock;
-pub use doctor::doctor;
+pub use doctor::{Findings, doctor};
 pub use error::{TrackerUrlError, TrackingError};
 pub use fake_igtl::{IgtlFake, run_fake_igtl};
 pub use fake_natnet::{NatNetFake, run_fake_natnet};
@@ -28,5 +28,5 @@ pub use igtl::tool_name;
 pub use latency::{Latencies, latencies};
 pub use record::Recorder;
 pub use scene::{CATHETER_TIP, Motion, STYLUS_TIP, Scene, SceneOptions, TOOLS};
-pub use source::{Batch, Source, open};
+pub use source::{Batch, Health, Source, open};
 pub use url::{IgtlAddress, NatNetAddress, ReplayAddress, TrackerUrl};

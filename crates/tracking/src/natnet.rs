@@ -1,7 +1,7 @@
 //! A NatNet client on UDP sockets.
 
 use crate::decode::{NatNetDecoder, Taken};
-use crate::{Batch, Clock, NatNetAddress, Recorder, Source, TrackingError};
+use crate::{Batch, Clock, Health, NatNetAddress, Recorder, Source, TrackingError};
 use monro_wire::natnet::{ClientOptions, DATA_PORT, Diagnosis, MULTICAST_GROUP, ServerInfo};
 use monro_wire::recording::Protocol;
 use socket2::{Domain, Socket, Type};
@@ -139,9 +139,10 @@ impl Source for NatNetSource {
         self.clock.now()
     }
 
-    fn diagnosis(&self, wanted: &[&str]) -> String {
+    fn diagnosis(&self, wanted: &[&str]) -> Health {
         let found = self.decoder.client.diagnosis(self.clock.now(), wanted);
-        match found {
+        let well = found.is_well();
+        let words = match found {
             Diagnosis::NoServer { .. } => format!("{}: {found}", self.server),
             Diagnosis::NoData { multicast: true, .. } if self.address.unicast => {
                 format!("{found}; this client was told to use unicast (?unicast=1)")
@@ -150,7 +151,8 @@ impl Source for NatNetSource {
                 format!("{found}; this client listens on interface {} (?interface=)", self.interface)
             }
             found => found.to_string(),
-        }
+        };
+        Health { well, words }
     }
 
     fn facts(&self) -> Vec<String> {

@@ -2,10 +2,12 @@
 
 use crate::clock::seconds;
 use crate::decode::{IgtlDecoder, NatNetDecoder, Taken};
-use crate::{Batch, ReplayAddress, Source, TrackingError};
+use crate::{Batch, Health, ReplayAddress, Source, TrackingError};
 use monro_wire::natnet::ClientOptions;
+use monro_wire::openigtlink::IgtlError;
 use monro_wire::recording::{Protocol, Recording};
 use std::collections::VecDeque;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 enum Decoder {
@@ -24,6 +26,9 @@ pub(crate) struct Replay {
     fast: bool,
     begun: Option<Instant>,
     now: f64,
+    path: PathBuf,
+    /// Why the stream cannot be followed any more.
+    broken: Option<IgtlError>,
 }
 
 impl Replay {
@@ -33,7 +38,8 @@ impl Replay {
             Ok(file) => file,
             Err(error) => return Err(TrackingError::File { path, error }),
         };
-        let recording = Recording::read(&file).map_err(|error| TrackingError::Recording { path, error })?;
+        let unreadable = |error| TrackingError::Recording { path: path.clone(), error };
+        let recording = Recording::read(&file).map_err(unreadable)?;
         let options = ClientOptions { force_version: address.version, up: address.up, bitstream: None };
         let decoder = match recording.protocol() {
             Protocol::NatNet => Decoder::NatNet(Box::new(NatNetDecoder::new(options))),
@@ -48,6 +54,8 @@ impl Replay {
             fast: address.fast,
             begun: None,
             now: seconds(recording.start(), 0),
+            broken: None,
+            path,
         })
     }
 
@@ -62,11 +70,22 @@ impl Replay {
             // An empty piece is where a new connection began.
             Decoder::OpenIgtLink(decoder) if bytes.is_empty() => decoder.begin(),
             Decoder::OpenIgtLink(decoder) => {
-                if decoder.take(self.now, bytes).is_err() {
-                    self.records.clear();
-                }
+                self.broken = decoder.take(self.now, bytes).err();
                 self.ready.extend(std::iter::from_fn(|| decoder.next()));
             }
+        }
+    }
+}
+
+impl Replay {
+    /// Messages that could not be read, and why the last could not.
+    fn unread(&self) -> (u64, String) {
+        match &self.decoder {
+            Decoder::NatNet(decoder) => {
+                let counters = decoder.client.counters();
+                (counters.malformed, counters.last_error.as_ref().map(ToString::to_string).unwrap_or_default())
+            }
+            Decoder::OpenIgtLink(decoder) => (decoder.dropped, decoder.fault.clone().unwrap_or_default()),
         }
     }
 }
@@ -78,6 +97,11 @@ impl Source for Replay {
         loop {
             if let Some(batch) = self.ready.pop_front() {
                 return Ok(Some(batch));
+            }
+            if let Some(error) = self.broken.take() {
+                let (since_s, left) = (self.now - seconds(self.start, 0), self.records.len());
+                self.records.clear();
+                return Err(TrackingError::Damaged { path: self.path.clone(), since_s, left, error: Box::new(error) });
             }
             let Some((since, _)) = self.records.front() else { return Ok(None) };
             let due = begun + Duration::from_nanos(*since);
@@ -99,11 +123,19 @@ impl Source for Replay {
         self.now
     }
 
-    fn diagnosis(&self, _: &[&str]) -> String {
-        match self.records.len() {
-            0 => "the recording has ended".to_owned(),
-            n => format!("{n} records of the recording are left"),
+    fn diagnosis(&self, _: &[&str]) -> Health {
+        if !self.records.is_empty() {
+            return Health::well(format!("{} records of the recording are left", self.records.len()));
         }
+        let (unread, why) = self.unread();
+        let mut words = "the recording has ended".to_owned();
+        if unread > 0 {
+            words += &format!("; {unread} of its messages could not be read (the last: {why})");
+        }
+        if self.cut_off > 0 {
+            words += &format!("; its last record was cut short, {} bytes of it were left out", self.cut_off);
+        }
+        Health { well: unread == 0 && self.cut_off == 0, words }
     }
 
     fn facts(&self) -> Vec<String> {

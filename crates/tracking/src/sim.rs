@@ -1,6 +1,6 @@
 //! `sim:`: the fake tracker's scene without a network between.
 
-use crate::{Batch, Clock, Scene, SceneOptions, Source, TOOLS, TrackingError};
+use crate::{Batch, Clock, Health, Scene, SceneOptions, Source, TOOLS, TrackingError};
 use monro_wire::{Missing, TimedPose};
 use std::time::Duration;
 
@@ -41,8 +41,8 @@ impl Source for SimSource {
         self.clock.now()
     }
 
-    fn diagnosis(&self, _: &[&str]) -> String {
-        "simulated".to_owned()
+    fn diagnosis(&self, _: &[&str]) -> Health {
+        Health::well("simulated")
     }
 
     fn facts(&self) -> Vec<String> {

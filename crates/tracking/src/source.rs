@@ -3,6 +3,7 @@
 use crate::{Clock, Recorder, TrackerUrl, TrackingError, igtl, natnet, replay, sim};
 use monro_guidance::clock::Offset;
 use monro_wire::TimedPose;
+use std::fmt;
 use std::time::Duration;
 
 /// The poses of one frame or message.
@@ -12,6 +13,33 @@ pub struct Batch {
     pub poses: Vec<TimedPose>,
     /// The source's clock against ours, where it is known.
     pub clock: Option<Offset>,
+}
+
+/// How a source is, for people.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Health {
+    /// Whether poses come as they should.
+    pub well: bool,
+    /// What is wrong and what to do about it, or that nothing is.
+    pub words: String,
+}
+
+impl Health {
+    /// Nothing is wrong.
+    pub fn well(words: impl Into<String>) -> Self {
+        Self { well: true, words: words.into() }
+    }
+
+    /// Something is.
+    pub fn ill(words: impl Into<String>) -> Self {
+        Self { well: false, words: words.into() }
+    }
+}
+
+impl fmt::Display for Health {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.words)
+    }
 }
 
 /// A source of poses.
@@ -25,8 +53,8 @@ pub trait Source: Send {
     /// The time, s, on the clock of the poses' arrival.
     fn now(&self) -> f64;
 
-    /// What is wrong, or that nothing is, for people; `wanted` are the names of tools that should be there.
-    fn diagnosis(&self, wanted: &[&str]) -> String;
+    /// What is wrong, or that nothing is; `wanted` are the names of tools that should be there.
+    fn diagnosis(&self, wanted: &[&str]) -> Health;
 
     /// What is known of the other side, a line a fact.
     fn facts(&self) -> Vec<String>;

@@ -73,6 +73,7 @@ impl FromStr for TrackerUrl {
     fn from_str(text: &str) -> Result<Self, TrackerUrlError> {
         let (place, query) = text.split_once('?').unwrap_or((text, ""));
         let query = pairs(query)?;
+        once(&query)?;
         if let Some(rest) = place.strip_prefix("natnet://") {
             return Ok(Self::NatNet(natnet(rest, &query)?));
         }
@@ -87,12 +88,13 @@ impl FromStr for TrackerUrl {
             known(&query, &["fast", "up", "version"])?;
             return Ok(Self::Replay(ReplayAddress {
                 path: path.into(),
-                fast: flag(&query, "fast"),
+                fast: flag(&query, "fast")?,
                 up: up_axis(&query)?,
                 version: version(&query, "version")?,
             }));
         }
         if place == "sim:" {
+            known(&query, &[])?;
             return Ok(Self::Sim);
         }
         Err(TrackerUrlError::Scheme(text.to_owned()))
@@ -106,6 +108,11 @@ fn pairs(query: &str) -> Result<Query<'_>, TrackerUrlError> {
     query.split('&').filter(|p| !p.is_empty()).map(split).collect()
 }
 
+fn once(query: &Query<'_>) -> Result<(), TrackerUrlError> {
+    let again = query.iter().enumerate().find(|(i, (k, _))| query[..*i].iter().any(|(earlier, _)| earlier == k));
+    again.map_or(Ok(()), |(_, (k, _))| Err(TrackerUrlError::Twice((*k).to_owned())))
+}
+
 fn known(query: &Query<'_>, names: &[&str]) -> Result<(), TrackerUrlError> {
     match query.iter().find(|(k, _)| !names.contains(k)) {
         Some((k, _)) => Err(TrackerUrlError::Setting { name: (*k).to_owned(), known: names.join(", ") }),
@@ -113,8 +120,13 @@ fn known(query: &Query<'_>, names: &[&str]) -> Result<(), TrackerUrlError> {
     }
 }
 
-fn flag(query: &Query<'_>, name: &str) -> bool {
-    query.iter().any(|(k, v)| *k == name && *v != "0" && *v != "false")
+fn flag(query: &Query<'_>, name: &str) -> Result<bool, TrackerUrlError> {
+    let read = |v: &str| match v {
+        "1" | "true" => Some(true),
+        "0" | "false" => Some(false),
+        _ => None,
+    };
+    Ok(setting(query, name, "it is 1 or 0", read)?.unwrap_or(false))
 }
 
 fn value<'a>(query: &Query<'a>, name: &str) -> Option<&'a str> {
@@ -142,12 +154,21 @@ fn up_axis(query: &Query<'_>) -> Result<UpAxis, TrackerUrlError> {
 
 fn host_port(text: &str, default: u16) -> Result<(String, u16), TrackerUrlError> {
     let text = text.trim_end_matches('/');
-    let (host, port) = match text.rsplit_once(':') {
-        Some((h, p)) => (h, p.parse().map_err(|_| TrackerUrlError::Port(p.to_owned()))?),
-        None => (text, default),
+    // Brackets hold an IPv6 address, whose colons are no ports.
+    let (host, rest) = match text.strip_prefix('[') {
+        Some(inner) => inner.split_once(']').ok_or_else(|| TrackerUrlError::Host(text.to_owned()))?,
+        None => text.split_at(text.find(':').unwrap_or(text.len())),
+    };
+    let port = match rest.strip_prefix(':') {
+        Some(p) => p.parse().ok().filter(|p| *p > 0).ok_or_else(|| TrackerUrlError::Port(p.to_owned()))?,
+        None if rest.is_empty() => default,
+        None => return Err(TrackerUrlError::Host(text.to_owned())),
     };
     if host.is_empty() {
         return Err(TrackerUrlError::NoHost);
+    }
+    if host.contains(|c: char| c.is_whitespace() || "/?#@[]".contains(c)) {
+        return Err(TrackerUrlError::Host(text.to_owned()));
     }
     Ok((host.to_owned(), port))
 }
@@ -162,7 +183,7 @@ fn natnet(rest: &str, query: &Query<'_>) -> Result<NatNetAddress, TrackerUrlErro
         data_port: setting(query, "data_port", "give a port from 0 to 65535", |v| v.parse().ok())?,
         interface: ipv4("interface")?,
         multicast: ipv4("multicast")?,
-        unicast: flag(query, "unicast"),
+        unicast: flag(query, "unicast")?,
         up: up_axis(query)?,
         version: version(query, "version")?,
         bitstream: version(query, "bitstream")?,
@@ -191,6 +212,8 @@ mod tests {
         let plus = |start| TrackerUrl::OpenIgtLink(IgtlAddress { host: "plus".to_owned(), port: 18944, start });
         assert_eq!(read("igtl://plus"), plus(None));
         assert_eq!(read("igtl://plus?start=TDATA"), plus(Some("TDATA".to_owned())));
+        let TrackerUrl::OpenIgtLink(v6) = read("igtl://[::1]:7/") else { panic!("igtl") };
+        assert_eq!((v6.host.as_str(), v6.port), ("::1", 7));
         let TrackerUrl::Replay(r) = read("replay:a b.mnr?fast=1&up=z") else { panic!("replay") };
         assert_eq!((r.path, r.fast, r.up, r.version), ("a b.mnr".into(), true, UpAxis::Z, None));
         assert_eq!(read("sim:"), TrackerUrl::Sim);
@@ -204,5 +227,17 @@ mod tests {
         assert!(refused("natnet://x?version=new").contains("version"));
         assert!(refused("igtl://x:99999").contains("port"));
         assert!(refused("natnet://:1510").contains("host"));
+        for (bad, why) in [
+            ("natnet://x?unicast=maybe", "it is 1 or 0"),
+            ("replay:f?fast=maybe", "it is 1 or 0"),
+            ("natnet://x?up=y&up=z", "up is given twice"),
+            ("sim:?x=1", "'x' is no setting"),
+            ("igtl://[::1", "no host"),
+            ("igtl://::1", "port"),
+            ("igtl://a b", "no host"),
+            ("igtl://x:0", "port"),
+        ] {
+            assert!(refused(bad).contains(why), "{bad}: {}", refused(bad));
+        }
     }
 }

@@ -42,8 +42,12 @@ impl Fake {
     }
 
     fn natnet(version: Version, rate: f64, options: SceneOptions) -> Self {
+        Self::natnet_at(ANY, version, rate, options)
+    }
+
+    fn natnet_at(listen: SocketAddrV4, version: Version, rate: f64, options: SceneOptions) -> Self {
         let up = UpAxis::Y;
-        let fake = NatNetFake { listen: ANY, data_port: 0, unicast: true, version, rate, jitter: 0.0, up };
+        let fake = NatNetFake { listen, data_port: 0, unicast: true, version, rate, jitter: 0.0, up };
         Self::start(move |stop, ready| {
             run_fake_natnet(&fake, &mut Scene::new(options), stop, ready).expect("fake Motive");
         })
@@ -124,7 +128,7 @@ fn a_client_follows_the_fake_motive_in_every_version() {
         check_reference(&last[3]);
         assert_eq!(last[0].source_time.is_some(), version.since(3, 0), "{version}");
         assert_eq!(all[59].clock.is_some(), version.since(3, 0), "{version}");
-        let said = source.diagnosis(&["Stylus"]);
+        let said = source.diagnosis(&["Stylus"]).words;
         assert!(said.contains("streaming"), "{said}");
         assert_eq!(said.contains("newer than tested"), version == Version::new(4, 7), "{said}");
     }
@@ -161,8 +165,8 @@ fn multicast_reaches_a_client_on_the_same_interface_and_an_unlucky_one_is_told_w
         check_reference(&frames(source.as_mut(), 20)[19].poses[3]);
         if version.since(3, 0) {
             let mut unlucky = connect(&running.url("natnet", "?unicast=1&up=z"));
-            let lines = doctor(unlucky.as_mut(), &[], Duration::from_millis(400)).expect("doctor");
-            let last = lines.last().expect("diagnosis");
+            let found = doctor(unlucky.as_mut(), &[], Duration::from_millis(400)).expect("doctor");
+            let last = found.health.words;
             assert!(last.contains("no data") && last.contains("multicast") && last.contains("unicast=1"), "{last}");
         }
     }
@@ -216,21 +220,26 @@ fn what_is_recorded_is_replayed_to_the_same_poses() {
 fn silence_is_explained() {
     let nobody = "natnet://127.0.0.1:9?unicast=1".parse().expect("address");
     let mut source = connect(&nobody);
-    let lines = doctor(source.as_mut(), &[], Duration::from_millis(300)).expect("doctor");
-    let last = lines.last().expect("diagnosis");
-    assert!(last.contains("127.0.0.1:9") && last.contains("no answer from the server"), "{last}");
+    let found = doctor(source.as_mut(), &[], Duration::from_millis(300)).expect("doctor");
+    let last = found.health.words;
+    assert!(!found.health.well && last.contains("127.0.0.1:9") && last.contains("no answer from the server"), "{last}");
+
+    // A version that was forced used to count as a word of the server.
+    let forced = "natnet://127.0.0.1:9?unicast=1&version=3.0".parse().expect("address");
+    let found = doctor(connect(&forced).as_mut(), &[], Duration::from_millis(300)).expect("doctor");
+    assert!(found.health.words.contains("no answer from the server"), "{found:?}");
 
     let nobody = "igtl://127.0.0.1:9".parse().expect("address");
     let mut source = connect(&nobody);
-    let lines = doctor(source.as_mut(), &[], Duration::from_millis(300)).expect("doctor");
-    assert!(lines.last().expect("diagnosis").contains("no connection to 127.0.0.1:9"), "{lines:?}");
+    let found = doctor(source.as_mut(), &[], Duration::from_millis(300)).expect("doctor");
+    assert!(!found.health.well && found.health.words.contains("no connection to 127.0.0.1:9"), "{found:?}");
 
     let fake = Fake::natnet(Version::new(4, 1), 240.0, SceneOptions::default());
     let mut source = connect(&fake.url("natnet", "?unicast=1"));
     frames(source.as_mut(), 20);
-    let lines = doctor(source.as_mut(), &["Drill"], Duration::from_millis(300)).expect("doctor");
-    let last = lines.last().expect("diagnosis");
-    assert!(last.contains("'Drill' is not streamed") && last.contains("Stylus"), "{last}");
+    let found = doctor(source.as_mut(), &["Drill"], Duration::from_millis(300)).expect("doctor");
+    let (lines, last) = (found.facts, found.health.words);
+    assert!(!found.health.well && last.contains("'Drill' is not streamed") && last.contains("Stylus"), "{last}");
     assert!(lines.iter().any(|l| l.contains("Motive 3.1, NatNet 4.1")), "{lines:?}");
 }
 
@@ -329,4 +338,65 @@ fn the_whole_way_from_cameras_to_the_needle_tip() {
     let limit = fine.tre(FORAMEN).plus(&catheter).plus(&stylus).percentile_95();
     println!("tip {tip_error:.3} mm, needle {error:.3} mm, predicted 95 % {limit:.3} mm");
     assert!(error < limit && error < 2.0, "needle {error} mm, predicted 95 % {limit} mm");
+}
+
+/// After a restart its clock begins anew: poses were as old as the first server had lived, and were lost for up to a minute.
+#[test]
+fn a_restarted_server_is_followed_at_once_with_its_own_clock_and_version() {
+    let first = Fake::natnet(Version::new(4, 1), 120.0, SceneOptions::default());
+    let SocketAddr::V4(address) = first.address else { panic!("IPv4") };
+    let mut source = connect(&first.url("natnet", "?unicast=1"));
+    let before = frames(source.as_mut(), 360);
+    assert!(before.last().and_then(|b| b.clock).is_some(), "the clock is known by now");
+    drop(first);
+    let _second = Fake::natnet_at(address, Version::new(3, 0), 120.0, SceneOptions::default());
+    for batch in frames(source.as_mut(), 240) {
+        let names: Vec<_> = batch.poses.iter().map(|p| p.name.as_str()).collect();
+        assert_eq!(names, TOOLS);
+        for p in &batch.poses {
+            let age = monro_guidance::clock::age(p.arrival_time, p.arrival_time, p.source_time, batch.clock.as_ref());
+            assert!(age < 1.0, "{age} s old on arrival");
+        }
+    }
+    assert!(source.facts().iter().any(|f| f.contains("NatNet 3.0")), "{:?}", source.facts());
+}
+
+/// A damaged recording used to be played to the damage, and to end there like a whole one.
+#[test]
+fn damage_of_a_recording_is_told() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = folder.path().join("session.mnr");
+    {
+        let fake = Fake::igtl(HeaderVersion::V2, SceneOptions::default());
+        let clock = Clock::new();
+        let recorder = Recorder::create(&path, clock).expect("recorder");
+        frames(open(&fake.url("igtl", ""), clock, Some(recorder)).expect("source").as_mut(), 60);
+    }
+    let whole = std::fs::read(&path).expect("recording");
+    let play = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).expect("write");
+        let mut source = connect(&format!("replay:{}?fast=1", path.display()).parse().expect("address"));
+        loop {
+            match source.next(Duration::from_secs(1)) {
+                Ok(Some(_)) => {}
+                Ok(None) => break Ok(source.diagnosis(&[])),
+                Err(e) => break Err(e.to_string()),
+            }
+        }
+    };
+    assert!(play(&whole).expect("whole").well);
+    let cut = play(&whole[..whole.len() - 5]).expect("cut");
+    assert!(!cut.well && cut.words.contains("cut short"), "{cut}");
+    // One byte of a pose: its message is left out by its checksum.
+    let mut flipped = whole.clone();
+    let at = whole.len() / 2;
+    let body = whole[at..].windows(9).position(|w| w == b"TRANSFORM").expect("a message") + at + 90;
+    flipped[body] ^= 0x40;
+    let told = play(&flipped);
+    assert!(told.is_err() || told.as_ref().is_ok_and(|h| !h.well && h.words.contains("could not be read")), "{told:?}");
+    // A length that nobody can follow.
+    let mut broken = whole.clone();
+    broken[body - 90 + 40..body - 90 + 48].fill(0xff);
+    let told = play(&broken).expect_err("a stream without an end");
+    assert!(told.contains("damaged") && told.contains("records behind it are lost"), "{told}");
 }

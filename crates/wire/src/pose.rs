@@ -21,6 +21,8 @@ pub enum Missing {
     NotTracked,
     /// The tool is outside the tracked volume or the view.
     OutOfVolume,
+    /// The source tells nothing more of the tool, or nothing at all.
+    NotSent,
     /// The numbers sent are no rigid motion (not finite, sheared, mirrored).
     NotRigid,
 }
@@ -31,6 +33,7 @@ impl Missing {
         match self {
             Self::NotTracked => "not tracked",
             Self::OutOfVolume => "out of volume",
+            Self::NotSent => "nothing sent",
             Self::NotRigid => "not a rigid motion",
         }
     }

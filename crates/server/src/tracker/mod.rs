@@ -103,7 +103,7 @@ fn pump(mut source: Box<dyn Source>, live: &Live) {
         match source.next(WAIT) {
             Ok(Some(batch)) => live.observe(observations(&batch, source.now(), live.clock.now())),
             Ok(None) => {
-                live.note_tracker("the recording has ended".to_owned());
+                live.note_tracker(source.diagnosis(&[]).words);
                 return;
             }
             Err(error) => {
@@ -114,7 +114,7 @@ fn pump(mut source: Box<dyn Source>, live: &Live) {
         if live.clock.now() - asked > DIAGNOSE_S {
             asked = live.clock.now();
             let wanted = live.wanted_tools();
-            live.note_tracker(source.diagnosis(&wanted.each_ref().map(String::as_str)));
+            live.note_tracker(source.diagnosis(&wanted.each_ref().map(String::as_str)).words);
         }
     }
 }

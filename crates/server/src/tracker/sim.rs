@@ -3,7 +3,7 @@
 use crate::live::Live;
 use monro_guidance::Plan;
 use monro_session::live::{PlainEvent, Refusal, Script, ScriptTruth, SessionEvent};
-use monro_tracking::{Batch, Source, TrackingError};
+use monro_tracking::{Batch, Health, Source, TrackingError};
 use monro_wire::{Missing, TimedPose};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -61,8 +61,8 @@ impl Source for ScriptSource {
         self.live.clock.now()
     }
 
-    fn diagnosis(&self, _: &[&str]) -> String {
-        if self.live.paused.load(Ordering::Relaxed) { "simulated, paused" } else { "simulated" }.to_owned()
+    fn diagnosis(&self, _: &[&str]) -> Health {
+        Health::well(if self.live.paused.load(Ordering::Relaxed) { "simulated, paused" } else { "simulated" })
     }
 
     fn facts(&self) -> Vec<String> {

@@ -73,6 +73,8 @@ pub struct Client {
     pub(super) server: Option<ServerInfo>,
     pub(super) names: BTreeMap<i32, String>,
     models_known: bool,
+    /// Whether the server is to introduce itself again: it may be another one.
+    ask_again: bool,
     pending: Option<Pending>,
     pub(super) counters: Counters,
     last_number: Option<i32>,
@@ -94,6 +96,9 @@ pub(super) struct Times {
     pub(super) server: Option<f64>,
 }
 
+/// A stream without frames for so long may have a new server, s.
+const SILENT: f64 = 1.0;
+
 fn due(last: &mut Option<f64>, now: f64, interval: f64) -> bool {
     let is_due = last.is_none_or(|t| now - t >= interval);
     if is_due {
@@ -110,6 +115,7 @@ impl Client {
             server: None,
             names: BTreeMap::new(),
             models_known: false,
+            ask_again: false,
             pending: None,
             counters: Counters::default(),
             last_number: None,
@@ -142,10 +148,15 @@ impl Client {
     /// The datagrams to send to the server's command port at `now` (s). Call it some ten times a second.
     pub fn poll(&mut self, now: f64) -> Vec<Vec<u8>> {
         self.times.start.get_or_insert(now);
-        if self.server.is_none() {
-            return if due(&mut self.times.connect, now, 1.0) { vec![self.connect()] } else { Vec::new() };
-        }
         let mut out = Vec::new();
+        // A server that was restarted does not know us: one that has fallen silent is asked anew.
+        let silent = self.times.frame.is_some_and(|t| now - t >= SILENT);
+        if (self.server.is_none() || self.ask_again || silent) && due(&mut self.times.connect, now, 1.0) {
+            out.push(self.connect());
+        }
+        if self.server.is_none() {
+            return out;
+        }
         if due(&mut self.times.keep_alive, now, 1.0) {
             out.push(datagram(MessageId::KeepAlive, &[]));
         }
@@ -167,6 +178,15 @@ impl Client {
         let v = self.options.bitstream.unwrap_or(Version::NEWEST);
         let sender = Sender { name: "Monro".to_owned(), application: [0, 1, 0, 0], natnet: [v.major, v.minor, 0, 0] };
         ConnectOptions { sender: Some(sender), bitstream: self.options.bitstream }.encode(MessageId::Connect)
+    }
+
+    /// Asks the server everything anew: it was restarted, and may now stream other things in another version.
+    pub fn restart(&mut self) {
+        (self.ask_again, self.models_known) = (true, false);
+        self.names.clear();
+        self.seen.clear();
+        self.times =
+            Times { start: self.times.start, frame: self.times.frame, server: self.times.server, ..Times::default() };
     }
 
     /// The datagram of a text command. One at a time: its answer is read by what was asked.
@@ -223,6 +243,7 @@ impl Client {
             self.models_known = false;
             self.times.echoes = 0;
         }
+        self.ask_again = false;
         // Frames that came before this answer were no fault of the stream.
         self.counters.last_error.take_if(|e| *e == NatNetError::NoVersion);
         self.times.server.get_or_insert(now);

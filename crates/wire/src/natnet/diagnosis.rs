@@ -1,21 +1,28 @@
 //! Why there are no poses, in words for the person at the machine.
 
-use super::{Client, NatNetError, Version};
+use super::{Client, DATA_PORT, NatNetError, Version};
 use core::fmt;
 
 impl Client {
     /// What is wrong, if anything, for the tools that are `wanted`; the first cause that explains the rest.
     pub fn diagnosis(&self, now: f64, wanted: &[&str]) -> Diagnosis {
         let age = |t: Option<f64>| t.map_or(f64::INFINITY, |t| now - t);
-        let Some(version) = self.version() else {
+        // A version that was forced is no word of the server.
+        let heard = self.server.is_some() || self.times.frame.is_some() || self.counters.malformed > 0;
+        let Some(version) = self.version().filter(|_| heard) else {
             return Diagnosis::NoServer { waited: now - self.times.start.unwrap_or(now) };
         };
         if self.times.frame.is_none() {
             if let Some(e) = self.counters.last_error.clone() {
                 return Diagnosis::Unreadable { version, error: e };
             }
-            let multicast = self.server.as_ref().and_then(|s| s.clock).is_none_or(|c| c.multicast);
-            return Diagnosis::NoData { version, waited: age(self.times.server.or(self.times.start)), multicast };
+            let clock = self.server.as_ref().and_then(|s| s.clock);
+            return Diagnosis::NoData {
+                version,
+                waited: age(self.times.server.or(self.times.start)),
+                multicast: clock.is_none_or(|c| c.multicast),
+                port: clock.map_or(DATA_PORT, |c| c.data_port),
+            };
         }
         if age(self.times.frame) > 0.5 {
             return Diagnosis::Stopped { since: age(self.times.frame) };
@@ -51,6 +58,8 @@ pub enum Diagnosis {
         waited: f64,
         /// Whether it sends by multicast.
         multicast: bool,
+        /// The data port that it announced.
+        port: u16,
     },
     /// Frames come, but none can be read.
     Unreadable {
@@ -82,20 +91,27 @@ pub enum Diagnosis {
     Streaming(Version),
 }
 
+impl Diagnosis {
+    /// Whether poses of all wanted tools come.
+    pub const fn is_well(&self) -> bool {
+        matches!(self, Self::Streaming(_) | Self::NewerThanTested(_))
+    }
+}
+
 impl fmt::Display for Diagnosis {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NoServer { waited } => write!(
                 f,
-                "no answer from the server for {waited:.1} s: is its address right, Motive running, streaming switched on, and UDP port 1510 open?"
+                "no answer from the server for {waited:.1} s: is its address right, Motive running, streaming switched on, and its command port (UDP) open?"
             ),
-            Self::NoData { version, waited, multicast: true } => write!(
+            Self::NoData { version, waited, multicast: true, .. } => write!(
                 f,
                 "connected (NatNet {version}), but no data for {waited:.1} s: the server sends by multicast; choose the network interface that faces it, or switch both sides to unicast"
             ),
-            Self::NoData { version, waited, multicast: false } => write!(
+            Self::NoData { version, waited, multicast: false, port } => write!(
                 f,
-                "connected (NatNet {version}), but no data for {waited:.1} s: the server sends by unicast; is UDP port 1511 open, and Motive live or playing?"
+                "connected (NatNet {version}), but no data for {waited:.1} s: the server sends by unicast; is UDP port {port} open, and Motive live or playing?"
             ),
             Self::Unreadable { version, error } => {
                 write!(f, "data come (NatNet {version}), but cannot be read: {error}")
