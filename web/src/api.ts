@@ -33,6 +33,7 @@ export interface Guidance {
   tip_in: string | null;
   kakarla_grade: number | null;
   predicted_tre_mm: number | null;
+  why_no_numbers: string | null;
   tip_lps_mm: Point | null;
   axis_lps: Point | null;
   eye_right_lps: Point | null;

@@ -38,6 +38,7 @@ function alarm({ reference_moved_mm: moved, solver_fault: fault }: Guidance): st
 export class Panel {
   readonly #signal = element("#signal");
   readonly #alarm = element("#alarm");
+  readonly #why = element("#why");
   readonly #atTip = element("#tip-distance");
   readonly #cells: HTMLElement[];
 
@@ -55,6 +56,8 @@ export class Panel {
       const cell = this.#cells[i];
       if (cell) write(cell, text(guidance) ?? "–");
     });
+    write(this.#why, guidance.why_no_numbers ?? "");
+    this.#why.hidden = guidance.why_no_numbers === null;
     write(this.#alarm, alarm(guidance));
     this.#alarm.hidden = !this.#alarm.textContent;
     write(this.#atTip, mm(guidance.distance_to_target_mm) ?? "");
@@ -65,6 +68,7 @@ export class Panel {
   gone(): void {
     for (const cell of this.#cells) write(cell, "–");
     write(this.#atTip, "");
+    this.#why.hidden = true;
     this.#state("lost", "No connection to the server", null);
   }
 

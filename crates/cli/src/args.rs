@@ -291,8 +291,8 @@ pub(crate) struct PosesArgs {
     /// The tool, with or without the `ToTracker` that PLUS adds.
     #[arg(long, value_name = "NAME", default_value = "Stylus")]
     pub(crate) tool: String,
-    /// How long to collect, s.
-    #[arg(long, value_name = "S", default_value_t = 15.0)]
+    /// How long to collect from a live tracker, s.
+    #[arg(long, value_name = "S", default_value_t = 15.0, value_parser = |t: &str| in_range(t, 0.5, 3600.0))]
     pub(crate) seconds: f64,
 }
 

@@ -8,8 +8,8 @@ use monro_case::{Case, markups};
 use monro_geometry::{Patient, Point, Rigid, Tool};
 use monro_guidance::Covariance;
 use monro_guidance::registration::{
-    Landmark, LandmarkRegistration, RefineOptions, Refined, Surface, SurfaceSample, recheck, refine_on_surface,
-    register_landmarks,
+    Landmark, LandmarkRegistration, LandmarkResidual, RefineOptions, Refined, Surface, SurfaceSample, recheck,
+    refine_on_surface, register_landmarks,
 };
 use serde_json::{Value, json};
 
@@ -34,6 +34,9 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
     let case = Case::open(&args.case)?;
     let landmarks = landmarks(args, &case)?;
     let found = register(args, &case, &landmarks)?;
+    if let Some(contradiction) = found.landmarks.contradiction(&landmarks) {
+        bail!("{}: {contradiction}\n{}", args.landmarks.display(), residual_lines(&found));
+    }
     let check = args.check.as_deref().map(|c| check(c, args, &landmarks, &found)).transpose()?;
     let pose = found.patient_from_reference();
     let (target, entry) = (case.plan.target(), case.plan.entry());
@@ -44,7 +47,10 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
         "landmarks": residuals(&found), "surface": found.surface.as_ref().map(surface_json), "check": check,
     });
     console.result(&result, &words(&result, &found));
-    Ok(())
+    match result["check"]["holds"] == false {
+        true => bail!("the check does not hold: register again"),
+        false => Ok(()),
+    }
 }
 
 /// What is expected at the target, what does not fit, and the pose.
@@ -57,10 +63,7 @@ fn words(result: &Value, found: &Found) -> String {
         number("predicted_tre_entry_mm")
     );
     out += "Landmark: residual, and how far it lies from where the others put it (expected), mm. Neither is the accuracy.\n";
-    for r in &found.landmarks.residuals {
-        let others = r.left_out.zip(r.expected).map_or_else(String::new, |(d, e)| format!(", {d:.2} ({e:.2})"));
-        out += &format!("  {}: {:.2}{others}\n", r.name, r.distance);
-    }
+    out += &residual_lines(found);
     if let Some(r) = found.landmarks.outlier.and_then(|i| found.landmarks.residuals.get(i)) {
         out += &format!("'{}' does not fit: touch it again or leave it out.\n", r.name);
     }
@@ -80,6 +83,14 @@ fn words(result: &Value, found: &Found) -> String {
     )
 }
 
+fn residual_lines(found: &Found) -> String {
+    let line = |r: &LandmarkResidual| {
+        let others = r.left_out.zip(r.expected).map_or_else(String::new, |(d, e)| format!(", {d:.2} ({e:.2})"));
+        format!("  {}: {:.2}{others}\n", r.name, r.distance)
+    };
+    found.landmarks.residuals.iter().map(line).collect()
+}
+
 /// The touched points beside their marks of the same name.
 fn landmarks(args: &RegisterArgs, case: &Case) -> Result<Vec<Landmark<Patient, Tool>>> {
     let marked = match &args.marked {
@@ -96,7 +107,13 @@ fn landmarks(args: &RegisterArgs, case: &Case) -> Result<Vec<Landmark<Patient, T
         let mark = mark.with_context(|| format!("no landmark is marked as '{name}' (marked: {})", names()))?;
         Ok(Landmark { name, touched, marked: mark.position, noise })
     };
-    named_points(&args.landmarks)?.into_iter().map(pair).collect()
+    let touched = named_points(&args.landmarks)?;
+    let twice =
+        touched.iter().enumerate().find(|(i, (n, _))| touched[..*i].iter().any(|(m, _)| m.eq_ignore_ascii_case(n)));
+    if let Some((_, (name, _))) = twice {
+        bail!("{}: '{name}' is given twice; keep the touch that counts", args.landmarks.display());
+    }
+    touched.into_iter().map(pair).collect()
 }
 
 fn register(args: &RegisterArgs, case: &Case, landmarks: &[Landmark<Patient, Tool>]) -> Result<Found> {
@@ -125,7 +142,7 @@ fn check(text: &str, args: &RegisterArgs, landmarks: &[Landmark<Patient, Tool>],
 
 /// The residuals say which landmark is doubtful, never how accurate the registration is.
 fn residuals(found: &Found) -> Value {
-    let one = |(i, r): (usize, &monro_guidance::registration::LandmarkResidual)| {
+    let one = |(i, r): (usize, &LandmarkResidual)| {
         json!({
             "name": r.name, "residual_mm": r.distance, "left_out_mm": r.left_out, "expected_mm": r.expected,
             "outlier": found.landmarks.outlier == Some(i),

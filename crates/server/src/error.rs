@@ -61,6 +61,9 @@ pub enum ServeError {
     /// The recording is damaged.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// The recording is of a tracker, not of a session.
+    #[error("{0} is the recording of a tracker, not of a session: \"monro track replay:FILE\" plays it")]
+    OfATracker(PathBuf),
     /// The recording does not say of what it is.
     #[error("the recording does not begin with the case that was opened")]
     NoOpening,

@@ -39,6 +39,8 @@ pub(crate) struct Guidance {
     tip_in: Option<&'static str>,
     kakarla_grade: Option<u8>,
     predicted_tre_mm: Option<f64>,
+    /// Why numbers are missing, with what to do about it; `None` while all are there.
+    why_no_numbers: Option<String>,
     tip_lps_mm: Option<[f64; 3]>,
     axis_lps: Option<[f64; 3]>,
     /// Right and up of the view along the catheter.
@@ -60,6 +62,17 @@ pub(crate) struct Guidance {
     reference_turned_deg: Option<f64>,
     /// Clock of the server, s.
     time_s: f64,
+}
+
+fn why_no_numbers(s: &Snapshot) -> Option<String> {
+    if let Some(first) = s.phase.before_navigation() {
+        return Some(format!("numbers come with navigation; first {first}"));
+    }
+    match &s.numbers {
+        None => Some("the catheter or the patient's reference is not seen".to_owned()),
+        Some(n) if n.soft.is_none() => Some("the soft body has fallen behind the catheter".to_owned()),
+        Some(_) => None,
+    }
 }
 
 impl Guidance {
@@ -84,6 +97,7 @@ impl Guidance {
             tip_in: soft.and_then(|n| n.at_tip).map(Structure::name),
             kakarla_grade: soft.and_then(|n| n.kakarla).map(Kakarla::number),
             predicted_tre_mm: s.predicted_tre_mm,
+            why_no_numbers: why_no_numbers(s),
             tip_lps_mm: s.needle.map(|n| n.tip().to_array()),
             axis_lps: s.needle.map(|n| n.axis().to_array()),
             eye_right_lps: eye.map(|e| e.right().to_array()),

@@ -131,6 +131,10 @@ async fn watch(live: &Live) -> Result<Touch, TouchError> {
 fn describe(shared: &Shared, checked: Option<Value>) -> Value {
     let registering = lock(shared).clone();
     let solved = registering.solve();
+    let contradiction = solved.as_ref().ok().and_then(|s| registering.contradiction(s));
+    let why_not = solved.as_ref().err().map(ToString::to_string).or_else(|| Some(contradiction.as_ref()?.to_string()));
+    // The size of residuals that are a mistake says nothing about the error at the target.
+    let usable = solved.as_ref().ok().filter(|_| contradiction.is_none());
     let residual = |mark: &TouchMark| {
         let solved = solved.as_ref().ok()?;
         let index = solved.residuals.iter().position(|r| r.name == mark.name)?;
@@ -147,8 +151,8 @@ fn describe(shared: &Shared, checked: Option<Value>) -> Value {
     };
     json!({
         "landmarks": registering.marks().iter().map(landmark).collect::<Vec<_>>(),
-        "predicted_tre_mm": solved.as_ref().ok().map(|s| registering.predicted_tre_mm(s)),
-        "why_not": solved.as_ref().err().map(ToString::to_string),
+        "predicted_tre_mm": usable.map(|s| registering.predicted_tre_mm(s)),
+        "why_not": why_not,
         "phase": shared.live.phase().name(),
         "checked": checked,
     })

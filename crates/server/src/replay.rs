@@ -46,7 +46,11 @@ pub fn replay(
     mut each: impl FnMut(&serde_json::Value),
 ) -> Result<Replayed, ServeError> {
     let named = |error| ServeError::Recording { path: recording.to_owned(), error };
-    let (entries, cut_off) = read(&std::fs::read(recording).map_err(named)?)?;
+    let file = std::fs::read(recording).map_err(named)?;
+    if monro_wire::recording::is_recording(&file) {
+        return Err(ServeError::OfATracker(recording.to_owned()));
+    }
+    let (entries, cut_off) = read(&file)?;
     let Some(Entry::Opened(opened)) = entries.first() else { return Err(ServeError::NoOpening) };
     let dir = case_dir.map_or_else(|| case_of(recording, &opened.case_dir), Path::to_owned);
     let case = open_case(opened, dir)?;

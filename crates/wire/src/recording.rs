@@ -23,7 +23,9 @@ pub enum Protocol {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum RecordingError {
     /// The file does not begin as a recording does.
-    #[error("this is no Monro recording (it does not begin with MNRREC1)")]
+    #[error(
+        "this is no recording of a tracker (it does not begin with MNRREC1); those of sessions are for \"monro replay\""
+    )]
     Magic,
     /// The protocol's number is not known.
     #[error("the recording holds protocol {0}, which this version does not know")]
@@ -31,6 +33,11 @@ pub enum RecordingError {
     /// A record is longer than a length field can say.
     #[error("a record of {0} bytes is too long for a recording")]
     TooLong(usize),
+}
+
+/// Whether a file begins as recordings do.
+pub fn is_recording(file: &[u8]) -> bool {
+    file.starts_with(&MAGIC)
 }
 
 /// The bytes with which a recording begins. `start` is in nanoseconds since 1970.

@@ -52,8 +52,10 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
     let (begun, mut all, mut others) = (Instant::now(), Vec::new(), std::collections::BTreeSet::new());
     let patience = TrackOptions::default().patience;
     let mut last = Instant::now();
-    console.note(&format!("collecting poses of {} for {} s", args.tool, args.seconds));
-    while matches!(url, TrackerUrl::Replay(_)) || begun.elapsed().as_secs_f64() < args.seconds {
+    let replayed = matches!(url, TrackerUrl::Replay(_));
+    let span = if replayed { "the whole recording".to_owned() } else { format!("{} s", args.seconds) };
+    console.note(&format!("collecting poses of {} for {span}", args.tool));
+    while replayed || begun.elapsed().as_secs_f64() < args.seconds {
         let Some(batch) = source.next(Duration::from_millis(100))? else { break };
         if !batch.poses.is_empty() {
             last = Instant::now();

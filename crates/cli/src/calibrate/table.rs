@@ -11,7 +11,9 @@ fn lines(path: &Path) -> Result<Vec<(usize, String)>> {
     Ok((1..).zip(text.lines().map(content)).filter(|(_, l)| !l.is_empty()).collect())
 }
 
+/// Where semicolons separate, commas are decimal: so spreadsheets of many countries write.
 fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let text = if text.contains(';') { text.replace(',', ".") } else { text.to_owned() };
     let words = text.split([',', ';', ' ', '\t']).filter(|w| !w.is_empty());
     let all: Vec<f64> = words.map(str::parse).collect::<Result<_, _>>().ok()?;
     all.try_into().ok().filter(|v: &[f64; N]| v.iter().all(|v| v.is_finite()))
@@ -30,15 +32,28 @@ pub(crate) fn rows<const N: usize>(path: &Path, wanted: &str) -> Result<Vec<[f64
     Ok(out)
 }
 
-/// Rows of a name and three numbers, mm. The name may hold blanks when commas separate.
+/// Rows of a name and three numbers, mm. The name may hold blanks when commas, semicolons or tabs separate. A first row
+/// without any digit is a heading.
 pub(crate) fn named_points<F: Frame>(path: &Path) -> Result<Vec<(String, Point<F>)>> {
     let one = |(number, line): (usize, String)| {
-        let comma = line.contains(',');
-        let split = if comma { line.split_once(',') } else { line.split_once(char::is_whitespace) };
-        let read = split.and_then(|(name, rest)| Some((name.trim().to_owned(), Point::from_array(numbers(rest)?))));
+        let read = named(&line).map(|(name, at)| (name, Point::from_array(at)));
         read.with_context(|| format!("{}, line {number}: '{line}' is not NAME,X,Y,Z", path.display()))
     };
-    lines(path)?.into_iter().map(one).collect()
+    let mut lines = lines(path)?;
+    let heading = lines.first().is_some_and(|(_, l)| !l.contains(|c: char| c.is_ascii_digit()));
+    lines.drain(..usize::from(heading));
+    lines.into_iter().map(one).collect()
+}
+
+fn named(line: &str) -> Option<(String, [f64; 3])> {
+    let separator = [';', '\t', ','].into_iter().find(|s| line.contains(*s));
+    let (name, rest) = match separator {
+        Some(s) => line.split_once(s)?,
+        None => line.split_once(char::is_whitespace)?,
+    };
+    // The separator of the whole line stays with the numbers: it says what their commas are.
+    let rest = if separator == Some(';') { format!("{rest};") } else { rest.to_owned() };
+    Some((name.trim().to_owned(), numbers(&rest)?))
 }
 
 /// `X,Y,Z`, mm.
@@ -63,6 +78,10 @@ mod tests {
         let points = named_points::<Tool>(&path).expect("points");
         assert_eq!(points[0], ("left tragus".to_owned(), Point::new(-1.5, 2.0, 3.0)));
         assert_eq!(points[1].0, "nasion");
+        std::fs::write(&path, "name;x;y;z\nleft tragus; -1,5; 2;3\nnasion;0;1,25;2\n").expect("write");
+        let points = named_points::<Tool>(&path).expect("points");
+        assert_eq!(points[0], ("left tragus".to_owned(), Point::new(-1.5, 2.0, 3.0)));
+        assert_eq!(points[1], ("nasion".to_owned(), Point::new(0.0, 1.25, 2.0)));
         assert!(point::<Tool>("1,2").is_err());
     }
 }

@@ -19,6 +19,17 @@ pub enum RegistrationError {
         /// Pairs needed.
         needed: usize,
     },
+    /// Touched and marked points differ in size by a power of ten: not the same unit.
+    #[error(
+        "the touched landmarks span {touched:.3}, the marked ones {marked:.3}: {} times as much; both must be in mm",
+        (marked / touched).round().max((touched / marked).round())
+    )]
+    Unit {
+        /// Root mean square distance of the touched points from their centre, in their unit.
+        touched: f64,
+        /// The same of the marked ones.
+        marked: f64,
+    },
     /// The points lie on a line or in one place.
     #[error("the landmarks are only {width:.1} mm wide across their longest line; touch points further apart")]
     OnALine {
@@ -152,11 +163,25 @@ fn check<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>]) -> Result<(),
             return Err(RegistrationError::NotFinite(l.name.clone()));
         }
     }
+    let (touched, marked) = (
+        span(landmarks.iter().map(|l| vec3(l.touched.to_array()))),
+        span(landmarks.iter().map(|l| vec3(l.marked.to_array()))),
+    );
+    if marked > 5.0 * touched && touched > 0.0 || touched > 5.0 * marked && marked > 0.0 {
+        return Err(RegistrationError::Unit { touched, marked });
+    }
     let width = width(landmarks.iter().map(|l| vec3(l.marked.to_array())));
     let touched_width = self::width(landmarks.iter().map(|l| vec3(l.touched.to_array())));
     let narrow = width.min(touched_width);
     // A line leaves the turn about itself open; 5 mm of width already makes any noise a turn of many degrees.
     if narrow < 5.0 { Err(RegistrationError::OnALine { width: narrow }) } else { Ok(()) }
+}
+
+/// Root mean square distance of points from their centre.
+fn span(points: impl Iterator<Item = Vector3<f64>> + Clone) -> f64 {
+    let n = points.clone().count() as f64;
+    let centre = points.clone().sum::<Vector3<f64>>() / n;
+    (points.map(|p| (p - centre).norm_squared()).sum::<f64>() / n).sqrt()
 }
 
 /// Root mean square distance of points from their best line.
@@ -168,7 +193,7 @@ fn width(points: impl Iterator<Item = Vector3<f64>> + Clone) -> f64 {
 }
 
 /// Closed form with scalar weights, then Gauss-Newton with the full covariances.
-fn fit<To: Frame, From: Frame>(
+pub(super) fn fit<To: Frame, From: Frame>(
     landmarks: &[Landmark<To, From>],
 ) -> Result<(Rigid<To, From>, PoseUncertainty<To>), RegistrationError> {
     let pairs: Vec<_> = landmarks.iter().map(|l| (l.touched, l.marked, 3.0 / l.noise.inner().trace())).collect();
@@ -203,7 +228,7 @@ fn equations<To: Frame, From: Frame>(
     normal
 }
 
-fn chi_square<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], pose: &Rigid<To, From>) -> f64 {
+pub(super) fn chi_square<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], pose: &Rigid<To, From>) -> f64 {
     let one = |l: &Landmark<To, From>| {
         let e = vec3((pose.point(l.touched) - l.marked).to_array());
         l.noise.seen_from(pose).inner().try_inverse().map_or(0.0, |w| e.dot(&(w * e)))

@@ -1,5 +1,6 @@
 //! From the tracker to the patient: landmarks, surface, and how wrong the result is expected to be.
 
+mod contradiction;
 mod landmarks;
 mod normal;
 mod recheck;
@@ -8,6 +9,7 @@ mod surface;
 mod tests;
 mod tre;
 
+pub use contradiction::{Contradiction, Suspicion};
 pub use landmarks::{
     Landmark, LandmarkRegistration, LandmarkResidual, Pair, RegistrationError, register_landmarks, rigid_from_pairs,
 };

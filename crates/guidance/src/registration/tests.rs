@@ -85,6 +85,44 @@ fn a_landmark_that_the_others_contradict_is_named() {
     assert!(r.residuals[3].left_out.expect("five others") > 10.0 && r.variance_ratio > 5.0);
 }
 
+fn suspected(marks: &[Mark]) -> Option<Vec<Suspicion>> {
+    Some(register_landmarks(marks).expect("registration").contradiction(marks)?.suspicions)
+}
+
+/// Mirrored and exchanged landmarks used to be registered, with 20 to 40 mm of expected error.
+#[test]
+fn mirrored_exchanged_and_misplaced_landmarks_are_refused_with_the_mistake() {
+    let mut random = Random::new(14);
+    for _ in 0..20 {
+        let good = touched(Covariance::isotropic(1.0), Some(&mut random));
+        assert_eq!(suspected(&good), None);
+        let mut mirrored = good.clone();
+        mirrored.iter_mut().for_each(|m| m.touched.y = -m.touched.y);
+        assert!(suspected(&mirrored).expect("mirrored").contains(&Suspicion::Mirrored));
+        let mut exchanged = good.clone();
+        (exchanged[1].touched, exchanged[4].touched) = (good[4].touched, good[1].touched);
+        let names = vec![good[1].name.clone(), good[4].name.clone()];
+        assert_eq!(suspected(&exchanged), Some(vec![Suspicion::Exchanged(names)]));
+        let mut wrong = good.clone();
+        wrong[2].touched += Vector::new(30.0, -25.0, 0.0);
+        assert_eq!(suspected(&wrong), Some(vec![Suspicion::Wrong(good[2].name.clone())]));
+        let mut random_places = good.clone();
+        random_places.iter_mut().for_each(|m| m.touched = Point::from_array([0; 3].map(|_| 200.0 * random.uniform())));
+        let none = register_landmarks(&random_places).expect("registration").contradiction(&random_places);
+        assert!(none.is_some_and(|c| c.suspicions.is_empty() && c.to_string().contains("in mm")));
+    }
+}
+
+#[test]
+fn landmarks_in_metres_are_told_so() {
+    let mut marks = touched(Covariance::isotropic(1.0), None);
+    for m in &mut marks {
+        m.touched = Point::from_array(m.touched.to_array().map(|v| v / 1000.0));
+    }
+    let error = register_landmarks(&marks).expect_err("metres");
+    assert!(matches!(error, RegistrationError::Unit { .. }) && error.to_string().contains("1000 times"), "{error}");
+}
+
 #[test]
 fn three_landmarks_on_a_line_or_two_at_all_are_refused() {
     let mut marks = touched(Covariance::isotropic(1.0), None);

@@ -115,6 +115,15 @@ impl Phase {
         }
     }
 
+    /// What is still to be done before numbers can be shown, for people; `None` while navigating.
+    pub fn before_navigation(self) -> Option<String> {
+        match self {
+            Self::Navigating => None,
+            Self::Checked => Some("start the navigation".to_owned()),
+            other => Some(other.next_step().to_string()),
+        }
+    }
+
     /// What leads on from here.
     const fn next_step(self) -> ToFirst {
         match self {

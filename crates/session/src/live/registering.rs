@@ -7,7 +7,7 @@ use super::Registration;
 use monro_geometry::{Patient, Point, Tool, Vector};
 use monro_guidance::Covariance;
 use monro_guidance::registration::{
-    Landmark, LandmarkRegistration, Recheck, RegistrationError, recheck, register_landmarks,
+    Contradiction, Landmark, LandmarkRegistration, Recheck, RegistrationError, recheck, register_landmarks,
 };
 use thiserror::Error;
 
@@ -53,6 +53,9 @@ pub enum TouchError {
     /// Nothing to check against.
     #[error("there is no accepted registration to check: touch three landmarks and accept")]
     NotAccepted,
+    /// The landmarks touched contradict each other.
+    #[error("{0}")]
+    Contradiction(Box<Contradiction>),
     /// The landmarks touched make no registration.
     #[error(transparent)]
     Registration(#[from] RegistrationError),
@@ -182,11 +185,20 @@ impl Registering {
     /// # Errors
     /// Fewer than three, or on a line.
     pub fn solve(&self) -> Result<LandmarkRegistration<Patient, Tool>, RegistrationError> {
+        register_landmarks(&self.touched())
+    }
+
+    /// Why a solution must not be accepted, if so: the landmarks contradict each other.
+    pub fn contradiction(&self, solved: &LandmarkRegistration<Patient, Tool>) -> Option<Contradiction> {
+        solved.contradiction(&self.touched())
+    }
+
+    fn touched(&self) -> Vec<Landmark<Patient, Tool>> {
         let landmark = |m: &TouchMark| {
             let touch = m.touched?;
             Some(Landmark { name: m.name.clone(), touched: touch.at, marked: m.marked, noise: touch.noise() })
         };
-        register_landmarks(&self.marks.iter().filter_map(landmark).collect::<Vec<_>>())
+        self.marks.iter().filter_map(landmark).collect()
     }
 
     /// Predicted error of a registration at the target, root mean square, mm.
@@ -197,9 +209,12 @@ impl Registering {
     /// Takes the present solution as the registration against which landmarks are checked.
     ///
     /// # Errors
-    /// As [`Registering::solve`].
+    /// As [`Registering::solve`], and when the landmarks contradict each other.
     pub fn accept(&mut self) -> Result<Registration, TouchError> {
         let solved = self.solve()?;
+        if let Some(contradiction) = self.contradiction(&solved) {
+            return Err(TouchError::Contradiction(Box::new(contradiction)));
+        }
         let predicted_tre_mm = Some(self.predicted_tre_mm(&solved));
         let registration = Registration { patient_from_reference: solved.to_from, predicted_tre_mm };
         self.accepted = Some(solved);
