@@ -10,7 +10,7 @@ use std::path::PathBuf;
 #[derive(Debug, Parser)]
 #[command(name = "monro", version, about, arg_required_else_help = true)]
 pub(crate) struct Cli {
-    /// Print one JSON object on stdout instead of text; logs and progress always go to stderr.
+    /// Print JSON on stdout instead of text: one object, of "monro track" one a pose; logs and progress always go to stderr.
     #[arg(long, global = true)]
     pub(crate) json: bool,
     #[command(subcommand)]
