@@ -89,7 +89,7 @@ fn the_thin_head_agrees_with_its_reference_and_its_cuts_are_told() {
     let reference =
         monro_scan::read_labels(&data("head-ct-thin/ventricles_reference.nii.gz").expect("data")).expect("reference");
     let score = dice(&found, &reference, lateral, |r| r == 1 || r == 2);
-    assert!(score >= 0.88, "{score}");
+    assert!(score >= 0.9, "{score}");
     assert!(found.findings.iter().any(|f| f.contains("vertex cut")), "{:?}", found.findings);
     check_landmarks(&ct, &found, "head-ct-thin");
 }
@@ -113,10 +113,11 @@ fn the_tilted_turned_head_gives_a_sane_model() {
 fn the_masked_template_has_no_skin_and_says_so() {
     let Some(ct) = scan("ct-template-labels/template_with_skull_2mm.nii.gz") else { return };
     let found = segment(&ct).expect("segmentation");
+    // On the scan's own grid: the centres of the finer labels lie between its voxels, and the nearest shifts by half a mm.
     let reference =
-        monro_scan::read_labels(&data("ct-template-labels/structures_1mm.nii.gz").expect("data")).expect("reference");
+        monro_scan::read_labels(&data("ct-template-labels/structures_2mm.nii.gz").expect("data")).expect("reference");
     let score = dice(&found, &reference, lateral, |r| r == 51 || r == 52);
-    assert!(score >= 0.80, "{score}");
+    assert!(score >= 0.85, "{score}");
     assert!(matches!(landmarks::find(&ct, &found), Err(LandmarkError::NoSkin)));
 }
 
@@ -125,7 +126,7 @@ fn a_phantom_is_found_again() {
     let made = head(&HeadOptions { seed: 3, ..HeadOptions::default() }).expect("phantom");
     let found = segment(&made.ct).expect("segmentation");
     let truth = made.labels.map(u16::from);
-    for (s, least) in [(1, 0.95), (2, 0.9), (4, 0.88), (5, 0.9), (6, 0.9), (7, 0.85)] {
+    for (s, least) in [(1, 0.95), (2, 0.9), (4, 0.88), (5, 0.94), (6, 0.94), (7, 0.88)] {
         let score = dice(&found, &truth, |l| l == s, |t| t == u16::from(s));
         assert!(score >= least, "structure {s}: {score}");
     }

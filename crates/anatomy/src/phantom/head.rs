@@ -68,6 +68,9 @@ impl HeadModel {
             let mean = 0.5 * (draw.ventricles.width[0] + draw.ventricles.width[1]);
             draw.ventricles.width = draw.ventricles.width.map(|w| w * width / mean);
         }
+        if let Some(septum) = options.septum_mm {
+            draw.ventricles.septum_half = 0.5 * septum;
+        }
         let turns = options.turn_deg.unwrap_or(draw.turns);
         let patient_from_head = placement(draw.scales, turns, draw.offset);
         let fallback = Affine::new(Matrix3::IDENTITY, [0.0; 3]);

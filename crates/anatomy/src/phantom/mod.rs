@@ -79,6 +79,8 @@ pub struct HeadOptions {
     pub noise_hu: Option<f64>,
     /// Width of the lateral ventricles relative to a young adult's (seed: 0.85 to 1.45).
     pub ventricle_width: Option<f64>,
+    /// Thickness of the septum between the lateral ventricles, mm (seed: 1.6 to 2.6).
+    pub septum_mm: Option<f64>,
     /// Width of the sulci in mm, 0 for a smooth brain (seed: 0.8 to 1.8).
     pub sulcus_width_mm: Option<f64>,
     /// Turns of the head about the patient's x, y and z axes, degrees (seed: up to 8 each).
@@ -94,6 +96,7 @@ impl Default for HeadOptions {
             spacing_mm: [0.9, 0.9, 1.25],
             noise_hu: None,
             ventricle_width: None,
+            septum_mm: None,
             sulcus_width_mm: None,
             turn_deg: None,
             head_rest: true,

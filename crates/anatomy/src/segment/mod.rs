@@ -2,8 +2,9 @@
 //!
 //! The way: resample to 1 mm in the patient's axes (`working`); thresholds from the scan's own values (`tissue`); the
 //! space inside the skull (`cavity`); its plane of symmetry (`midplane`); the pose of a coarse ventricle model (`model`);
-//! a flood of the fluid from the model's seeds (`ventricles`); and labels painted on the scan's own grid (`paint`).
+//! a flood of the fluid from the model's seeds (`ventricles`) up to the unbiased half-way surface (`boundary`); and labels painted on the scan's own grid (`paint`).
 
+mod boundary;
 mod cavity;
 mod confidence;
 mod csf;
@@ -61,7 +62,8 @@ pub fn segment(ct: &Volume<i16>) -> Result<Segmentation, SegmentError> {
     let head = head::head(&working, &sharp, &cavity.mask, tissue);
     let smooth = gaussian(&working.hu, 1.0);
     let (plane, pose, brain) = pose(&working, &smooth, &cavity.mask)?;
-    let scene = Scene { lattice: working.lattice, smooth: &smooth, cavity: &cavity.mask, pose, brain };
+    let scene =
+        Scene { lattice: working.lattice, raw: &working.hu, smooth: &smooth, cavity: &cavity.mask, pose, brain };
     let ventricles = ventricles(&scene)?;
     let csf = csf::csf(&working.hu, &cavity.mask, (ventricles.fluid, ventricles.edge));
     let labels = paint::paint(

@@ -1,5 +1,6 @@
 //! The ventricles: fluid reached from the posed model's seeds before it is reached from cisterns and sulci.
 
+use super::boundary;
 use super::confidence::{Borders, Doubt, borders};
 use super::error::SegmentError;
 use super::lattice::Lattice;
@@ -25,6 +26,8 @@ const CALCIFIED: f32 = 13.0;
 /// gap, mm.
 const CHOROID: f32 = 8.0;
 const CHOROID_GAP: f32 = 4.0;
+/// The layer that tells the level of the tissue beside a ventricle, mm from it: beyond partial volume, and near.
+const BESIDE: core::ops::Range<f32> = 1.5..5.0;
 /// A lateral ventricle has at least this, mL.
 const LEAST_ML: f64 = 0.4;
 
@@ -32,6 +35,8 @@ const LEAST_ML: f64 = 0.4;
 #[derive(Debug)]
 pub(crate) struct Scene<'a> {
     pub(crate) lattice: Lattice,
+    /// The scan, HU.
+    pub(crate) raw: &'a Raster<f32>,
     /// Smoothed HU.
     pub(crate) smooth: &'a Raster<f32>,
     pub(crate) cavity: &'a Mask,
@@ -62,6 +67,8 @@ pub(crate) struct Ventricles {
 struct Crop<'a> {
     scene: &'a Scene<'a>,
     lattice: Lattice,
+    /// The scan and the smoothed scan, HU.
+    raw: Raster<f32>,
     hu: Raster<f32>,
     cavity: Mask,
     depth: Raster<f32>,
@@ -130,7 +137,8 @@ impl<'a> Crop<'a> {
         }
         let horns = drawings.each_ref().map(distance_to);
         let depth = distance_to_false(scene.cavity).crop(low, high);
-        Ok(Self { scene, lattice, hu: scene.smooth.crop(low, high), cavity, depth, course, horns })
+        let (raw, hu) = (scene.raw.crop(low, high), scene.smooth.crop(low, high));
+        Ok(Self { scene, lattice, raw, hu, cavity, depth, course, horns })
     }
 
     fn nearest_course(&self, n: usize) -> f32 {
@@ -276,22 +284,32 @@ impl<'a> Crop<'a> {
         label(&all).touching(&markers.map(|m| m == THIRD))
     }
 
-    /// Signed field whose zero is the surface: the smoothed scan crossing the edge where that is next to a class, a
-    /// step where a class ends otherwise.
+    /// Signed field whose zero is the surface: the scan half way between the fluid and the tissue beside it where that
+    /// is next to a class, a step where a class ends otherwise.
     fn field(&self, classes: &Raster<u8>, flooded: &Raster<u8>, (fluid, edge): (f32, f32)) -> Raster<f32> {
         let near = distance_to(&classes.map(|c| c > 0));
+        let hu = boundary::smoothed(&self.raw);
+        let tissue = boundary::tissue(&self.raw, &self.beside(&near, edge), self.scene.brain);
         let mut field = Raster::filled(classes.dims, -0.5f32);
         for n in 0..field.data.len() {
-            let dark = ((edge - self.hu.data[n]) / (edge - fluid)).clamp(-0.5, 1.0);
+            let half = (tissue.data[n] - fluid) / 2.0;
+            let dark = ((fluid + half - hu.data[n]) / half).clamp(-0.5, 1.0);
             if classes.data[n] > 0 {
                 // Filled choroid is inside although bright.
-                field.data[n] = if dark > 0.0 { dark } else { 0.5 };
-            } else if near.data[n] <= 1.5 && self.cavity.data[n] {
-                // A dark neighbour that belongs elsewhere ends the class half way to it.
-                field.data[n] = if flooded.data[n] == 0 { dark.min(0.0) } else { -0.5 };
+                field.data[n] = if self.hu.data[n] < edge { dark } else { 0.5 };
+            } else if near.data[n] <= 1.5 && self.cavity.data[n] && flooded.data[n] == 0 {
+                // Only what shares a face with a class may join it: no islands of noise.
+                field.data[n] = if near.data[n] <= 1.0 { dark } else { dark.min(0.0) };
             }
         }
         field
+    }
+
+    /// Voxels of tissue in the layer beside the ventricles.
+    fn beside(&self, near: &Raster<f32>, edge: f32) -> Mask {
+        let tissue = edge..self.scene.brain + CALCIFIED;
+        let layer = near.zip(&self.cavity, |d, c| c && BESIDE.contains(&d));
+        layer.zip(&self.hu, |l, v| l && tissue.contains(&v))
     }
 }
 

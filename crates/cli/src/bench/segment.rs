@@ -7,7 +7,7 @@ use crate::phantom;
 use anyhow::{Context, Result, bail};
 use monro_anatomy::compare::{Agreement, agreement};
 use monro_anatomy::segment;
-use monro_geometry::{Structure, Volume};
+use monro_geometry::{Grid, Structure, Volume};
 use monro_scan::ReadOptions;
 use serde_json::{Map, Value, json};
 use std::path::Path;
@@ -57,17 +57,15 @@ fn row(name: &str, ct: &Volume<i16>, reference: &Volume<u16>, map: &[Match], con
     let found = segment::segment(ct).with_context(|| format!("{name} cannot be segmented"))?;
     let seconds = begin.elapsed().as_secs_f64();
     console.note(&format!("{name}: {seconds:.2} s"));
-    // On the reference's grid.
-    let grid = *reference.grid();
-    let ours: Vec<u8> = (0..grid.len())
-        .map(|n| {
-            let [i, j, k] = grid.voxel(n);
-            found.labels.nearest(grid.centre(i, j, k)).unwrap_or(0)
-        })
-        .collect();
+    // On the coarser grid: where the centre of a fine voxel lies between two coarse ones, the nearest is a coin's toss that
+    // shifts the coarse labels by half a fine voxel.
+    let finer = reference.grid().voxel_volume() < ct.grid().voxel_volume();
+    let grid = if finer { *ct.grid() } else { *reference.grid() };
+    let ours: Vec<u8> = sampled(&found.labels, &grid);
+    let truth: Vec<u16> = sampled(reference, &grid);
     let compare = |ours_are: &dyn Fn(u8) -> bool, theirs: &[u16]| {
         let a: Vec<bool> = ours.iter().map(|&l| ours_are(l)).collect();
-        let b: Vec<bool> = reference.data().iter().map(|l| theirs.contains(l)).collect();
+        let b: Vec<bool> = truth.iter().map(|l| theirs.contains(l)).collect();
         agreement(&grid, &a, &b)
     };
     let mut structures = Map::new();
@@ -87,6 +85,15 @@ fn row(name: &str, ct: &Volume<i16>, reference: &Volume<u16>, map: &[Match], con
         }
     }
     Ok(json!({ "scan": name, "seconds": seconds, "structures": structures }))
+}
+
+/// The nearest label at each voxel centre of a grid; 0 outside.
+fn sampled<T: Copy + Default>(labels: &Volume<T>, grid: &Grid) -> Vec<T> {
+    let centre = |n: usize| {
+        let [i, j, k] = grid.voxel(n);
+        grid.centre(i, j, k)
+    };
+    (0..grid.len()).map(|n| labels.nearest(centre(n)).unwrap_or_default()).collect()
 }
 
 fn described(a: &Agreement, confidence: Option<f64>) -> Value {
