@@ -1,8 +1,8 @@
 // The editor of labels. Rules live in the server; here are mouse, keys and drawing.
 
-import { Api, Unauthorized } from "../api";
+import type { Api } from "../api";
 import { element } from "../dom";
-import { askForToken, tokenAtHand } from "../token";
+import { signIn } from "../sign_in";
 import { Desk, type Answer, type Description, type Rebuilding, type State, type Target } from "./desk";
 import { Pane, type Hand, type Look } from "./pane";
 import { Options, request, TOOLS, type ToolName } from "./tools";
@@ -11,19 +11,6 @@ const WINDOWS: [string, number, number][] = [["Brain", 0, 80], ["Ventricles", -1
 /** Labels that one draws; the others are there to be seen. */
 const FIRST_LABEL = 6;
 const VENTRICLES = [5, 6, 7];
-
-async function open(): Promise<{ api: Api; description: Description }> {
-  let token = tokenAtHand() ?? (await askForToken("Open this page with the address that Monro printed, or enter its token."));
-  for (;;) {
-    try {
-      const api = new Api(token);
-      return { api, description: await api.json<Description>("/api/desk") };
-    } catch (error) {
-      if (!(error instanceof Unauthorized)) throw error;
-      token = await askForToken(error.message);
-    }
-  }
-}
 
 class Editor {
   readonly #api: Api;
@@ -475,4 +462,4 @@ class Editor {
   }
 }
 
-void open().then(({ api, description }) => new Editor(api, description).start());
+void signIn((api) => api.json<Description>("/api/desk")).then(({ api, first }) => new Editor(api, first).start());
