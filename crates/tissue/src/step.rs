@@ -7,7 +7,7 @@
 
 use crate::contact::{self, Advance, Coupling, Rule, ToolState};
 use crate::csf::FluidSpace;
-use crate::fast::{Pool, Row};
+use crate::fast::{MOST_THREADS, Pool, Row};
 use crate::model::Solver;
 use crate::options::FrameSettings;
 use crate::paper::{self, Extent, PaperModel, PaperScratch, WHOLE_EVERY};
@@ -31,8 +31,6 @@ const MOST_SUBSTEPS: u32 = 64;
 const RETRIES: u32 = 4;
 /// Elements that are worth a thread of their own.
 const THREAD_TETS: usize = 4000;
-/// Threads at most: beyond that they would wait for memory.
-const MOST_THREADS: usize = 8;
 
 /// A part of a step that has just ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

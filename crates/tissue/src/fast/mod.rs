@@ -19,3 +19,6 @@ mod x86;
 pub(crate) use lanes::{Kernel, Lanes, Places, Row, WIDTH, Window, plain, widest};
 pub(crate) use plan::Plans;
 pub(crate) use pool::Pool;
+
+/// Threads at most, unless more are asked for: beyond that they would wait for memory.
+pub(crate) const MOST_THREADS: usize = 8;

@@ -3,10 +3,11 @@
 //! Pieces that lie next to each other share data, so a thread should have a run of them, and the same in each round; but
 //! where that would leave a thread waiting for another, they are shared out by weight. Made once, for each number of threads.
 
+use super::MOST_THREADS;
 use super::queue::Queue;
 
 /// Numbers of threads that there are plans for.
-const THREADS: core::ops::RangeInclusive<usize> = 2..=8;
+const THREADS: core::ops::RangeInclusive<usize> = 2..=MOST_THREADS;
 /// Sharing out by weight must make the slowest thread quicker by this much to be worth the loss of neighbours.
 const GAIN: f64 = 0.08;
 
