@@ -340,10 +340,10 @@ pub(crate) struct RegisterArgs {
     #[arg(long, value_name = "NAME,X,Y,Z", allow_hyphen_values = true)]
     pub(crate) check: Option<String>,
     /// Standard deviation of a touch along each axis, mm.
-    #[arg(long, value_name = "MM", default_value_t = 1.0)]
+    #[arg(long, value_name = "MM", default_value_t = 1.0, value_parser = |t: &str| in_range(t, 0.001, 100.0))]
     pub(crate) touch_sigma: f64,
     /// Standard deviation of a traced point along each axis, mm.
-    #[arg(long, value_name = "MM", default_value_t = 0.5)]
+    #[arg(long, value_name = "MM", default_value_t = 0.5, value_parser = |t: &str| in_range(t, 0.001, 100.0))]
     pub(crate) trace_sigma: f64,
 }
 

@@ -13,6 +13,9 @@ use monro_guidance::registration::{
 };
 use serde_json::{Value, json};
 
+/// Part of the traced points that must fit the skin: a careful hand loses one in twenty.
+const LEAST_USED: f64 = 0.8;
+
 /// A registration by landmarks, and by the surface where it was traced.
 struct Found {
     landmarks: LandmarkRegistration<Patient, Tool>,
@@ -65,11 +68,15 @@ fn words(result: &Value, found: &Found) -> String {
     out += "Landmark: residual, and how far it lies from where the others put it (expected), mm. Neither is the accuracy.\n";
     out += &residual_lines(found);
     if let Some(r) = found.landmarks.outlier.and_then(|i| found.landmarks.residuals.get(i)) {
-        out += &format!("'{}' does not fit: touch it again or leave it out.\n", r.name);
+        let kept = if found.surface.is_some() { "; it was left out beside the skin" } else { "" };
+        out += &format!("'{}' does not fit: touch it again or leave it out{kept}.\n", r.name);
     }
     if let Some(surface) = &found.surface {
         let used = surface.residuals.iter().filter(|r| r.used).count();
         out += &format!("Skin: {used} of {} traced points used.\n", surface.residuals.len());
+        if is_doubtful(surface) {
+            out += "Many traced points lie off the skin: trace again, for the error may be larger than said.\n";
+        }
     }
     if let (Some(name), Some(distance)) = (result["check"]["name"].as_str(), result["check"]["distance_mm"].as_f64()) {
         let limit = result["check"]["limit_mm"].as_f64().unwrap_or(f64::NAN);
@@ -123,7 +130,11 @@ fn register(args: &RegisterArgs, case: &Case, landmarks: &[Landmark<Patient, Too
     let sample = |p| SurfaceSample { point: Point::from_array(p), noise };
     let samples: Vec<_> = rows::<3>(path, "x y z")?.into_iter().map(sample).collect();
     let skin = Surface::new(&case.skin)?;
-    let refined = refine_on_surface(&by_landmarks.to_from, &samples, landmarks, &skin, &RefineOptions::default())?;
+    // A landmark that the others contradict would pull the surface along, and is not in the noise that is predicted from.
+    let kept: Vec<_> =
+        (0..landmarks.len()).filter(|&i| by_landmarks.outlier != Some(i)).map(|i| landmarks[i].clone()).collect();
+    let start = if kept.len() < landmarks.len() { register_landmarks(&kept)?.to_from } else { by_landmarks.to_from };
+    let refined = refine_on_surface(&start, &samples, &kept, &skin, &RefineOptions::default())?;
     Ok(Found { landmarks: by_landmarks, surface: Some(refined) })
 }
 
@@ -151,11 +162,17 @@ fn residuals(found: &Found) -> Value {
     found.landmarks.residuals.iter().enumerate().map(one).collect()
 }
 
+/// Whether so many traced points had to be left out that those kept may be wrong, too.
+fn is_doubtful(surface: &Refined<Tool>) -> bool {
+    let used = surface.residuals.iter().filter(|r| r.used).count();
+    (used as f64) < LEAST_USED * surface.residuals.len() as f64
+}
+
 fn surface_json(refined: &Refined<Tool>) -> Value {
     let used: Vec<_> = refined.residuals.iter().filter(|r| r.used).collect();
     let squares: f64 = used.iter().map(|r| r.distance * r.distance).sum();
     json!({
-        "points": refined.residuals.len(), "used": used.len(), "iterations": refined.iterations,
+        "points": refined.residuals.len(), "used": used.len(), "doubtful": is_doubtful(refined), "iterations": refined.iterations,
         "residual_mm": (squares / used.len().max(1) as f64).sqrt(), "variance_ratio": refined.variance_ratio,
     })
 }

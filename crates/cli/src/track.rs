@@ -116,9 +116,9 @@ impl Printer<'_> {
 }
 
 fn json(pose: &TimedPose, state: Freshness, time: f64, age: Option<f64>) -> String {
-    let error = match pose.quality {
-        Quality::Tracked { error } => error,
-        Quality::Missing(_) => None,
+    let (error, why) = match pose.quality {
+        Quality::Tracked { error } => (error, None),
+        Quality::Missing(why) => (None, Some(why.name())),
     };
     json!({
         "name": pose.name,
@@ -128,6 +128,7 @@ fn json(pose: &TimedPose, state: Freshness, time: f64, age: Option<f64>) -> Stri
         "state": state.name(),
         "age_ms": age.map(|a| 1e3 * a),
         "error_mm": error,
+        "why_missing": why,
     })
     .to_string()
 }

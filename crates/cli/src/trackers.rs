@@ -179,7 +179,7 @@ pub(crate) fn fake(command: &FakeTrackerCommand) -> Result<()> {
     let ready = |what: &'static str| move |at| eprintln!("{what} on {at}; Ctrl-C ends it");
     match command {
         FakeTrackerCommand::Natnet { listen, data_port, unicast, protocol, z_up, scene } => {
-            let version = Version::parse(protocol).filter(|v| (Version::OLDEST..Version::new(5, 0)).contains(v));
+            let version = Version::parse(protocol).filter(|v| (Version::OLDEST..=Version::new(4, 9)).contains(v));
             let version = version.with_context(|| format!("--protocol {protocol} is not between 2.0 and 4.9"))?;
             let fake = NatNetFake {
                 listen: *listen,

@@ -1,7 +1,9 @@
 //! Why there is no data.
 
-use crate::{Health, Source, TrackingError};
+use crate::{Health, Source, TrackingError, tool_name};
+use monro_wire::{Missing, Quality};
 use std::collections::BTreeMap;
+use std::fmt;
 use std::time::{Duration, Instant};
 
 /// What listening to a source has shown.
@@ -19,19 +21,47 @@ pub struct Findings {
 /// When the source cannot go on.
 pub fn doctor(source: &mut dyn Source, wanted: &[&str], listen: Duration) -> Result<Findings, TrackingError> {
     let begun = Instant::now();
-    let (mut frames, mut tracked) = (0u64, BTreeMap::<String, (u64, u64)>::new());
+    let (mut frames, mut tools) = (0u64, BTreeMap::<String, Seen>::new());
     while begun.elapsed() < listen {
         let Some(batch) = source.next(Duration::from_millis(50))? else { break };
         frames += u64::from(!batch.poses.is_empty());
         for pose in batch.poses {
-            let entry = tracked.entry(pose.name).or_default();
-            entry.0 += 1;
-            entry.1 += u64::from(pose.tracker_from_tool.is_some());
+            let tool = tools.entry(pose.name).or_default();
+            tool.frames += 1;
+            match pose.quality {
+                Quality::Tracked { .. } => tool.seen += 1,
+                Quality::Missing(why) => tool.missing = Some(why),
+            }
         }
     }
     let mut facts = source.facts();
     facts.push(format!("{:.1} frames a second", frames as f64 / begun.elapsed().as_secs_f64().max(1e-3)));
-    let share = |(all, seen): (u64, u64)| 100.0 * seen as f64 / all.max(1) as f64;
-    facts.extend(tracked.into_iter().map(|(name, n)| format!("{name}: seen in {:.0} % of its frames", share(n))));
-    Ok(Findings { facts, health: source.diagnosis(wanted) })
+    facts.extend(tools.iter().map(|(name, tool)| format!("{name}: {tool}")));
+    Ok(Findings { facts, health: unseen(&tools, wanted).unwrap_or_else(|| source.diagnosis(wanted)) })
+}
+
+/// What was told of a tool.
+#[derive(Debug, Default)]
+struct Seen {
+    frames: u64,
+    seen: u64,
+    missing: Option<Missing>,
+}
+
+impl fmt::Display for Seen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "seen in {:.0} % of its frames", 100.0 * self.seen as f64 / self.frames.max(1) as f64)?;
+        self.missing.map_or(Ok(()), |why| write!(f, " (else: {})", why.name()))
+    }
+}
+
+/// A tool that is wanted, or, when none is, every tool, that was told of and never seen.
+fn unseen(tools: &BTreeMap<String, Seen>, wanted: &[&str]) -> Option<Health> {
+    let dark: Vec<_> = tools.iter().filter(|(_, t)| t.seen == 0).collect();
+    let wanted_dark = dark.iter().find(|(name, _)| wanted.iter().any(|w| name == w || tool_name(name) == *w));
+    let all_dark = dark.first().filter(|_| dark.len() == tools.len());
+    let (name, tool) = wanted_dark.or(all_dark)?;
+    let why = tool.missing.map_or("not tracked", Missing::name);
+    let more = if wanted_dark.is_none() && tools.len() > 1 { ", and so are the others" } else { "" };
+    Some(Health::ill(format!("'{name}' is sent, but was never seen ({why}){more}: is it in the cameras' view?")))
 }

@@ -28,6 +28,9 @@ pub enum TrackerUrlError {
     /// A setting given more than once.
     #[error("{0} is given twice in the tracker's address")]
     Twice(String),
+    /// Two settings of which only one can be.
+    #[error("{0} and {1} in the tracker's address exclude each other")]
+    Both(&'static str, &'static str),
     /// What stands for the host is none.
     #[error("'{0}' is no host with a port; write HOST:PORT, an IPv6 address in brackets")]
     Host(String),

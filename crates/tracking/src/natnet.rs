@@ -2,9 +2,10 @@
 
 use crate::decode::{NatNetDecoder, Taken};
 use crate::{Batch, Clock, Health, NatNetAddress, Recorder, Source, TrackingError};
-use monro_wire::natnet::{ClientOptions, DATA_PORT, Diagnosis, MULTICAST_GROUP, ServerInfo};
+use monro_wire::natnet::{ClientOptions, DATA_PORT, Diagnosis, MULTICAST_GROUP, MessageId, ServerInfo, split};
 use monro_wire::recording::Protocol;
 use socket2::{Domain, Socket, Type};
+use std::collections::BTreeSet;
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,8 +15,13 @@ use std::time::{Duration, Instant};
 /// How often the client is asked whether it has something to say.
 const TICK: Duration = Duration::from_millis(20);
 
-/// Nanoseconds since the start of the clock, and what arrived then.
-type Arrived = (u64, Vec<u8>);
+/// A sender of frames that has been silent for this long may be replaced by another, ns.
+const SILENCE: u64 = 1_000_000_000;
+/// Senders of foreign frames that are remembered at most.
+const MOST_STRANGERS: usize = 4;
+
+/// Nanoseconds since the start of the clock, and what arrived then from whom.
+type Arrived = (u64, SocketAddr, Vec<u8>);
 
 /// A NatNet client with its sockets; each of them is read by a thread of its own, so that arrival times are right.
 #[derive(Debug)]
@@ -32,6 +38,9 @@ pub(crate) struct NatNetSource {
     stop: Arc<AtomicBool>,
     recorder: Option<Recorder>,
     notes: Vec<String>,
+    /// Who sends the frames, and when last (ns).
+    streamer: Option<(SocketAddr, u64)>,
+    strangers: BTreeSet<SocketAddr>,
 }
 
 impl NatNetSource {
@@ -65,6 +74,8 @@ impl NatNetSource {
             stop,
             recorder,
             notes: Vec::new(),
+            streamer: None,
+            strangers: BTreeSet::new(),
         };
         // With a forced version frames may be read before, or without, any word of the server.
         if address.multicast.is_some() || address.version.is_some() {
@@ -95,7 +106,38 @@ impl NatNetSource {
         Ok(())
     }
 
-    fn take(&mut self, (since, bytes): Arrived) -> Result<Option<Batch>, TrackingError> {
+    /// The group that was asked for and the one that the server announces, where they differ.
+    fn other_group(&self) -> Option<[Ipv4Addr; 2]> {
+        let ours = self.address.multicast?;
+        let theirs = Ipv4Addr::from(self.decoder.client.server()?.clock?.group);
+        (ours != theirs).then_some([ours, theirs])
+    }
+
+    /// Whether a datagram is to be heard. Several servers may send to one group and port: frames are taken from one sender,
+    /// if possible from the very server that was asked.
+    fn is_heard(&mut self, since: u64, from: SocketAddr, bytes: &[u8]) -> bool {
+        if !split(bytes).is_ok_and(|(header, _)| header.id == MessageId::Frame) {
+            return true;
+        }
+        let nearness = |a: SocketAddr| (a.ip() == self.server.ip(), a == self.server);
+        match self.streamer {
+            Some((s, last)) if s != from && since.saturating_sub(last) < SILENCE && nearness(from) <= nearness(s) => {
+                if self.strangers.len() < MOST_STRANGERS {
+                    self.strangers.insert(from);
+                }
+                false
+            }
+            _ => {
+                self.streamer = Some((from, since));
+                true
+            }
+        }
+    }
+
+    fn take(&mut self, (since, from, bytes): Arrived) -> Result<Option<Batch>, TrackingError> {
+        if !self.is_heard(since, from, &bytes) {
+            return Ok(None);
+        }
         if let Some(r) = &mut self.recorder {
             r.write(Protocol::NatNet, since, &bytes)?;
         }
@@ -144,12 +186,15 @@ impl Source for NatNetSource {
         let well = found.is_well();
         let words = match found {
             Diagnosis::NoServer { .. } => format!("{}: {found}", self.server),
-            Diagnosis::NoData { multicast: true, .. } if self.address.unicast => {
+            Diagnosis::NoData { multicast: Some(true), .. } if self.address.unicast => {
                 format!("{found}; this client was told to use unicast (?unicast=1)")
             }
-            Diagnosis::NoData { multicast: true, .. } => {
-                format!("{found}; this client listens on interface {} (?interface=)", self.interface)
-            }
+            Diagnosis::NoData { multicast: Some(true), .. } => match self.other_group() {
+                Some([ours, theirs]) => {
+                    format!("{found}; it sends to the group {theirs}, this client listens to {ours} (?multicast=)")
+                }
+                None => format!("{found}; this client listens on interface {} (?interface=)", self.interface),
+            },
             found => found.to_string(),
         };
         Health { well, words }
@@ -158,6 +203,9 @@ impl Source for NatNetSource {
     fn facts(&self) -> Vec<String> {
         let mut facts = vec![format!("server {} from interface {}", self.server, self.interface)];
         facts.extend(self.notes.iter().cloned());
+        let left_out =
+            |s: &SocketAddr| format!("another server, {s}, sends frames to the same port; they are left out");
+        facts.extend(self.strangers.iter().map(left_out));
         if let Some(info) = self.decoder.client.server() {
             let [a, b, ..] = info.sender.application;
             let v = info.sender.version();
@@ -218,8 +266,8 @@ fn listen(
     let read = move || {
         let mut buffer = vec![0u8; 65_536];
         while !stop.load(Ordering::Relaxed) {
-            if let Ok((n, _)) = socket.recv_from(&mut buffer)
-                && sender.send((clock.nanos(), buffer[..n].to_vec())).is_err()
+            if let Ok((n, from)) = socket.recv_from(&mut buffer)
+                && sender.send((clock.nanos(), from, buffer[..n].to_vec())).is_err()
             {
                 return;
             }
@@ -227,4 +275,28 @@ fn listen(
     };
     std::thread::Builder::new().name("natnet".to_owned()).spawn(read)?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::TrackerUrl;
+
+    /// Two servers that sent to one group and port used to be mixed into one stream.
+    #[test]
+    fn frames_are_taken_from_one_sender_the_nearest_to_the_server_that_was_asked() {
+        let url = "natnet://127.0.0.1:1510?unicast=1".parse();
+        let Ok(TrackerUrl::NatNet(address)) = url else { panic!("{url:?}") };
+        let mut source = NatNetSource::open(&address, Clock::new(), None).expect("sockets");
+        let (frame, other) = ([7, 0, 0, 0], [8, 0, 0, 0]);
+        let mut heard =
+            |ms: u64, from: &str, bytes: &[u8]| source.is_heard(ms * 1_000_000, from.parse().expect("address"), bytes);
+        assert!(heard(0, "10.0.0.2:1511", &frame) && !heard(8, "10.0.0.3:1511", &frame));
+        assert!(heard(9, "10.0.0.3:1511", &other), "only frames are of one sender");
+        assert!(heard(16, "127.0.0.1:4000", &frame), "the server's own machine");
+        assert!(!heard(24, "10.0.0.2:1511", &frame) && !heard(25, "127.0.0.1:5000", &frame));
+        assert!(heard(32, "127.0.0.1:1510", &frame) && !heard(40, "127.0.0.1:4000", &frame));
+        assert!(heard(1100, "127.0.0.1:4000", &frame), "one that has fallen silent may be replaced");
+        assert!(source.facts().iter().any(|f| f.contains("10.0.0.3:1511")), "{:?}", source.facts());
+    }
 }

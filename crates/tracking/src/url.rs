@@ -145,7 +145,8 @@ fn setting<T>(
 }
 
 fn version(query: &Query<'_>, name: &str) -> Result<Option<Version>, TrackerUrlError> {
-    setting(query, name, "give a version such as 4.1", Version::parse)
+    let sane = |v: &str| Version::parse(v).filter(|v| (Version::OLDEST..Version::new(5, 0)).contains(v));
+    setting(query, name, "give a version such as 4.1, from 2.0 to 4.9", sane)
 }
 
 fn up_axis(query: &Query<'_>) -> Result<UpAxis, TrackerUrlError> {
@@ -176,6 +177,10 @@ fn host_port(text: &str, default: u16) -> Result<(String, u16), TrackerUrlError>
 fn natnet(rest: &str, query: &Query<'_>) -> Result<NatNetAddress, TrackerUrlError> {
     known(query, &["interface", "multicast", "unicast", "data_port", "up", "version", "bitstream"])?;
     let (host, port) = host_port(rest, COMMAND_PORT)?;
+    let unicast = flag(query, "unicast")?;
+    if unicast && value(query, "multicast").is_some() {
+        return Err(TrackerUrlError::Both("unicast", "multicast"));
+    }
     let ipv4 = |name| setting(query, name, "give an IPv4 address such as 192.168.1.5", |v| v.parse().ok());
     Ok(NatNetAddress {
         host,
@@ -183,7 +188,7 @@ fn natnet(rest: &str, query: &Query<'_>) -> Result<NatNetAddress, TrackerUrlErro
         data_port: setting(query, "data_port", "give a port from 0 to 65535", |v| v.parse().ok())?,
         interface: ipv4("interface")?,
         multicast: ipv4("multicast")?,
-        unicast: flag(query, "unicast")?,
+        unicast,
         up: up_axis(query)?,
         version: version(query, "version")?,
         bitstream: version(query, "bitstream")?,
@@ -230,6 +235,8 @@ mod tests {
         for (bad, why) in [
             ("natnet://x?unicast=maybe", "it is 1 or 0"),
             ("replay:f?fast=maybe", "it is 1 or 0"),
+            ("natnet://x?version=5.0", "from 2.0 to 4.9"),
+            ("natnet://x?unicast=1&multicast=239.1.1.1", "exclude each other"),
             ("natnet://x?up=y&up=z", "up is given twice"),
             ("sim:?x=1", "'x' is no setting"),
             ("igtl://[::1", "no host"),

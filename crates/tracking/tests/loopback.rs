@@ -400,3 +400,12 @@ fn damage_of_a_recording_is_told() {
     let told = play(&broken).expect_err("a stream without an end");
     assert!(told.contains("damaged") && told.contains("records behind it are lost"), "{told}");
 }
+
+#[test]
+fn tools_that_are_never_seen_are_no_good_stream() {
+    let fake = Fake::natnet(Version::new(4, 1), 240.0, SceneOptions { dropout: 1.0, ..SceneOptions::default() });
+    let mut source = connect(&fake.url("natnet", "?unicast=1"));
+    frames(source.as_mut(), 20);
+    let found = doctor(source.as_mut(), &[], Duration::from_millis(300)).expect("doctor");
+    assert!(!found.health.well && found.health.words.contains("never seen (not tracked)"), "{found:?}");
+}

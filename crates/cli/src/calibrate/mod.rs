@@ -121,7 +121,7 @@ fn display(path: &Path) -> Result<Value> {
     let found = calibrate_display(&correspondences(path)?, ALIGNMENT_PX)?;
     let pose = found.display_from;
     Ok(json!({
-        "intrinsics_px": found.intrinsics, "residual_px": found.residual,
+        "intrinsics_px": found.intrinsics, "intrinsics_sigma_px": found.intrinsics_sigma, "residual_px": found.residual,
         "quaternion_wxyz": pose.quaternion_wxyz(), "translation_mm": pose.translation().to_array(),
     }))
 }

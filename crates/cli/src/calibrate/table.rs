@@ -7,6 +7,8 @@ use std::path::Path;
 /// The lines with something on them, with their numbers.
 fn lines(path: &Path) -> Result<Vec<(usize, String)>> {
     let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    // Spreadsheets begin their files with a byte order mark.
+    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     let content = |l: &str| l.split('#').next().unwrap_or("").trim().to_owned();
     Ok((1..).zip(text.lines().map(content)).filter(|(_, l)| !l.is_empty()).collect())
 }
@@ -32,15 +34,17 @@ pub(crate) fn rows<const N: usize>(path: &Path, wanted: &str) -> Result<Vec<[f64
     Ok(out)
 }
 
-/// Rows of a name and three numbers, mm. The name may hold blanks when commas, semicolons or tabs separate. A first row
-/// without any digit is a heading.
+/// Rows of a name and three numbers, mm. The name may hold blanks when commas, semicolons or tabs separate. A first row with
+/// no number behind its first word is a heading.
 pub(crate) fn named_points<F: Frame>(path: &Path) -> Result<Vec<(String, Point<F>)>> {
     let one = |(number, line): (usize, String)| {
         let read = named(&line).map(|(name, at)| (name, Point::from_array(at)));
         read.with_context(|| format!("{}, line {number}: '{line}' is not NAME,X,Y,Z", path.display()))
     };
     let mut lines = lines(path)?;
-    let heading = lines.first().is_some_and(|(_, l)| !l.contains(|c: char| c.is_ascii_digit()));
+    let is_number = |w: &str| w.trim_matches('"').parse::<f64>().is_ok();
+    let words = |l: &str| l.split([',', ';', ' ', '\t']).skip(1).any(is_number);
+    let heading = lines.first().is_some_and(|(_, l)| !words(l));
     lines.drain(..usize::from(heading));
     lines.into_iter().map(one).collect()
 }
@@ -53,7 +57,7 @@ fn named(line: &str) -> Option<(String, [f64; 3])> {
     };
     // The separator of the whole line stays with the numbers: it says what their commas are.
     let rest = if separator == Some(';') { format!("{rest};") } else { rest.to_owned() };
-    Some((name.trim().to_owned(), numbers(&rest)?))
+    Some((name.trim().trim_matches('"').trim().to_owned(), numbers(&rest)?))
 }
 
 /// `X,Y,Z`, mm.
@@ -78,7 +82,7 @@ mod tests {
         let points = named_points::<Tool>(&path).expect("points");
         assert_eq!(points[0], ("left tragus".to_owned(), Point::new(-1.5, 2.0, 3.0)));
         assert_eq!(points[1].0, "nasion");
-        std::fs::write(&path, "name;x;y;z\nleft tragus; -1,5; 2;3\nnasion;0;1,25;2\n").expect("write");
+        std::fs::write(&path, "\u{feff}name;x1;y1;z1\n\"left tragus\"; -1,5; 2;3\nnasion;0;1,25;2\n").expect("write");
         let points = named_points::<Tool>(&path).expect("points");
         assert_eq!(points[0], ("left tragus".to_owned(), Point::new(-1.5, 2.0, 3.0)));
         assert_eq!(points[1], ("nasion".to_owned(), Point::new(0.0, 1.25, 2.0)));

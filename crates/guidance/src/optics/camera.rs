@@ -22,6 +22,38 @@ pub enum CameraError {
     /// A corner is not finite.
     #[error("corner {0} is not finite")]
     NotFinite(usize),
+    /// The points are not in mm.
+    #[error("the points span {0:.3} mm in all: are they in metres? they must be in mm")]
+    Unit(f64),
+    /// A corner lies outside of the picture.
+    #[error("corner {corner} at pixel ({x:.0}, {y:.0}) lies outside of a picture of {width} x {height}")]
+    Outside {
+        /// Its index.
+        corner: usize,
+        /// Its column.
+        x: f64,
+        /// Its row.
+        y: f64,
+        /// Of the picture, pixels.
+        width: u32,
+        /// Of the picture, pixels.
+        height: u32,
+    },
+    /// The camera that explains the corners would see them behind it.
+    #[error(
+        "the points would lie behind the viewer: rows must be counted downwards from the upper edge (v = height - v turns them)"
+    )]
+    Behind,
+    /// The corners do not fix the view.
+    #[error(
+        "the middle of the view is known to {found:.2} degrees only (one standard deviation), {allowed:.2} are allowed: align over the whole display, near and far"
+    )]
+    Uncertain {
+        /// Degrees.
+        found: f64,
+        /// Degrees.
+        allowed: f64,
+    },
     /// The corners lie on a plane, or in some other way do not determine a camera.
     #[error(
         "the corners do not determine the camera: they lie on one plane; move the board nearer and farther, and tilt it"
@@ -123,12 +155,14 @@ pub fn calibrate_camera<F: Frame>(
     options: &CameraOptions,
 ) -> Result<CameraCalibration<F>, CameraError> {
     let pairs = checked(corners, 8)?;
+    inside(corners, options.size)?;
     let coverage = coverage(corners, options.size);
     if coverage < options.coverage {
         return Err(CameraError::Coverage { found: 100.0 * coverage, needed: 100.0 * options.coverage });
     }
     let p = projection(&pairs).ok_or(CameraError::Undetermined)?;
     let start = start(&p).ok_or(CameraError::Undetermined)?;
+    in_front(&p, &pairs)?;
     let free = if options.k3 { 15 } else { 14 };
     let residuals = |x: &DVector<f64>| {
         let (lens, r, t) = unpack(x);
@@ -166,7 +200,28 @@ pub(super) fn checked<F: Frame>(corners: &[Correspondence<F>], needed: usize) ->
     if let Some(i) = corners.iter().position(|c| !finite(c)) {
         return Err(CameraError::NotFinite(i));
     }
-    Ok(corners.iter().map(|c| (vec3(c.point.to_array()), c.pixel)).collect())
+    let pairs: Vec<Pair> = corners.iter().map(|c| (vec3(c.point.to_array()), c.pixel)).collect();
+    let span = pairs.iter().map(|(x, _)| (x - pairs[0].0).norm()).fold(0.0, f64::max);
+    if span < LEAST_SPAN { Err(CameraError::Unit(span)) } else { Ok(pairs) }
+}
+
+/// No board and no series of alignments is smaller, mm.
+const LEAST_SPAN: f64 = 10.0;
+
+fn inside<F: Frame>(corners: &[Correspondence<F>], [width, height]: [u32; 2]) -> Result<(), CameraError> {
+    let is_out = |v: f64, size: u32| !(-0.5..=f64::from(size) + 0.5).contains(&v);
+    let out = corners.iter().position(|c| is_out(c.pixel[0], width) || is_out(c.pixel[1], height));
+    out.map_or(Ok(()), |corner| {
+        let [x, y] = corners[corner].pixel;
+        Err(CameraError::Outside { corner, x, y, width, height })
+    })
+}
+
+/// Refuses a projection that sees most of its points behind it: its picture is mirrored.
+pub(super) fn in_front(p: &super::dlt::Projection, pairs: &[Pair]) -> Result<(), CameraError> {
+    let (_, r, t) = split(p).ok_or(CameraError::Undetermined)?;
+    let behind = pairs.iter().filter(|(x, _)| (r * x + t).z <= 0.0).count();
+    if 2 * behind > pairs.len() { Err(CameraError::Behind) } else { Ok(()) }
 }
 
 /// The part of an 8 by 6 raster over the picture that has a corner.

@@ -89,6 +89,43 @@ fn a_single_board_few_corners_and_a_corner_of_the_picture_are_refused() {
     assert_eq!(calibrate_camera(&broken, &options), Err(CameraError::NotFinite(4)));
 }
 
+/// Metres, rows counted upwards and pixels of another picture used to be calibrated, or refused for another reason.
+#[test]
+fn metres_mirrored_pictures_and_wrong_sizes_are_told_so() {
+    let mut camera = true_camera();
+    (camera.lens.radial, camera.lens.tangential) = ([0.0; 3], [0.0; 2]);
+    let (all, options) = (corners(&camera, 0.1, 6), CameraOptions::new(1920, 1080));
+    let metres: Vec<_> = all
+        .iter()
+        .map(|c| Correspondence { point: Point::from_array(c.point.to_array().map(|v| v / 1000.0)), ..*c })
+        .collect();
+    assert!(matches!(calibrate_camera(&metres, &options), Err(CameraError::Unit(_))));
+    assert!(matches!(calibrate_display(&metres, 5.0), Err(CameraError::Unit(_))));
+    let upwards: Vec<_> =
+        all.iter().map(|c| Correspondence { pixel: [c.pixel[0], 1080.0 - c.pixel[1]], ..*c }).collect();
+    assert_eq!(calibrate_camera(&upwards, &options), Err(CameraError::Behind));
+    assert_eq!(calibrate_display(&upwards[..60], 5.0), Err(CameraError::Behind));
+    assert!(matches!(calibrate_camera(&all, &CameraOptions::new(640, 480)), Err(CameraError::Outside { .. })));
+}
+
+#[test]
+fn the_display_knows_how_well_it_is_known_and_a_corner_of_it_is_refused() {
+    let mut camera = true_camera();
+    (camera.lens.radial, camera.lens.tangential) = ([0.0; 3], [0.0; 2]);
+    let (mut off, mut sigma) = (0.0, 0.0);
+    for seed in 0..10 {
+        let noisy: Vec<_> = corners(&camera, 1.0, seed).into_iter().step_by(7).collect();
+        let d = calibrate_display(&noisy, 6.0).expect("display");
+        off += (d.intrinsics[2] - camera.lens.centre[0]).powi(2);
+        sigma += d.intrinsics_sigma[2].powi(2);
+    }
+    assert!((0.4..2.5).contains(&(sigma / off).sqrt()), "told {sigma}, was {off}");
+    let near = |c: &Correspondence<_>| (c.pixel[0] - 960.0).abs() < 150.0 && (c.pixel[1] - 540.0).abs() < 100.0;
+    let corner: Vec<_> = corners(&camera, 2.0, 8).into_iter().filter(near).take(20).collect();
+    let e = calibrate_display(&corner, 10.0).expect_err("a small part");
+    assert!(matches!(e, CameraError::Uncertain { .. } | CameraError::Undetermined), "{e}");
+}
+
 #[test]
 fn the_display_frame_looks_along_minus_z_with_y_up() {
     let camera = true_camera();

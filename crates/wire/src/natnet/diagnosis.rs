@@ -20,7 +20,7 @@ impl Client {
             return Diagnosis::NoData {
                 version,
                 waited: age(self.times.server.or(self.times.start)),
-                multicast: clock.is_none_or(|c| c.multicast),
+                multicast: clock.map(|c| c.multicast),
                 port: clock.map_or(DATA_PORT, |c| c.data_port),
             };
         }
@@ -56,9 +56,9 @@ pub enum Diagnosis {
         version: Version,
         /// Seconds since it answered.
         waited: f64,
-        /// Whether it sends by multicast.
-        multicast: bool,
-        /// The data port that it announced.
+        /// Whether it sends by multicast; before 3.0 it does not say.
+        multicast: Option<bool>,
+        /// The data port that it announced, or the usual one.
         port: u16,
     },
     /// Frames come, but none can be read.
@@ -105,11 +105,15 @@ impl fmt::Display for Diagnosis {
                 f,
                 "no answer from the server for {waited:.1} s: is its address right, Motive running, streaming switched on, and its command port (UDP) open?"
             ),
-            Self::NoData { version, waited, multicast: true, .. } => write!(
+            Self::NoData { version, waited, multicast: Some(true), .. } => write!(
                 f,
                 "connected (NatNet {version}), but no data for {waited:.1} s: the server sends by multicast; choose the network interface that faces it, or switch both sides to unicast"
             ),
-            Self::NoData { version, waited, multicast: false, port } => write!(
+            Self::NoData { version, waited, multicast: None, port } => write!(
+                f,
+                "connected (NatNet {version}), but no data for {waited:.1} s: a server before 3.0 does not say how it sends; tell the client what is set in Motive: data_port= (now {port}), multicast= and interface=, or unicast=1"
+            ),
+            Self::NoData { version, waited, multicast: Some(false), port } => write!(
                 f,
                 "connected (NatNet {version}), but no data for {waited:.1} s: the server sends by unicast; is UDP port {port} open, and Motive live or playing?"
             ),

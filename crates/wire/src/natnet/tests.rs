@@ -350,7 +350,7 @@ fn the_diagnosis_names_the_first_cause() {
     let mut server = server(Version::new(3, 0), UpAxis::Y);
     talk(&mut client, &mut server, 3.0);
     let d = client.diagnosis(6.0, &["Stylus"]);
-    assert!(matches!(d, Diagnosis::NoData { multicast: false, .. }) && d.to_string().contains("unicast"), "{d}");
+    assert!(matches!(d, Diagnosis::NoData { multicast: Some(false), .. }) && d.to_string().contains("unicast"), "{d}");
     let frame = server.frame(&[(Some(pose([0.0; 3])), 0.1), (None, 0.0)], 0.0, 0.0);
     client.receive(&frame, 6.0).expect("frame");
     assert_eq!(client.diagnosis(6.1, &["Stylus"]), Diagnosis::Streaming(Version::new(3, 0)));
