@@ -4,6 +4,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use monro_prepare::{Observer, Stage};
 use serde_json::Value;
 use std::cell::{Cell, RefCell};
+use std::io::Write;
 use std::time::{Duration, Instant};
 
 /// Where the program talks.
@@ -70,14 +71,11 @@ impl Console {
         self.note(&format!("warning: {text}"));
     }
 
-    /// The result: `json` as one object, or the text.
+    /// The result: `json` as one object, or the text. Whoever closes our output has seen enough.
     pub(crate) fn result(&self, json: &Value, text: &str) {
         self.finish();
-        if self.json {
-            println!("{json}");
-        } else {
-            println!("{text}");
-        }
+        let mut out = std::io::stdout();
+        let _ = if self.json { writeln!(out, "{json}") } else { writeln!(out, "{text}") };
     }
 
     /// Takes the progress line away.

@@ -143,3 +143,17 @@ fn labels_on_no_known_numbers_are_refused() {
     let said = refusal(&["prepare", text(&scan), "--labels", text(&labels), "--out", text(&dir.path().join("case"))]);
     assert!(said.contains("42") && said.contains("labels.nii.gz"), "{said}");
 }
+
+/// `monro register ... | head -1` used to panic.
+#[test]
+fn a_closed_output_is_no_panic() {
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_monro"))
+        .args(["doctor", "sim:", "--listen", "0.3"])
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("the command starts");
+    drop(child.stdout.take());
+    let out = child.wait_with_output().expect("ends");
+    assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
+}
