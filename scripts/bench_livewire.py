@@ -132,7 +132,7 @@ def main():
     cv2.setNumThreads(1)
     with tempfile.TemporaryDirectory() as temporary:
         folder = arguments.input or Path(temporary)
-        ours = json.loads((folder / "result.json").read_text()) if arguments.input else run_ours(folder)
+        ours = json.loads((folder / "result.json").read_text())["livewire"] if arguments.input else run_ours(folder)
         results = {"Monro": ours, "OpenCV, raw": run_opencv(folder, 0.0), "OpenCV, Gaussian": run_opencv(folder, 1.5)}
     if arguments.json:
         json.dump({"opencv": cv2.__version__, **results}, sys.stdout, indent=2)

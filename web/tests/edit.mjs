@@ -3,7 +3,7 @@
 
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
-import { existsSync, mkdtempSync, rmSync, statSync } from "node:fs";
+import { existsSync, mkdtempSync, readFileSync, rmSync, statSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { createInterface } from "node:readline";
@@ -137,6 +137,10 @@ const tests = {
     for (let n = 0; n < Math.abs(S.index - middle); n++) await p.keyboard.press(up ? "PageUp" : "PageDown");
     await until("the slice", async () => (await p.locator("#axial output").textContent()).includes(` ${S.index + 1} /`));
     S.ml = await ml(RIGHT);
+    // What is known of the automatic segmentation, and nothing of fluid around the brain.
+    assert.match(await p.locator(`#sure-${RIGHT}`).textContent(), /^(8|9)\d %$/);
+    assert.equal(await p.locator("#sure-3").textContent(), "–");
+    S.sure = S.about.confidence;
     await shot("edit-opened");
   },
 
@@ -226,6 +230,7 @@ const tests = {
     const now = await describe();
     assert.ok(now.findings.some((f) => /restored/.test(f)), now.findings.join("; "));
     assert.deepEqual(now.state.volumes_ml, S.volumes);
+    assert.deepEqual(now.confidence, S.sure);
     assert.deepEqual(await labels(S.view.axis, S.index), S.last);
     await p.locator("#undo").click();
     await until("undone", async () => (await steps()) === 2);
@@ -249,6 +254,8 @@ const tests = {
     // NIfTI keeps the placement in single precision.
     now.state.volumes_ml.forEach((ml, n) => assert.ok(Math.abs(ml - wanted[n]) <= 1e-5 * wanted[n], `label ${n}: ${ml} ml`));
     assert.equal(now.state.past, 2);
+    assert.deepEqual(now.confidence, S.sure);
+    assert.match(readFileSync(join(out, "case.toml"), "utf8"), /structure = "right_lateral_ventricle"\nexpected_dice = 0\.[89]/);
   },
 };
 

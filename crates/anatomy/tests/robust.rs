@@ -30,7 +30,10 @@ fn dice(found: &Volume<u8>, truth: &Volume<u8>, label: u8) -> f64 {
 fn agrees(found: &Segmentation, truth: &Volume<u8>, least: [f64; 3], what: &str) {
     for (label, least) in [LEFT, RIGHT, THIRD].into_iter().zip(least) {
         let score = dice(&found.labels, truth, label);
-        println!("{what}: structure {label}: {score:.3}");
+        let expected = found.confidence.iter().find(|(s, _)| s.label() == label).map_or(0.0, |c| c.1);
+        println!("{what}: structure {label}: {score:.3}, expected {expected:.3}");
+        let most = if label == THIRD { 0.06 } else { 0.035 };
+        assert!((expected - score).abs() < most, "{what}: structure {label}: {score:.3}, expected {expected:.3}");
         assert!(score >= least, "{what}: structure {label} has Dice {score:.3}, wanted {least}");
     }
 }

@@ -34,6 +34,15 @@ fn dice(found: &Segmentation, reference: &Volume<u16>, ours: impl Fn(u8) -> bool
     2.0 * both as f64 / sum as f64
 }
 
+/// The confidence of our structures is their Dice against labels of the reference, to 0.03.
+fn calibrated(found: &Segmentation, reference: &Volume<u16>, pairs: &[(u8, u16)]) {
+    for &(ours, theirs) in pairs {
+        let score = dice(found, reference, |l| l == ours, |r| r == theirs);
+        let expected = found.confidence.iter().find(|(s, _)| s.label() == ours).expect("confidence").1;
+        assert!((expected - score).abs() < 0.03, "structure {ours}: Dice {score:.3}, expected {expected:.3}");
+    }
+}
+
 fn lateral(l: u8) -> bool {
     l == 5 || l == 6
 }
@@ -70,6 +79,7 @@ fn the_2mm_head_agrees_with_its_reference_and_the_cyst_stays_out() {
         monro_scan::read_labels(&data("head-ct-2mm/ventricles_reference.nii.gz").expect("data")).expect("reference");
     let score = dice(&found, &reference, lateral, |r| r == 1 || r == 2);
     assert!(score >= 0.88, "{score}");
+    calibrated(&found, &reference, &[(5, 1), (6, 2)]);
     let sides = [(5, 1), (6, 2)].map(|(a, b)| dice(&found, &reference, |l| l == a, |r| r == b));
     assert!(sides.iter().all(|s| *s > 0.8), "{sides:?}");
     // The cyst of the posterior fossa has ventricle-like HU; 40 mm below the foramina nothing is ventricle.
@@ -90,6 +100,7 @@ fn the_thin_head_agrees_with_its_reference_and_its_cuts_are_told() {
         monro_scan::read_labels(&data("head-ct-thin/ventricles_reference.nii.gz").expect("data")).expect("reference");
     let score = dice(&found, &reference, lateral, |r| r == 1 || r == 2);
     assert!(score >= 0.9, "{score}");
+    calibrated(&found, &reference, &[(5, 1), (6, 2)]);
     assert!(found.findings.iter().any(|f| f.contains("vertex cut")), "{:?}", found.findings);
     check_landmarks(&ct, &found, "head-ct-thin");
 }
@@ -118,6 +129,7 @@ fn the_masked_template_has_no_skin_and_says_so() {
         monro_scan::read_labels(&data("ct-template-labels/structures_2mm.nii.gz").expect("data")).expect("reference");
     let score = dice(&found, &reference, lateral, |r| r == 51 || r == 52);
     assert!(score >= 0.85, "{score}");
+    calibrated(&found, &reference, &[(5, 52), (6, 51), (7, 4)]);
     assert!(matches!(landmarks::find(&ct, &found), Err(LandmarkError::NoSkin)));
 }
 
@@ -130,6 +142,7 @@ fn a_phantom_is_found_again() {
         let score = dice(&found, &truth, |l| l == s, |t| t == u16::from(s));
         assert!(score >= least, "structure {s}: {score}");
     }
+    calibrated(&found, &truth, &[(5, 5), (6, 6), (7, 7)]);
     let marks = landmarks::find(&made.ct, &found).expect("landmarks");
     for (name, p, q, limit) in [
         ("nasion", marks.nasion, made.landmarks.nasion, 4.0),

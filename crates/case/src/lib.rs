@@ -18,5 +18,5 @@ pub mod stl;
 pub mod vtu;
 
 pub use case::{Case, CaseError, CaseFiles};
-pub use manifest::{FileEntry, Manifest, SCHEMA, Source};
+pub use manifest::{Confidence, DoubtfulSpot, FileEntry, Manifest, SCHEMA, Source};
 pub use staging::{Staging, StagingError};

@@ -27,6 +27,13 @@ pub struct Manifest {
     /// What a user of the case should know: doubts of the segmentation, cut scans, resampling.
     #[serde(default)]
     pub findings: Vec<String>,
+    /// How far the automatic segmentation could be trusted that the labels began with; a rebuild from corrected labels
+    /// keeps it. Empty for labels made elsewhere.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub confidence: Vec<Confidence>,
+    /// Where it had to guess the border of a ventricle, largest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub doubts: Vec<DoubtfulSpot>,
     /// The files and their hashes.
     pub files: Vec<FileEntry>,
 }
@@ -43,6 +50,28 @@ pub struct Source {
     pub dims: [usize; 3],
     /// Voxel spacing, mm.
     pub spacing_mm: [f64; 3],
+}
+
+/// How far the automatic segmentation of a structure could be trusted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Confidence {
+    /// Name of the structure, as `left_lateral_ventricle`.
+    pub structure: String,
+    /// Expected Dice coefficient against a careful hand, 0 to 1.
+    pub expected_dice: f64,
+}
+
+/// A part of a border that the scan does not show.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DoubtfulSpot {
+    /// Name of the structure that it bounds.
+    pub structure: String,
+    /// Its middle, LPS mm.
+    pub at_mm: [f64; 3],
+    /// Its area, mm2.
+    pub area_mm2: f64,
 }
 
 /// One file of a case.

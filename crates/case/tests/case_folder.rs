@@ -1,7 +1,7 @@
 //! A case survives its own round trip, and every kind of damage is named.
 
 use monro_case::markups::NamedPoint;
-use monro_case::{Case, CaseError, CaseFiles, Manifest, SCHEMA, Source, Staging};
+use monro_case::{Case, CaseError, CaseFiles, Confidence, DoubtfulSpot, Manifest, SCHEMA, Source, Staging};
 use monro_geometry::{Point, TetMesh, TriangleMesh};
 use monro_guidance::{Plan, Side};
 use std::fs;
@@ -24,6 +24,8 @@ fn case() -> Case {
         skull_angle_deg: Some(89.5),
         source,
         findings: vec!["vertex cut".into()],
+        confidence: vec![Confidence { structure: "brain".into(), expected_dice: 0.93 }],
+        doubts: vec![DoubtfulSpot { structure: "third_ventricle".into(), at_mm: [1.0, -2.0, 3.5], area_mm2: 42.0 }],
         files: Vec::new(),
     };
     Case {

@@ -6,12 +6,12 @@ use crate::interrupt::Guard;
 use crate::{NOTICE, prepare};
 use anyhow::{Context, Result, bail};
 use monro_anatomy::segment;
-use monro_case::{Case, Manifest, Staging};
+use monro_case::{Case, Confidence, Manifest, Staging};
 use monro_geometry::Volume;
 use monro_prepare::{Observer, Prepared, Request};
 use monro_scan::{ReadOptions, Scan};
 use monro_server::Ready;
-use monro_server::edit::{EditOptions, Rebuilt, StartLabels, Subject, serve_edit};
+use monro_server::edit::{EditOptions, Rebuilt, Start, StartLabels, Subject, serve_edit};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -29,8 +29,8 @@ pub(crate) fn run(args: &EditArgs, console: &Console) -> Result<()> {
         folder: folder.into(),
         start,
         findings,
-        rebuild: Box::new(move |labels, observer| {
-            rebuild(&basis, &kept, &labels, &out, observer).map_err(|e| format!("{e:#}"))
+        rebuild: Box::new(move |labels, confidence, observer| {
+            rebuild((&basis, confidence), &kept, &labels, &out, observer).map_err(|e| format!("{e:#}"))
         }),
         listen: args.listen,
     };
@@ -68,11 +68,12 @@ fn of_case(args: &EditArgs, console: &Console) -> Result<Opened> {
     let (origin, start) = match &args.labels {
         Some(file) => given(file, &scan)?,
         None => {
-            let volume = scan.volume.clone();
-            (origin(&case.manifest), Box::new(move || read_labels(&labels, &volume)) as StartLabels)
+            let (volume, confidence) = (scan.volume.clone(), case.manifest.confidence.clone());
+            let start = move || Ok(Start { labels: read_labels(&labels, &volume)?, confidence });
+            (origin(&case.manifest), Box::new(start) as StartLabels)
         }
     };
-    let subject = Subject { scan: case.manifest.pseudonym.clone(), origin };
+    let subject = Subject { scan: case.manifest.pseudonym.clone(), origin, confidence: Vec::new() };
     let findings = case.manifest.findings.clone();
     Ok(Opened { scan, subject, start, out: args.path.clone(), findings, basis: Basis::Case(Box::new(case)) })
 }
@@ -92,14 +93,17 @@ fn of_scan(args: &EditArgs, console: &Console) -> Result<Opened> {
         None => ("segmented automatically".to_owned(), automatic(&scan)),
     };
     let findings = scan.warnings.iter().chain(&scan.resampled).cloned().collect();
-    let subject = Subject { scan: scan.pseudonym.clone(), origin };
+    let subject = Subject { scan: scan.pseudonym.clone(), origin, confidence: Vec::new() };
     Ok(Opened { scan, subject, start, out, findings, basis: Basis::Scan })
 }
 
 /// Starts with the automatic segmentation.
 fn automatic(scan: &Scan) -> StartLabels {
     let volume = scan.volume.clone();
-    Box::new(move || Ok(segment::segment(&volume).map_err(|e| e.to_string())?.labels))
+    Box::new(move || {
+        let found = segment::segment(&volume).map_err(|e| e.to_string())?;
+        Ok(Start { confidence: monro_prepare::confidence(&found.confidence), labels: found.labels })
+    })
 }
 
 /// Starts with the labels of a file.
@@ -107,7 +111,8 @@ fn given(file: &Path, scan: &Scan) -> Result<(String, StartLabels)> {
     let bytes = std::fs::metadata(file).with_context(|| format!("cannot read {}", file.display()))?.len();
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     let (path, volume) = (file.to_owned(), scan.volume.clone());
-    Ok((format!("{name}, {bytes} bytes"), Box::new(move || read_labels(&path, &volume))))
+    let start = move || Ok(Start { labels: read_labels(&path, &volume)?, confidence: Vec::new() });
+    Ok((format!("{name}, {bytes} bytes"), Box::new(start)))
 }
 
 /// Labels of a file on the scan's grid, checked.
@@ -127,14 +132,21 @@ fn read_labels(file: &Path, scan: &Volume<i16>) -> Result<Volume<u8>, String> {
     Ok(checked.labels)
 }
 
-fn rebuild(basis: &Basis, scan: &Scan, labels: &Volume<u8>, out: &Path, observer: &dyn Observer) -> Result<Rebuilt> {
+fn rebuild(
+    (basis, confidence): (&Basis, &[Confidence]),
+    scan: &Scan,
+    labels: &Volume<u8>,
+    out: &Path,
+    observer: &dyn Observer,
+) -> Result<Rebuilt> {
     let wide = labels.map(u16::from);
-    let prepared = match basis {
+    let mut prepared = match basis {
         Basis::Case(case) => monro_prepare::rebuild(case, scan.clone(), wide, observer)?,
         Basis::Scan => {
             monro_prepare::build(scan.clone(), &Request { labels: Some(wide), ..Request::default() }, observer)?
         }
     };
+    prepared.case.manifest.confidence = confidence.to_vec();
     write(&prepared, out, observer)
 }
 

@@ -2,10 +2,10 @@
 
 use crate::plan::{self, Planned};
 use crate::{NOTICE, Observer, PrepareError, Request, Stage};
-use monro_anatomy::segment::{self, Segmentation};
+use monro_anatomy::segment::{self, Doubt, Segmentation};
 use monro_anatomy::surface::{self, Surface, SurfaceOptions};
 use monro_anatomy::tetra::{self, MeshOptions, MeshReport};
-use monro_case::{Case, Manifest, SCHEMA, Source};
+use monro_case::{Case, Confidence, DoubtfulSpot, Manifest, SCHEMA, Source};
 use monro_geometry::{Structure, TetMesh, TriangleMesh, Volume};
 use monro_scan::Scan;
 
@@ -52,7 +52,7 @@ pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<P
         observer.remark(finding);
     }
     let case = Case {
-        manifest: manifest(&scan, &planned, findings),
+        manifest: manifest(&scan, &segmentation, &planned, findings),
         plan: planned.plan,
         landmarks: planned.landmarks,
         skin: surfaces.skin.mesh,
@@ -63,8 +63,8 @@ pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<P
     Ok(Prepared { scan, segmentation, case, mesh, volumes_ml })
 }
 
-/// Builds a case again from its own CT and from corrected labels. Identity, source, side and the wanted number of
-/// tetrahedra are those of the case; landmarks, plan, surfaces and tetrahedra are made anew.
+/// Builds a case again from its own CT and from corrected labels. Identity, source, side, the wanted number of
+/// tetrahedra and what is known of the automatic segmentation are those of the case; landmarks, plan, surfaces and tetrahedra are made anew.
 ///
 /// # Errors
 /// As [`build`].
@@ -80,6 +80,8 @@ pub fn rebuild(
     let made = &mut prepared.case.manifest;
     made.pseudonym.clone_from(&case.manifest.pseudonym);
     made.source = case.manifest.source.clone();
+    made.confidence.clone_from(&case.manifest.confidence);
+    made.doubts.clone_from(&case.manifest.doubts);
     Ok(prepared)
 }
 
@@ -176,7 +178,18 @@ fn series(source: &monro_scan::Source) -> String {
     parts.into_iter().flatten().filter(|p| !p.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-fn manifest(scan: &Scan, planned: &Planned, findings: Vec<String>) -> Manifest {
+/// Expected Dice by structure, as a manifest keeps it.
+pub fn confidence(of: &[(Structure, f64)]) -> Vec<Confidence> {
+    of.iter().map(|(s, dice)| Confidence { structure: s.name().into(), expected_dice: *dice }).collect()
+}
+
+fn spots(segmentation: &Segmentation) -> Vec<DoubtfulSpot> {
+    let spot =
+        |d: &Doubt| DoubtfulSpot { structure: d.structure.name().into(), at_mm: d.at.to_array(), area_mm2: d.mm2 };
+    segmentation.doubts.iter().map(spot).collect()
+}
+
+fn manifest(scan: &Scan, segmentation: &Segmentation, planned: &Planned, findings: Vec<String>) -> Manifest {
     let grid = scan.volume.grid();
     Manifest {
         schema: SCHEMA,
@@ -192,6 +205,8 @@ fn manifest(scan: &Scan, planned: &Planned, findings: Vec<String>) -> Manifest {
             spacing_mm: grid.spacing(),
         },
         findings,
+        confidence: confidence(&segmentation.confidence),
+        doubts: spots(segmentation),
         files: Vec::new(),
     }
 }

@@ -3,7 +3,7 @@
 use monro_anatomy::phantom::{HeadOptions, Phantom, head};
 use monro_geometry::{Structure, Volume};
 use monro_guidance::Side;
-use monro_prepare::{Observer, PrepareError, Prepared, Request, Silent, Stage, build, rebuild};
+use monro_prepare::{Observer, PrepareError, Prepared, Request, Silent, Stage, build, confidence, rebuild};
 use monro_scan::{ReadOptions, Scan, nifti};
 use std::cell::RefCell;
 
@@ -55,6 +55,8 @@ fn a_corrected_ventricle_is_in_the_rebuilt_case_and_its_identity_stays() {
     assert_eq!(*diary.begun.borrow(), &Stage::ALL[..4]);
     assert_eq!(*diary.begun.borrow(), *diary.ended.borrow());
     first.case.manifest.pseudonym = "kept".into();
+    assert!(first.case.manifest.confidence.is_empty(), "nothing is known of labels made elsewhere");
+    first.case.manifest.confidence = confidence(&[(Structure::Brain, 0.91)]);
     // The part of the left ventricle that lies behind its middle is taken for brain.
     let left = Structure::LeftLateralVentricle.label();
     let rows: Vec<usize> = (0..made.labels.data().len()).filter(|&n| made.labels.data()[n] == left).collect();
@@ -69,6 +71,8 @@ fn a_corrected_ventricle_is_in_the_rebuilt_case_and_its_identity_stays() {
     assert!(after < 0.75 * before, "{after} of {before} ml");
     assert_eq!(second.case.manifest.pseudonym, "kept");
     assert_eq!(second.case.plan.side().name(), "left");
+    let known = second.case.manifest.confidence.iter().map(|c| (c.structure.as_str(), c.expected_dice));
+    assert_eq!(known.collect::<Vec<_>>(), [("brain", 0.91)]);
     let surface = |p: &Prepared| p.case.ventricles.signed_volume() / 1000.0;
     assert!(surface(&second) < surface(&first) - 0.2 * before);
 }

@@ -20,7 +20,6 @@ export interface State {
   future: number;
   volumes_ml: number[];
   drawn: { label: number; axis: number; slices: number[] }[];
-  confidence?: (number | null)[];
 }
 
 export interface Wire {
@@ -36,6 +35,8 @@ export interface Description {
   views: View[];
   labels: { label: number; name: string; colour: [number, number, number] }[];
   findings: string[];
+  /** Expected Dice of the automatic segmentation by label, null where nothing is known. */
+  confidence: (number | null)[];
   state: State;
   wire: Wire | null;
 }

@@ -83,7 +83,9 @@ class Editor {
       button.onclick = () => this.#pick(label);
       const [ml, sure] = [document.createElement("output"), document.createElement("output")];
       [ml.id, sure.id] = [`ml-${label}`, `sure-${label}`];
-      sure.title = "how far the labels agree with the scan";
+      const expected = this.#about.confidence[label];
+      sure.textContent = typeof expected === "number" ? `${Math.round(100 * expected)} %` : "–";
+      sure.title = "expected Dice of the automatic segmentation, before corrections";
       element("#labels").append(swatch, button, ml, sure);
     }
     const over = element<HTMLSelectElement>("#over");
@@ -186,8 +188,6 @@ class Editor {
   #state(state: State): void {
     for (const { label } of this.#about.labels.slice(1)) {
       element(`#ml-${label}`).textContent = `${(state.volumes_ml[label] ?? 0).toFixed(1)} ml`;
-      const sure = state.confidence?.[label];
-      if (state.confidence) element(`#sure-${label}`).textContent = typeof sure === "number" ? `${Math.round(100 * sure)} %` : "–";
     }
     element<HTMLButtonElement>("#undo").disabled = state.past === 0;
     element<HTMLButtonElement>("#redo").disabled = state.future === 0;

@@ -42,7 +42,8 @@ pub struct Segmentation {
     pub midsagittal: Plane<Patient>,
     /// Remarks for the reader: what is cut, open, small or not found.
     pub findings: Vec<String>,
-    /// How far each structure can be trusted: its expected Dice coefficient, 0 to 1. Empty for labels made elsewhere.
+    /// How far each structure can be trusted: its expected Dice coefficient, 0 to 1. Nothing is said of
+    /// fluid outside the ventricles. Empty for labels made elsewhere.
     pub confidence: Vec<(Structure, f64)>,
     /// Where the borders of the ventricles are guesses, largest first.
     pub doubts: Vec<Doubt>,

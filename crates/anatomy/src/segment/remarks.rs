@@ -63,26 +63,28 @@ fn findings(evidence: &Evidence<'_>, size: impl Fn(Structure) -> f64) -> Vec<Str
 }
 
 /// Expected Dice: of the ventricles by their borders, less where the model of their course fits badly (then parts may be
-/// missing or foreign); of the others a plain statement, less when they are too small to be whole.
+/// missing or foreign); of the others a plain statement, less when they are too small to be whole. Nothing is said of
+/// cerebrospinal fluid: most of it lies in sulci and under the bone where the scan does not show it.
 fn confidence(evidence: &Evidence<'_>, size: impl Fn(Structure) -> f64) -> Vec<(Structure, f64)> {
     let fit = (evidence.pose.score / 0.5).clamp(0.0, 1.0);
     let [left, right, third] = evidence.ventricles.expected.map(|e| e * fit);
     let whole = |expected_ml: f64, s: Structure| (size(s) / expected_ml).clamp(0.0, 1.0);
-    let of = |s: Structure| match s {
-        Structure::Outside => 1.0,
-        Structure::Scalp => {
-            if evidence.working.masked_with.is_some() {
-                0.0
-            } else {
-                0.95
+    let of = |s: Structure| {
+        Some(match s {
+            Structure::Outside | Structure::Csf => return None,
+            Structure::Scalp => {
+                if evidence.working.masked_with.is_some() {
+                    0.0
+                } else {
+                    0.95
+                }
             }
-        }
-        Structure::Skull => 0.93 * whole(200.0, s),
-        Structure::Csf => 0.6,
-        Structure::Brain => 0.93 * whole(600.0, s),
-        Structure::LeftLateralVentricle => left,
-        Structure::RightLateralVentricle => right,
-        Structure::ThirdVentricle => third,
+            Structure::Skull => 0.93 * whole(200.0, s),
+            Structure::Brain => 0.93 * whole(600.0, s),
+            Structure::LeftLateralVentricle => left,
+            Structure::RightLateralVentricle => right,
+            Structure::ThirdVentricle => third,
+        })
     };
-    Structure::ALL.into_iter().skip(1).map(|s| (s, of(s))).collect()
+    Structure::ALL.into_iter().filter_map(|s| Some((s, of(s)?))).collect()
 }

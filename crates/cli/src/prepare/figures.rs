@@ -2,7 +2,7 @@
 
 use crate::NOTICE;
 use anyhow::Result;
-use monro_anatomy::segment::Doubt;
+use monro_case::DoubtfulSpot;
 use monro_cli::picture::{
     Colour, ColourBy, Figure, HeadScene, Look, Orientation, Overlay, SliceRequest, SliceView, Stroke, Window,
     head_figure, mesh_cut_figure, sampler, slice_figure,
@@ -105,8 +105,9 @@ fn labels_section(prepared: &Prepared) -> Result<Section> {
     let rows = prepared.volumes_ml.iter().map(|(s, ml)| vec![s.name().replace('_', " "), format!("{ml:.1}")]).collect();
     let mut figures: Vec<Figure> = slices.into_iter().collect::<Result<_>>()?;
     figures.extend(doubtful_slices(prepared)?);
-    let confidence = prepared.segmentation.confidence.iter();
-    let doubts = confidence.map(|(s, c)| vec![s.name().replace('_', " "), format!("{:.0}", c * 100.0)]).collect();
+    let confidence = prepared.case.manifest.confidence.iter();
+    let doubts =
+        confidence.map(|c| vec![c.structure.replace('_', " "), format!("{:.0}", c.expected_dice * 100.0)]).collect();
     Ok(Section {
         title: "Labels".into(),
         text: vec![
@@ -115,7 +116,7 @@ fn labels_section(prepared: &Prepared) -> Result<Section> {
         tables: vec![
             Table { caption: "Volumes".into(), head: vec!["Structure".into(), "ml".into()], rows },
             Table {
-                caption: "Confidence of the segmentation: expected Dice against a careful hand".into(),
+                caption: "Confidence of the automatic segmentation (before corrections by hand): expected Dice".into(),
                 head: vec!["Structure".into(), "%".into()],
                 rows: doubts,
             },
@@ -126,18 +127,19 @@ fn labels_section(prepared: &Prepared) -> Result<Section> {
 
 /// Slices through the places where the border of a ventricle is a guess.
 fn doubtful_slices(prepared: &Prepared) -> Result<Vec<Figure>> {
-    let picture = |doubt: &Doubt| {
-        let view = SliceView::standard(Orientation::Axial, doubt.at, 0.5 * FIELD_MM, PIXELS);
-        let name = doubt.structure.name().replace('_', " ");
+    let picture = |doubt: &DoubtfulSpot| {
+        let at = Point::from_array(doubt.at_mm);
+        let view = SliceView::standard(Orientation::Axial, at, 0.5 * FIELD_MM, PIXELS);
+        let name = doubt.structure.replace('_', " ");
         let mut overlays = outlines(prepared);
-        overlays.push(Overlay::Mark { at: doubt.at, colour: Colour::WHITE, name: "doubt" });
-        let title = format!("doubtful: {:.0} mm2 of the {name} have no edge in the scan", doubt.mm2);
+        overlays.push(Overlay::Mark { at, colour: Colour::WHITE, name: "doubt" });
+        let title = format!("doubtful: {:.0} mm2 of the {name} have no edge in the scan", doubt.area_mm2);
         let sample = sampler(&prepared.scan.volume);
         let request =
             SliceRequest { view, sampler: &sample, window: Window::BRAIN, overlays, title, caption: String::new() };
         Ok(slice_figure(&request)?)
     };
-    prepared.segmentation.doubts.iter().map(picture).collect()
+    prepared.case.manifest.doubts.iter().map(picture).collect()
 }
 
 fn plan_section(prepared: &Prepared) -> Result<Section> {

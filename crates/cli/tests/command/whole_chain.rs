@@ -30,6 +30,7 @@ fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
         assert!(distance(found, truth) <= limit, "{label}: {found:?}, truth {truth:?}");
     }
 
+    confidence_is_kept(&case);
     plans_of_another_head(&phantom, &case, dir.path());
     let done = json(&["simulate", text(&case), "--out", text(&out), "--speed", "40"]);
     assert_eq!(done["reached_ventricle"], true, "{done}");
@@ -74,4 +75,15 @@ fn damaged_case(case: &Path, dir: &Path) {
     let said = refusal(&["simulate", text(case), "--out", text(&out)]);
     assert!(said.contains("tets.vtu") && said.contains("damaged"), "{said}");
     assert!(!out.exists());
+}
+
+/// The case says how far each structure of the automatic segmentation can be trusted, and its report shows it.
+fn confidence_is_kept(case: &Path) {
+    let known = monro_case::Case::open(case).expect("case").manifest.confidence;
+    for name in ["skull", "brain", "left_lateral_ventricle", "right_lateral_ventricle", "third_ventricle"] {
+        let of = known.iter().find(|c| c.structure == name).expect(name);
+        assert!((0.8..1.0).contains(&of.expected_dice), "{of:?}");
+    }
+    let report = fs::read_to_string(case.join("report.html")).expect("report");
+    assert!(report.contains("expected Dice") && report.contains("left lateral ventricle"));
 }

@@ -17,7 +17,8 @@ use crate::ServeError;
 use crate::door::Keys;
 use crate::server::{Ready, ready_at};
 use monro_anatomy::desk::Desk;
-use monro_geometry::{Structure, Volume};
+use monro_case::Confidence;
+use monro_geometry::Volume;
 use rebuild::Progress;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -26,10 +27,16 @@ use store::Store;
 use tokio::net::TcpListener;
 
 /// What makes the labels at the start, when there is no earlier work to go on with.
-pub type StartLabels = Box<dyn FnOnce() -> Result<Volume<u8>, String> + Send>;
+pub type StartLabels = Box<dyn FnOnce() -> Result<Start, String> + Send>;
 
-/// How far each structure can be trusted, 0 to 1, from scan and labels.
-pub type Confidence = Box<dyn Fn(&Volume<i16>, &Volume<u8>) -> Vec<(Structure, f64)> + Send + Sync>;
+/// Labels to begin with.
+#[derive(Debug)]
+pub struct Start {
+    /// A structure's number per voxel of the scan.
+    pub labels: Volume<u8>,
+    /// How far they can be trusted; empty for labels made elsewhere.
+    pub confidence: Vec<Confidence>,
+}
 
 /// What to edit, and where.
 pub struct EditOptions {
@@ -96,8 +103,8 @@ pub fn serve_edit(options: EditOptions, ready: impl FnOnce(&Ready)) -> Result<()
 }
 
 fn open(options: EditOptions) -> Result<Shared, ServeError> {
-    let EditOptions { ct, subject, folder, start, mut findings, rebuild, .. } = options;
-    let (store, editor, notes) = Store::open(&folder, ct.grid(), &subject, start)?;
+    let EditOptions { ct, mut subject, folder, start, mut findings, rebuild, .. } = options;
+    let (store, editor, notes) = Store::open(&folder, ct.grid(), &mut subject, start)?;
     findings.extend(notes);
     let desk = Desk::new(ct, editor)?;
     Ok(Shared {

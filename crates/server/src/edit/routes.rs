@@ -14,6 +14,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router, middleware};
 use monro_anatomy::desk::{View, views};
+use monro_case::Confidence;
 use monro_geometry::Structure;
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -62,9 +63,15 @@ async fn describe(State(shared): State<Arc<Shared>>) -> Json<Value> {
         "views": views(grid).map(|v| view_json(&v)),
         "labels": Structure::ALL.map(|s| json!({ "label": s.label(), "name": s.name(), "colour": s.colour() })),
         "findings": shared.findings,
+        "confidence": expected(&shared.subject.confidence),
         "state": request::state(&work.desk),
         "wire": request::wire(&work.desk),
     }))
+}
+
+/// Expected Dice by label, null where nothing is known.
+fn expected(known: &[Confidence]) -> [Option<f64>; Structure::ALL.len()] {
+    Structure::ALL.map(|s| known.iter().find(|c| c.structure == s.name()).map(|c| c.expected_dice))
 }
 
 fn view_json(v: &View) -> Value {

@@ -7,7 +7,9 @@
 //!           edit.json     which scan and which labels of the case this belongs to; written last
 //! ```
 
+use super::Start;
 use monro_anatomy::edit::{Editor, ReplayError};
+use monro_case::Confidence;
 use monro_geometry::{Grid, Volume};
 use monro_scan::{ScanError, nifti};
 use serde::{Deserialize, Serialize};
@@ -66,12 +68,16 @@ pub enum StoreError {
 }
 
 /// Which scan and labels the work belongs to.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Subject {
     /// Name of the scan (its pseudonym).
     pub scan: String,
     /// What the labels were at the start or at the last rebuilding: a hash of the case's labels, or how they were made.
     pub origin: String,
+    /// How far the automatic segmentation could be trusted that the labels began with; empty until they are made or
+    /// found again, and for labels made elsewhere.
+    #[serde(default)]
+    pub confidence: Vec<Confidence>,
 }
 
 /// The folder, open for appending.
@@ -87,14 +93,15 @@ fn at(path: &Path) -> impl FnOnce(io::Error) -> StoreError + '_ {
 
 impl Store {
     /// Goes on with the work in a folder, or begins it with the labels of `start`. The third part says what happened.
+    /// The subject gets the confidence that is kept with the labels.
     ///
     /// # Errors
     /// [`StoreError`]; whatever `start` says, as [`StoreError::Base`].
     pub(crate) fn open(
         folder: &Path,
         grid: &Grid,
-        subject: &Subject,
-        start: impl FnOnce() -> Result<Volume<u8>, String>,
+        subject: &mut Subject,
+        start: impl FnOnce() -> Result<Start, String>,
     ) -> Result<(Self, Editor, Vec<String>), StoreError> {
         let description = folder.join("edit.json");
         let mut notes = Vec::new();
@@ -107,6 +114,7 @@ impl Store {
                 return Err(StoreError::OtherScan { folder, found: found.scan, wanted });
             }
             if found.origin == subject.origin {
+                subject.confidence = found.confidence;
                 return Self::resume(folder, grid);
             }
             let aside = put_aside(folder)?;
@@ -115,7 +123,9 @@ impl Store {
                 aside.display()
             ));
         }
-        let base = start().map_err(|reason| StoreError::Base { folder: folder.to_owned(), reason })?;
+        let Start { labels: base, confidence } =
+            start().map_err(|reason| StoreError::Base { folder: folder.to_owned(), reason })?;
+        subject.confidence = confidence;
         let (store, editor) = Self::begin(folder, base, subject)?;
         Ok((store, editor, notes))
     }

@@ -212,6 +212,8 @@ pub(crate) mod tests {
             skull_angle_deg: None,
             source,
             findings: Vec::new(),
+            confidence: Vec::new(),
+            doubts: Vec::new(),
             files: Vec::new(),
         };
         let surface = TriangleMesh::default;
