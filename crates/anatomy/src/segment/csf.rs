@@ -1,18 +1,26 @@
 //! Cerebrospinal fluid outside the ventricles: cisterns, fissures, the space under the skull, wide sulci.
 
+use super::tissue::brain_mode;
 use crate::image::{Mask, Raster, distance_to_false, gaussian, label};
 
 /// Voxels this near to the wall of the cavity hold bone or dura too and say nothing about fluid, mm.
 const DIMMED: f32 = 1.0;
-/// Smoothing against noise, voxels of 1 mm; only over voxels inside the cavity that bone does not dim.
-const SMOOTHING: f64 = 1.0;
+/// Smoothing against noise, voxels of 1 mm, little, since sulci are narrow; only over voxels inside the cavity that bone
+/// does not dim. Islands of what noise is left are too small to be kept.
+const SMOOTHING: f64 = 0.7;
+/// Depth below the bone at which the cortex lies, mm.
+const CORTEX: core::ops::Range<f32> = 3.0..8.0;
 /// Islands smaller than this (voxels of 1 mm) are noise or sulci too narrow to be told from it.
 const LEAST_ISLAND: usize = 60;
 
-/// A field whose inside (positive) is fluid: what is nearer to fluid than to brain in HU. Right under the bone the
+/// A field whose inside (positive) is fluid: what is nearer in HU to fluid than to the cortex, which is brighter than the
+/// brain's mode; `edge` is half way to that. Right under the bone the
 /// nearest voxels that bone does not dim decide; what bone brightens to the level of brain is lost. Scraps of brain that fluid cuts off are counted to it.
 pub(crate) fn csf(hu: &Raster<f32>, cavity: &Mask, (fluid, edge): (f32, f32)) -> Raster<f32> {
-    let value = undimmed(hu, cavity);
+    let depth = distance_to_false(cavity);
+    let cortex = brain_mode(&gaussian(hu, 1.0), |n| cavity.data[n] && CORTEX.contains(&depth.data[n]));
+    let edge = edge.max((fluid + cortex) / 2.0);
+    let value = undimmed(hu, cavity, &depth);
     let dark = value.zip(cavity, |v, c| c && v < edge);
     let parts = label(&dark);
     let kept = parts.keep(|l| parts.sizes[l as usize] >= LEAST_ISLAND);
@@ -31,9 +39,8 @@ pub(crate) fn csf(hu: &Raster<f32>, cavity: &Mask, (fluid, edge): (f32, f32)) ->
 }
 
 /// The smoothed scan from voxels that bone does not dim; where there are none near, very bright.
-fn undimmed(hu: &Raster<f32>, cavity: &Mask) -> Raster<f32> {
+fn undimmed(hu: &Raster<f32>, cavity: &Mask, depth: &Raster<f32>) -> Raster<f32> {
     const BRIGHT: f32 = 1000.0;
-    let depth = distance_to_false(cavity);
     let counts = |n: usize| cavity.data[n] && depth.data[n] > DIMMED;
     let mut weights = Raster::filled(hu.dims, 0f32);
     let mut sums = weights.clone();
