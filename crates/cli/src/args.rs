@@ -411,6 +411,12 @@ pub(crate) struct MeshBenchArgs {
     /// Times that each is meshed; the least time of each stage counts.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) repeat: usize,
+    /// Bind the outer surface of the voxels to each mesh and move it: "embedding", times and error under a twist.
+    #[arg(long)]
+    pub(crate) embedding: bool,
+    /// Extract and smooth surfaces of a phantom painted into 512 x 512 x 91 voxels: "surfaces", times and volumes.
+    #[arg(long)]
+    pub(crate) surfaces: bool,
 }
 
 #[derive(Debug, Args)]

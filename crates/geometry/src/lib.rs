@@ -12,6 +12,8 @@ mod embedding;
 mod frame;
 mod grid;
 mod matrix;
+mod neighbours;
+mod normals;
 mod plane;
 mod rigid;
 mod structure;
@@ -26,6 +28,8 @@ pub use embedding::{Embedding, EmbeddingError, Located, NearestFace, TetLocator}
 pub use frame::{Display, Frame, Patient, Tool, Tracker, Voxel};
 pub use grid::{Grid, GridError};
 pub use matrix::Matrix3;
+pub use neighbours::{NO_TET, tet_neighbours};
+pub use normals::SurfaceNormals;
 pub use plane::Plane;
 pub use rigid::Rigid;
 pub use structure::Structure;

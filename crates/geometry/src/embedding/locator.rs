@@ -1,9 +1,9 @@
 //! Which tetrahedron holds a point.
 
-use crate::{Bvh, Nearest, Patient, Point, TetMesh, TetMeshError, TriangleMesh};
+use crate::{Bvh, NO_TET, Nearest, Patient, Point, TetMesh, TetMeshError, TriangleMesh, tet_neighbours};
 
-/// "No neighbour behind this face."
-const NONE: u32 = u32::MAX;
+/// Marks, instead of a neighbour behind a face, the number of that face on the boundary.
+const BOUNDARY: u32 = 1 << 31;
 /// Weights this far below zero still count as inside: rounding must not open gaps between elements.
 const SLACK: f64 = -1e-9;
 /// Faces of an element, each opposite to the corner of the same index, seen from outside.
@@ -33,11 +33,20 @@ pub struct NearestFace {
     pub distance: f64,
 }
 
+/// How a walk ends.
+enum Walk {
+    Found(Located),
+    /// Through this face of the boundary.
+    Left(usize),
+    Lost,
+}
+
 /// Finds elements by point: a walk from a neighbour's element where the caller has one, else a voxel hash.
 #[derive(Debug, Clone)]
 pub struct TetLocator {
     vertices: Vec<Point<Patient>>,
     tets: Vec<[u32; 4]>,
+    /// The element behind the face opposite to each corner, or its number on the boundary with [`BOUNDARY`].
     neighbours: Vec<[u32; 4]>,
     cells: Cells,
     boundary: Bvh,
@@ -52,7 +61,7 @@ impl TetLocator {
     /// A broken mesh, with the element and the reason.
     pub fn new(mesh: &TetMesh) -> Result<Self, TetMeshError> {
         mesh.validate()?;
-        let (neighbours, behind) = adjacency(&mesh.tets);
+        let (neighbours, behind) = adjacency(&mesh.tets, mesh.vertices.len());
         let triangles = behind.iter().map(|&(t, c)| FACES[c as usize].map(|i| mesh.tets[t as usize][i])).collect();
         let boundary = Bvh::new(&TriangleMesh { vertices: mesh.vertices.clone(), triangles });
         let cells = Cells::new(mesh);
@@ -75,20 +84,50 @@ impl TetLocator {
     /// As [`TetLocator::locate`], but walks there from `start`, an element thought to be near: some tens of nanoseconds
     /// for points in a coherent order. Where several elements share the point the walk may end in another one of them.
     pub fn locate_from(&self, start: usize, p: Point<Patient>) -> Option<Located> {
+        match self.walk(start, p) {
+            Walk::Found(found) => Some(found),
+            Walk::Left(_) | Walk::Lost => self.locate(p),
+        }
+    }
+
+    /// The element that holds `p`, else the nearest face: walks from the element `start`, and where the walk leaves the mesh
+    /// looks at the face it left through first. `None` for a non-finite point.
+    pub(super) fn locate_or_nearest(&self, start: usize, p: Point<Patient>) -> Option<Result<Located, NearestFace>> {
+        let face = match self.walk(start, p) {
+            Walk::Found(found) => return Some(Ok(found)),
+            Walk::Left(face) => face,
+            Walk::Lost => 0,
+        };
+        let near = self.nearest_face_from(face, p)?;
+        if self.is_outside(&near, p) {
+            return Some(Err(near));
+        }
+        Some(self.locate(p).ok_or(near))
+    }
+
+    /// Whether the nearest face alone shows that `p` is outside: on its outer side, with the nearest point not at its rim.
+    fn is_outside(&self, near: &NearestFace, p: Point<Patient>) -> bool {
+        const RIM: f64 = 1e-6;
+        let at = self.weights(near.tet, near.point);
+        (0..4).all(|c| c == near.opposite || at[c] > RIM) && self.weights(near.tet, p)[near.opposite] < SLACK
+    }
+
+    /// Towards `p` through the face that it lies furthest behind. A visibility walk may go in circles, and leaves a mesh with
+    /// hollows although the point is inside.
+    fn walk(&self, start: usize, p: Point<Patient>) -> Walk {
         let mut tet = start;
-        // A visibility walk may go in circles; the voxel hash answers then, and where the walk leaves the mesh.
         for _ in 0..64 {
             let weights = self.weights(tet, p);
             let lowest = (1..4).fold(0, |low, i| if weights[i] < weights[low] { i } else { low });
             if weights[lowest] >= SLACK {
-                return Some(Located { tet, weights });
+                return Walk::Found(Located { tet, weights });
             }
             match self.neighbours[tet][lowest] {
-                NONE => break,
+                face if face & BOUNDARY != 0 => return Walk::Left((face ^ BOUNDARY) as usize),
                 next => tet = next as usize,
             }
         }
-        self.locate(p)
+        Walk::Lost
     }
 
     /// The nearest point of the boundary; `None` for an empty mesh or a non-finite point.
@@ -110,10 +149,19 @@ impl TetLocator {
     /// The numbers of points in an order in which neighbours follow each other: row by row through the cells of the mesh,
     /// there and back.
     pub(super) fn coherent_order(&self, points: &[Point<Patient>]) -> Vec<u32> {
-        let mut keys: Vec<u64> =
-            points.iter().enumerate().map(|(i, &p)| u64::from(self.cells.row(p)) << 32 | i as u64).collect();
-        keys.sort_unstable();
-        keys.into_iter().map(|k| k as u32).collect()
+        let rows: Vec<u32> = points.iter().map(|&p| self.cells.row(p)).collect();
+        let mut first = vec![0u32; self.cells.first.len()];
+        rows.iter().for_each(|&r| first[r as usize + 1] += 1);
+        for i in 1..first.len() {
+            first[i] += first[i - 1];
+        }
+        let mut order = vec![0; points.len()];
+        for (i, &r) in rows.iter().enumerate() {
+            let slot = &mut first[r as usize];
+            order[*slot as usize] = i as u32;
+            *slot += 1;
+        }
+        order
     }
 
     /// Barycentric weights of any point in an element (negative outside of it).
@@ -128,30 +176,16 @@ impl TetLocator {
     }
 }
 
-/// The element behind each face of each element, and the faces with nothing behind as (element, opposite corner).
-fn adjacency(tets: &[[u32; 4]]) -> (Vec<[u32; 4]>, Vec<(u32, u8)>) {
-    let mut faces: Vec<([u32; 3], u32, u8)> = Vec::with_capacity(tets.len() * 4);
-    for (t, tet) in tets.iter().enumerate() {
-        for (c, f) in FACES.iter().enumerate() {
-            let mut key = f.map(|i| tet[i]);
-            key.sort_unstable();
-            faces.push((key, t as u32, c as u8));
-        }
-    }
-    faces.sort_unstable();
-    let mut neighbours = vec![[NONE; 4]; tets.len()];
+/// The element behind each face of each element, and the boundary's faces as (element, opposite corner).
+fn adjacency(tets: &[[u32; 4]], vertices: usize) -> (Vec<[u32; 4]>, Vec<(u32, u8)>) {
+    let mut neighbours = tet_neighbours(tets, vertices);
     let mut boundary = Vec::new();
-    for same in faces.chunk_by(|a, b| a.0 == b.0) {
-        match *same {
-            [(_, t, c)] => boundary.push((t, c)),
-            [(_, t, c), (_, u, d), ..] => {
-                neighbours[t as usize][c as usize] = u;
-                neighbours[u as usize][d as usize] = t;
-            }
-            [] => {}
+    for (t, behind) in neighbours.iter_mut().enumerate() {
+        for (c, n) in behind.iter_mut().enumerate().filter(|(_, n)| **n == NO_TET) {
+            *n = BOUNDARY | boundary.len() as u32;
+            boundary.push((t as u32, c as u8));
         }
     }
-    boundary.sort_unstable();
     (neighbours, boundary)
 }
 

@@ -88,19 +88,17 @@ impl Embedding {
             outside: 0,
             farthest: 0.0,
         };
-        let (mut near, mut face) = (0, 0);
+        let mut near = 0;
         for i in locator.coherent_order(points) {
             let p = points[i as usize];
-            near = match locator.locate_from(near, p) {
-                Some(found) => {
+            near = match locator.locate_or_nearest(near, p).ok_or(EmbeddingError::NotFinite(i as usize))? {
+                Ok(found) => {
                     out.bind(i, locator.nodes(found.tet), found.weights);
                     found.tet
                 }
-                None => {
-                    let found = locator.nearest_face_from(face, p).ok_or(EmbeddingError::NotFinite(i as usize))?;
-                    out.bind_outside(locator, tets, i, p, &found);
-                    face = found.face;
-                    found.tet
+                Err(face) => {
+                    out.bind_outside(locator, tets, i, p, &face);
+                    face.tet
                 }
             };
         }

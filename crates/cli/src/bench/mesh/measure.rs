@@ -1,5 +1,6 @@
 //! One mesh of one subject: seconds, memory, quality and distances.
 
+use super::embedding;
 use super::truth::Truth;
 use monro_anatomy::tetra::{self, MeshOptions, MeshReport};
 use monro_geometry::{Patient, Point, TetMesh, Volume};
@@ -21,8 +22,8 @@ pub(crate) struct Subject {
 
 impl Subject {
     /// Meshes with about `elements` elements on the present thread pool; a row of numbers, or why there is no mesh. Of
-    /// several repeats each stage counts with its least time.
-    pub(crate) fn measure(&self, elements: usize, repeat: usize) -> Value {
+    /// several repeats each stage counts with its least time. With `embed` a surface is bound to the mesh and moved too.
+    pub(crate) fn measure(&self, elements: usize, repeat: usize, embed: bool) -> Value {
         let options = MeshOptions { path: self.path, ..MeshOptions::new(&self.keep, &self.fine, elements) };
         let mut least: Vec<(&'static str, [f64; 2])> = Vec::new();
         let mut last = None;
@@ -45,11 +46,19 @@ impl Subject {
             "subject": self.name, "wanted": elements, "seconds": seconds(0), "cpu_seconds": seconds(1), "peak_memory_mib": super::peak_memory_mib(),
         });
         let body = match last {
-            Some(Ok((mesh, report))) => self.row(&mesh, &report, elements),
+            Some(Ok((mesh, report))) => merged(self.row(&mesh, &report, elements), self.embedding(&mesh, embed)),
             Some(Err(error)) => json!({ "error": error.to_string() }),
             None => Value::Null,
         };
         merged(head, body)
+    }
+
+    fn embedding(&self, mesh: &TetMesh, wanted: bool) -> Value {
+        match wanted.then(|| embedding::measure(mesh, &self.labels, &self.keep)) {
+            Some(Ok(numbers)) => json!({ "embedding": numbers }),
+            Some(Err(error)) => json!({ "embedding": { "error": error.to_string() } }),
+            None => Value::Null,
+        }
     }
 
     fn row(&self, mesh: &TetMesh, report: &MeshReport, wanted: usize) -> Value {

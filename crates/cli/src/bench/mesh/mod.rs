@@ -1,6 +1,8 @@
 //! `monro bench mesh`: the mesher on phantoms, scans and label volumes, in many sizes.
 
+mod embedding;
 mod measure;
+mod surfaces;
 mod truth;
 
 use super::peak_memory_mib;
@@ -26,7 +28,7 @@ pub(super) fn run(args: &MeshBenchArgs, console: &Console) -> Result<()> {
     let mut rows: Vec<Value> = Vec::new();
     let mut measure = |subject: &Subject| {
         for &elements in &args.elements {
-            let row = pool.install(|| subject.measure(elements, args.repeat));
+            let row = pool.install(|| subject.measure(elements, args.repeat, args.embedding));
             console.note(&format!("{} at {elements}: {} s", subject.name, row["seconds"]["without_report"]));
             rows.push(row);
         }
@@ -41,7 +43,10 @@ pub(super) fn run(args: &MeshBenchArgs, console: &Console) -> Result<()> {
     for path in &args.subjects {
         measure(&of_file(path)?);
     }
-    let result = json!({ "threads": args.threads, "repeat": args.repeat, "voxels": voxels, "meshes": rows });
+    let mut result = json!({ "threads": args.threads, "repeat": args.repeat, "voxels": voxels, "meshes": rows });
+    if args.surfaces {
+        result["surfaces"] = pool.install(surfaces::measure)?;
+    }
     console.result(&result, &format!("{result:#}"));
     Ok(())
 }
