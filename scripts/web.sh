@@ -47,6 +47,9 @@ test() {
   cargo build --locked --workspace --bins --example serve_ellipsoid --example deformed_slice
   node web/tests/run.mjs "$target/debug/examples/serve_ellipsoid"
   node web/tests/edit.mjs "$target/debug/monro"
+  # A real head too, where there is one.
+  local scan=../shared/data/head-ct-2mm/head_ct.mha
+  if [[ -f "$scan" ]]; then node web/tests/edit.mjs "$target/debug/monro" "$scan"; fi
 }
 
 "${1:?say setup, build or test}"

@@ -207,10 +207,12 @@ pub(crate) fn label_json(l: &LabelReport) -> Value {
         "volume_error": l.volume_error,
         "interface_mean_mm": l.interface.map(|i| i.mean),
         "interface_max_mm": l.interface.map(|i| i.max),
+        "interface_max_at": l.interface.map(|i| i.max_at),
         "euler": l.euler,
         "euler_labels": l.euler_labels,
         "surfaces": l.surfaces,
         "surfaces_labels": l.surfaces_labels,
+        "differs_at": l.differs_at,
         "closed": l.closed,
         "manifold": l.manifold,
     })

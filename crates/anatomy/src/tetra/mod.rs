@@ -6,6 +6,7 @@
 mod adjacency;
 mod coarse;
 mod cut;
+mod difference;
 mod fields;
 mod improve;
 mod lattice;
@@ -22,7 +23,7 @@ pub use report::{EdgeBand, InterfaceDistance, LabelReport, MeshReport};
 use cut::{RawMesh, cut_all};
 use fields::LabelFields;
 use improve::{Coarse, Work};
-use monro_geometry::{Patient, Point, TetMesh, TriangleMesh, Volume};
+use monro_geometry::{Patient, Point, TetMesh, Volume};
 use octree::Octree;
 use repair::Crumb;
 use size::SizeField;
@@ -122,7 +123,7 @@ pub enum MeshError {
         surfaces: usize,
         /// Connected surfaces of the smoothed labels.
         wanted_surfaces: usize,
-        /// A point of the smallest piece, LPS mm.
+        /// Where the two surfaces differ most in kind: [`LabelReport::differs_at`].
         place: [f64; 3],
     },
     /// The count cannot be met.
@@ -289,29 +290,18 @@ fn strictly(mesh: &TetMesh, report: &MeshReport) -> Result<(), MeshError> {
         if !(l.closed && l.manifold) {
             return Err(MeshError::Topology { label: l.label, place: pinch(mesh, l.label) });
         }
-        if (l.euler, l.surfaces) != (l.euler_labels, l.surfaces_labels) {
-            let surface = mesh.surface(|x| x == l.label);
+        if let Some(place) = l.differs_at {
             return Err(MeshError::Euler {
                 label: l.label,
                 found: l.euler,
                 wanted: l.euler_labels,
                 surfaces: l.surfaces,
                 wanted_surfaces: l.surfaces_labels,
-                place: smallest_piece(&surface),
+                place,
             });
         }
     }
     Ok(())
-}
-
-/// A point of the smallest connected piece of a surface, where a change of topology is likeliest.
-fn smallest_piece(surface: &TriangleMesh) -> [f64; 3] {
-    let (piece, count) = surface.components();
-    let mut size = vec![0usize; count];
-    piece.iter().for_each(|&p| size[p as usize] += 1);
-    let least = (0..count).min_by_key(|&p| size[p]).unwrap_or(0);
-    let triangle = piece.iter().position(|&p| p as usize == least);
-    triangle.map_or([0.0; 3], |t| surface.corners(t)[0].to_array())
 }
 
 /// Where a label's surface is not manifold: a point of an edge without two faces, else any of its points.

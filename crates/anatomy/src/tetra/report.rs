@@ -1,5 +1,6 @@
 //! What can be said of a mesh: shape, spacing, and how well it keeps each label.
 
+use super::difference;
 use super::fields::LabelFields;
 use super::repair::Crumb;
 use super::size::SizeField;
@@ -32,6 +33,8 @@ pub struct InterfaceDistance {
     pub mean: f64,
     /// Maximum over the sampled points.
     pub max: f64,
+    /// Where it is, LPS mm.
+    pub max_at: [f64; 3],
 }
 
 /// One label of the mesh against its voxels.
@@ -55,6 +58,9 @@ pub struct LabelReport {
     pub surfaces: usize,
     /// Connected surfaces of the smoothed labels.
     pub surfaces_labels: usize,
+    /// Where the two surfaces differ most in kind, if their Euler numbers or pieces do: a point of the smallest piece where
+    /// one has more, else where a handle or a hole is likeliest; LPS mm.
+    pub differs_at: Option<[f64; 3]>,
     /// Every edge of its surface has two faces or more.
     pub closed: bool,
     /// Every edge has two faces, every point one fan.
@@ -145,9 +151,9 @@ fn remarks(labels: &[LabelReport], crumbs: &[Crumb], coarse_regions: bool) -> Ve
             all.push(format!("label {} has no element: it is too thin for this number of elements", l.label));
             continue;
         }
-        if (l.euler, l.surfaces) != (l.euler_labels, l.surfaces_labels) {
+        if let Some([x, y, z]) = l.differs_at {
             all.push(format!(
-                "label {}: its surface has Euler number {} in {} piece(s), that of the labels {} in {}",
+                "label {}: its surface has Euler number {} in {} piece(s), that of the labels {} in {}; look near ({x:.1}, {y:.1}, {z:.1}) mm",
                 l.label, l.euler, l.surfaces, l.euler_labels, l.surfaces_labels
             ));
         }
@@ -194,6 +200,8 @@ fn label_report(mesh: &TetMesh, fields: &LabelFields, l: usize) -> LabelReport {
         euler_labels: wanted.euler(),
         surfaces: found.components,
         surfaces_labels: wanted.components,
+        differs_at: ((found.euler(), found.components) != (wanted.euler(), wanted.components))
+            .then(|| difference::place(&surface, &truth)),
         closed: found.is_closed(),
         manifold: found.is_manifold(),
     }
@@ -217,7 +225,8 @@ fn without_specks(mut surface: TriangleMesh, volume: f64) -> TriangleMesh {
 
 fn distances(a: &TriangleMesh, b: &TriangleMesh) -> Option<InterfaceDistance> {
     let (there, back) = (one_way(a, b)?, one_way(b, a)?);
-    Some(InterfaceDistance { mean: there.mean.max(back.mean), max: there.max.max(back.max) })
+    let far = if there.max >= back.max { there } else { back };
+    Some(InterfaceDistance { mean: there.mean.max(back.mean), ..far })
 }
 
 /// From the vertices and centroids of one surface to the other.
@@ -233,7 +242,9 @@ fn one_way(from: &TriangleMesh, to: &TriangleMesh) -> Option<InterfaceDistance> 
     };
     let bvh = Bvh::new(to);
     let samples: Vec<usize> = (0..count).step_by(stride).collect();
-    let all: Vec<f64> = samples.into_par_iter().filter_map(|i| bvh.nearest(point(i)).map(|n| n.distance)).collect();
-    let max = all.iter().copied().fold(0.0, f64::max);
-    (!all.is_empty()).then(|| InterfaceDistance { mean: all.iter().sum::<f64>() / all.len() as f64, max })
+    let all: Vec<(f64, usize)> =
+        samples.into_par_iter().filter_map(|i| bvh.nearest(point(i)).map(|n| (n.distance, i))).collect();
+    let &(max, at) = all.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let mean = all.iter().map(|d| d.0).sum::<f64>() / all.len() as f64;
+    Some(InterfaceDistance { mean, max, max_at: point(at).to_array() })
 }

@@ -1,0 +1,122 @@
+//! Where two surfaces of about the same shape differ in topology.
+//!
+//! By Gauss and Bonnet the angles missing around the points of a closed surface sum to 2 pi times its Euler number, so a
+//! handle more is -4 pi in one place, where surfaces that only differ in roughness have the same sum.
+
+use monro_geometry::{Bvh, Patient, Point, TriangleMesh};
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+/// Size of the places that are told apart, mm: more than the handles that a mesh loses, less than a ventricle.
+const CELL: f64 = 6.0;
+
+/// A point near the difference: of the smallest piece of the surface that has more, else where most angles are missing on
+/// one surface and not on the other. The origin when both are empty.
+pub(super) fn place(found: &TriangleMesh, wanted: &TriangleMesh) -> [f64; 3] {
+    let pieces = |s: &TriangleMesh| s.components().1;
+    if pieces(found) != pieces(wanted) {
+        return smallest_piece(if pieces(found) > pieces(wanted) { found } else { wanted });
+    }
+    let mut cells = BTreeMap::new();
+    spread(found, 1.0, &mut cells);
+    spread(wanted, -1.0, &mut cells);
+    let most = cells.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    let centre = most.map_or([0.0; 3], |(cell, _)| cell.map(|c| f64::from(c) * CELL));
+    let near = [found, wanted].into_iter().filter_map(|s| Bvh::new(s).nearest(Point::from_array(centre)));
+    near.min_by(|a, b| a.distance.total_cmp(&b.distance)).map_or(centre, |n| n.point.to_array())
+}
+
+/// A point of the smallest connected piece of a surface.
+fn smallest_piece(surface: &TriangleMesh) -> [f64; 3] {
+    let (piece, count) = surface.components();
+    let mut size = vec![0usize; count];
+    piece.iter().for_each(|&p| size[p as usize] += 1);
+    let least = (0..count).min_by_key(|&p| size[p]).unwrap_or(0);
+    let triangle = piece.iter().position(|&p| p as usize == least);
+    triangle.map_or([0.0; 3], |t| surface.corners(t)[0].to_array())
+}
+
+/// Adds what is missing to a full turn around each point, shared out among the eight cells around it so that nothing jumps
+/// where cells meet.
+fn spread(surface: &TriangleMesh, sign: f64, cells: &mut BTreeMap<[i32; 3], f64>) {
+    for (p, missing) in surface.vertices.iter().zip(missing_angles(surface)) {
+        let at = p.to_array().map(|x| x / CELL);
+        for corner in 0..8usize {
+            let up = [corner & 1, corner >> 1 & 1, corner >> 2];
+            let share = |a: usize| if up[a] == 1 { at[a] - at[a].floor() } else { 1.0 - (at[a] - at[a].floor()) };
+            let cell = [0, 1, 2].map(|a| at[a].floor() as i32 + up[a] as i32);
+            *cells.entry(cell).or_insert(0.0) += sign * missing * share(0) * share(1) * share(2);
+        }
+    }
+}
+
+/// A full turn less the angles of the triangles around each point; 0 for a point without triangles.
+fn missing_angles(surface: &TriangleMesh) -> Vec<f64> {
+    let mut missing = vec![0.0; surface.vertices.len()];
+    surface.triangles.iter().flatten().for_each(|&v| missing[v as usize] = TAU);
+    for (t, triangle) in surface.triangles.iter().enumerate() {
+        let corners = surface.corners(t);
+        for (i, &v) in triangle.iter().enumerate() {
+            missing[v as usize] -= angle(corners[i], corners[(i + 1) % 3], corners[(i + 2) % 3]);
+        }
+    }
+    missing
+}
+
+fn angle(at: Point<Patient>, b: Point<Patient>, c: Point<Patient>) -> f64 {
+    let (u, v) = (b - at, c - at);
+    u.cross(v).norm().atan2(u.dot(v))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::surface::isosurface;
+    use monro_geometry::{Grid, Volume};
+
+    fn surface(value: impl Fn([f64; 3]) -> f64) -> TriangleMesh {
+        let grid = Grid::axis_aligned([70; 3], [1.0; 3], [-34.3, -34.6, -34.4]).expect("grid");
+        let data = (0..grid.len()).map(|at| {
+            let [i, j, k] = grid.voxel(at);
+            value(grid.centre(i, j, k).to_array()) as f32
+        });
+        isosurface(&Volume::new(grid, data.collect()).expect("count"), 0.0)
+    }
+
+    fn ball(p: [f64; 3], centre: [f64; 3], radius: f64) -> f64 {
+        radius - (0..3).map(|a| (p[a] - centre[a]).powi(2)).sum::<f64>().sqrt()
+    }
+
+    fn off(found: [f64; 3], wanted: [f64; 3]) -> f64 {
+        (0..3).map(|a| (found[a] - wanted[a]).powi(2)).sum::<f64>().sqrt()
+    }
+
+    #[test]
+    fn the_angles_missing_are_two_pi_times_the_euler_number() {
+        let s = surface(|p| ball(p, [0.0; 3], 20.0));
+        assert!((missing_angles(&s).iter().sum::<f64>() - 2.0 * TAU).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_handle_is_found_on_a_rough_surface() {
+        // A tunnel of 3 mm through the rim of a wavy ball.
+        let rough = |p: [f64; 3], fine: f64| {
+            ball(p, [0.0; 3], 25.0) + fine * ((p[0] * 1.3).sin() + (p[1] * 1.1).sin() + (p[2] * 1.7).sin())
+        };
+        let tunnel = |p: [f64; 3]| ((p[0] - 21.0).powi(2) + p[1].powi(2)).sqrt() - 1.5;
+        let with = surface(|p| rough(p, 0.3).min(tunnel(p)));
+        let without = surface(|p| rough(p, 0.1));
+        assert_eq!((with.topology().euler(), without.topology().euler()), (0, 2));
+        // The tunnel ends where the ball is 13.6 mm high.
+        let found = place(&with, &without);
+        assert!(off([found[0], found[1], 0.0], [21.0, 0.0, 0.0]) < 8.0 && found[2].abs() < 18.0, "{found:?}");
+    }
+
+    #[test]
+    fn a_piece_more_is_found() {
+        let two = surface(|p| ball(p, [0.0; 3], 15.0).max(ball(p, [22.0, 5.0, -3.0], 4.0)));
+        let one = surface(|p| ball(p, [0.0; 3], 15.0));
+        assert!(off(place(&two, &one), [22.0, 5.0, -3.0]) < 5.0);
+        assert!(off(place(&one, &two), [22.0, 5.0, -3.0]) < 5.0);
+    }
+}
