@@ -138,7 +138,7 @@ class Preparing {
     write(element("#side"), `${made.side.toUpperCase()} SIDE`);
     const angle = made.plan.skull_angle_deg;
     const rows: [string, string][] = [
-      ["Path", `${made.plan.length_mm.toFixed(1)} mm`], ["To the skull's normal", angle === null ? "–" : `${angle.toFixed(0)}°`],
+      ["Path", `${made.plan.length_mm.toFixed(1)} mm`], ["To the skull (90° is perpendicular)", angle === null ? "–" : `${angle.toFixed(0)}°`],
       ...made.volumes_ml.map(([name, ml]): [string, string] => [name.replaceAll("_", " "), `${ml.toFixed(1)} ml`]),
       ["Elements", String(made.elements)],
     ];
