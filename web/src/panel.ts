@@ -30,7 +30,7 @@ const ROWS: Row[] = [
 ];
 
 /** What must not be missed, with a way out. */
-function alarm({ reference_moved_mm: moved, solver_fault: fault }: Guidance): string {
+export function alarm({ reference_moved_mm: moved, solver_fault: fault }: Guidance): string {
   if (moved !== null) return `The reference has moved by ${moved.toFixed(1)} mm: check a landmark or register again.`;
   return fault ? "The soft body had a fault: deformed values hold the last good state." : "";
 }

@@ -185,6 +185,18 @@ const tests = {
     assert.deepEqual(p.faults, []);
   },
 
+  async "a server that falls silent without a word is lost, and live again when it goes on"() {
+    const held = await withHand();
+    const p = await page(`${held.url}/#token=${held.token}`);
+    await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
+    held.child.kill("SIGSTOP");
+    await until("a lost signal", async () => (await text(p, "#signal span")) === "Lost");
+    assert.equal(await text(p, "#n-distance"), "–");
+    held.child.kill("SIGCONT");
+    await until("a live signal again", async () => (await text(p, "#signal span")) === "Live");
+    held.child.kill();
+  },
+
   async "glasses show the catheter where it is, and the patient where a hand puts it"() {
     const p = await page(`${url}/#token=${token}`, putOnGlasses);
     await p.getByRole("button", { name: "Show in the room" }).click();

@@ -2,6 +2,7 @@
 
 import type { Guidance } from "../api";
 import { element } from "../dom";
+import { alarm } from "../panel";
 import { SHAPES, STATE_COLOURS, WORDS } from "../state";
 import type { Anchor } from "./anchor";
 
@@ -19,9 +20,10 @@ function placement(anchor: Anchor, age: number | null): string {
 /** Draws the sheet unless it would be the same as `before`; returns what it says. */
 export function sheet(canvas: HTMLCanvasElement, g: Guidance | null, anchor: Anchor, age: number | null, before: string): string {
   const state = g?.state ?? "lost";
+  const warning = g === null ? "" : alarm(g);
   const lines = [
     number(g?.distance_to_target_mm, " mm"), `rigid ${number(g?.distance_to_target_rigid_mm, " mm")}`,
-    `angle ${number(g?.entry_angle_error_deg, "°")}`, `depth ${number(g?.depth_mm, " mm")}`, placement(anchor, age),
+    `angle ${number(g?.entry_angle_error_deg, "°")}`, `depth ${number(g?.depth_mm, " mm")}`, warning ? `⚠ ${warning}` : placement(anchor, age),
     `${element("#patient").textContent} · ${element("#side").textContent}`, "Research use only",
   ];
   const said = [state, ...lines].join("\n");
@@ -47,7 +49,7 @@ export function sheet(canvas: HTMLCanvasElement, g: Guidance | null, anchor: Anc
   text(lines[1]!, 204, 38, "#c4ccd6");
   text(lines[2]!, 262, 54, "#ffffff", 700);
   text(lines[3]!, 312, 38, "#c4ccd6");
-  text(lines[4]!, 356, 24, "#f0e442");
+  text(lines[4]!, 356, 24, warning ? STATE_COLOURS.lost : "#f0e442", warning ? 700 : 400);
   text(lines[5]!, 394, 26, "#ffffff");
   text(lines[6]!, 430, 28, "#f0e442", 700);
   return said;
