@@ -72,8 +72,7 @@ fn words(result: &Value, found: &Found) -> String {
         out += &format!("'{}' does not fit: touch it again or leave it out{kept}.\n", r.name);
     }
     if let Some(surface) = &found.surface {
-        let used = surface.residuals.iter().filter(|r| r.used).count();
-        out += &format!("Skin: {used} of {} traced points used.\n", surface.residuals.len());
+        out += &format!("Skin: {} of {} traced points used.\n", used(surface), surface.residuals.len());
         if is_doubtful(surface) {
             out += "Many traced points lie off the skin: trace again, for the error may be larger than said.\n";
         }
@@ -162,10 +161,14 @@ fn residuals(found: &Found) -> Value {
     found.landmarks.residuals.iter().enumerate().map(one).collect()
 }
 
+/// Traced points that fit the skin.
+fn used(surface: &Refined<Tool>) -> usize {
+    surface.residuals.iter().filter(|r| r.used).count()
+}
+
 /// Whether so many traced points had to be left out that those kept may be wrong, too.
 fn is_doubtful(surface: &Refined<Tool>) -> bool {
-    let used = surface.residuals.iter().filter(|r| r.used).count();
-    (used as f64) < LEAST_USED * surface.residuals.len() as f64
+    (used(surface) as f64) < LEAST_USED * surface.residuals.len() as f64
 }
 
 fn surface_json(refined: &Refined<Tool>) -> Value {

@@ -1,13 +1,13 @@
 //! Normals of a surface whose points move.
 
+use crate::Incidence;
+
 /// The triangles around each point of a surface, to compute its normals anew in every frame without allocation: first the
 /// area vectors of the triangles, then their sums around the points.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SurfaceNormals {
     triangles: Vec<[u32; 3]>,
-    /// Where the triangles of each point begin in `around`, and one end more.
-    first: Vec<u32>,
-    around: Vec<u32>,
+    around: Incidence,
 }
 
 impl SurfaceNormals {
@@ -15,25 +15,13 @@ impl SurfaceNormals {
     pub fn new(triangles: &[[u32; 3]], points: usize) -> Self {
         let known = |t: &&[u32; 3]| t.iter().all(|&v| (v as usize) < points);
         let triangles: Vec<[u32; 3]> = triangles.iter().filter(known).copied().collect();
-        let mut first = vec![0u32; points + 1];
-        triangles.iter().flatten().for_each(|&v| first[v as usize + 1] += 1);
-        for i in 1..first.len() {
-            first[i] += first[i - 1];
-        }
-        let mut at = first.clone();
-        let mut around = vec![0; triangles.len() * 3];
-        for (t, triangle) in triangles.iter().enumerate() {
-            for &v in triangle {
-                around[at[v as usize] as usize] = t as u32;
-                at[v as usize] += 1;
-            }
-        }
-        Self { triangles, first, around }
+        let around = Incidence::new(&triangles, points);
+        Self { triangles, around }
     }
 
     /// Number of points.
     pub const fn points(&self) -> usize {
-        self.first.len() - 1
+        self.around.points()
     }
 
     /// Number of triangles.
@@ -63,10 +51,9 @@ impl SurfaceNormals {
     /// When `areas` has fewer vectors than the surface has triangles or `out` goes beyond its points.
     pub fn apply_from(&self, first: usize, areas: &[[f32; 4]], out: &mut [[f32; 4]]) {
         let areas = &areas[..self.triangles()];
-        let ends = &self.first[first..=first + out.len()];
-        for (o, ends) in out.iter_mut().zip(ends.windows(2)) {
+        for (i, o) in out.iter_mut().enumerate() {
             let mut sum = [0f32; 4];
-            for &t in &self.around[ends[0] as usize..ends[1] as usize] {
+            for &t in self.around.of(first + i) {
                 let area = areas[t as usize];
                 sum = core::array::from_fn(|a| sum[a] + area[a]);
             }

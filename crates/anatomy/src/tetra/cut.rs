@@ -176,7 +176,7 @@ impl<'a> Cut<'a> {
         for of_one in wishes.chunk_by(|a, b| a.0 == b.0) {
             for &(v, _, i) in of_one {
                 let c = &crossings[i as usize];
-                if self.crosses(c.ends) && self.try_move(v, c.at, around.of(v)) {
+                if self.crosses(c.ends) && self.try_move(v, c.at, around.of(v as usize)) {
                     self.side[v as usize] = 0;
                     self.pinned[v as usize] = true;
                     break;

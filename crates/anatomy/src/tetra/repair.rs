@@ -113,7 +113,7 @@ impl<'a> Repair<'a> {
         let mut star = Vec::new();
         for &v in points {
             star.clear();
-            star.extend(self.around.of(v).iter().copied().filter(|&t| self.label(t) != OUTSIDE));
+            star.extend(self.around.of(v as usize).iter().copied().filter(|&t| self.label(t) != OUTSIDE));
             let Some(&first) = star.first() else { continue };
             let outside = self.outside_pieces(v, &star);
             if !outside.is_empty() || star.iter().any(|&t| self.label(t) != self.label(first)) {
