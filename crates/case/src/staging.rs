@@ -1,6 +1,9 @@
-//! Write aside, then rename: an output folder appears whole or not at all.
+//! Write aside, then rename: an output folder appears whole or not at all, and one that is replaced is there at any moment,
+//! the old one or the new.
 
-use std::ffi::OsString;
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use rustix::io::Errno;
+use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -53,11 +56,11 @@ impl Staging {
         fs::create_dir_all(&parent).map_err(|error| StagingError::Io { path: parent.clone(), error })?;
         let mut name = OsString::from(".");
         name.push(target.file_name().unwrap_or_default());
-        name.push(format!(".partial-{}", std::process::id()));
+        name.push(".partial-");
+        let name_of_all = name.clone();
+        name.push(std::process::id().to_string());
         let temporary = parent.join(name);
-        if temporary.exists() {
-            fs::remove_dir_all(&temporary).map_err(|error| StagingError::Io { path: temporary.clone(), error })?;
-        }
+        remove_leftovers(&parent, &name_of_all)?;
         fs::create_dir(&temporary).map_err(|error| StagingError::Io { path: temporary.clone(), error })?;
         Ok(Self { temporary, target: target.to_owned(), finished: false })
     }
@@ -76,29 +79,63 @@ impl Staging {
         fs::write(&path, bytes).map_err(|error| StagingError::Io { path, error })
     }
 
-    /// Moves the folder to its final place; an old one is replaced only now.
+    /// Moves the folder to its final place; an old one is replaced only now, by exchanging the two at once. A file system
+    /// that cannot do that (some network shares) is without either for a moment: a program killed just then leaves the old
+    /// folder beside, as `.NAME.partial-PROCESS.old`.
     ///
     /// # Errors
-    /// When the file system refuses; an old folder is put back then.
+    /// When the file system refuses; an old folder stays, or is put back, then.
     pub fn finish(mut self) -> Result<PathBuf, StagingError> {
         let io = |path: &Path, error| StagingError::Io { path: path.to_owned(), error };
-        let old = self.temporary.with_extension("old");
-        let replaced = self.target.exists();
-        if replaced {
-            fs::rename(&self.target, &old).map_err(|e| io(&self.target, e))?;
-        }
-        if let Err(error) = fs::rename(&self.temporary, &self.target) {
-            if replaced {
-                fs::rename(&old, &self.target).map_err(|e| io(&old, e))?;
-            }
-            return Err(io(&self.target, error));
-        }
-        self.finished = true;
-        if replaced {
+        if self.target.exists() {
+            let old = exchange(&self.temporary, &self.target).map_err(|e| io(&self.target, e))?;
+            self.finished = true;
             fs::remove_dir_all(&old).map_err(|e| io(&old, e))?;
+        } else {
+            fs::rename(&self.temporary, &self.target).map_err(|e| io(&self.target, e))?;
+            self.finished = true;
         }
         Ok(self.target.clone())
     }
+}
+
+/// Puts `new` where `old` is; gives where the old folder is then.
+fn exchange(new: &Path, old: &Path) -> io::Result<PathBuf> {
+    match renameat_with(CWD, new, CWD, old, RenameFlags::EXCHANGE) {
+        Err(Errno::INVAL | Errno::NOSYS | Errno::NOTSUP) => exchange_in_steps(new, old),
+        Err(error) => Err(error.into()),
+        Ok(()) => Ok(new.to_owned()),
+    }
+}
+
+/// The same where the file system cannot do it at once.
+fn exchange_in_steps(new: &Path, old: &Path) -> io::Result<PathBuf> {
+    let aside = new.with_extension("old");
+    fs::rename(old, &aside)?;
+    if let Err(error) = fs::rename(new, old) {
+        fs::rename(&aside, old)?;
+        return Err(error);
+    }
+    Ok(aside)
+}
+
+/// Removes what a killed process has left unfinished of the same folder: files named `prefix` and the process's number,
+/// whose process is gone (where the system tells), or was an earlier try of this one.
+fn remove_leftovers(parent: &Path, prefix: &OsStr) -> Result<(), StagingError> {
+    let is_gone = |process: u32| {
+        process == std::process::id()
+            || (Path::new("/proc/self").exists() && !Path::new(&format!("/proc/{process}")).exists())
+    };
+    for entry in fs::read_dir(parent).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let process =
+            name.as_encoded_bytes().strip_prefix(prefix.as_encoded_bytes()).and_then(|p| str::from_utf8(p).ok());
+        // What ends in `.old` is no number: it may be the only copy of a case.
+        if process.and_then(|p| p.parse().ok()).is_some_and(is_gone) {
+            fs::remove_dir_all(entry.path()).map_err(|error| StagingError::Io { path: entry.path(), error })?;
+        }
+    }
+    Ok(())
 }
 
 impl Drop for Staging {
@@ -159,5 +196,34 @@ mod tests {
         assert_eq!(fs::read(out.join("case.toml")).expect("file"), b"new");
         assert!(!out.join("photo.jpg").exists());
         assert_eq!(fs::read_dir(dir.path()).expect("list").count(), 1);
+    }
+
+    #[test]
+    fn where_folders_cannot_be_exchanged_at_once_it_is_done_in_steps() {
+        let dir = tempfile::tempdir().expect("temp");
+        let [new, old] = ["new", "old"].map(|name| dir.path().join(name));
+        for folder in [&new, &old] {
+            fs::create_dir(folder).expect("dir");
+            fs::write(folder.join("x"), folder.to_str().expect("text")).expect("file");
+        }
+        let aside = exchange_in_steps(&new, &old).expect("exchanged");
+        assert_eq!(fs::read(old.join("x")).expect("file"), new.to_str().expect("text").as_bytes());
+        assert_eq!(fs::read(aside.join("x")).expect("file"), old.to_str().expect("text").as_bytes());
+        assert!(exchange_in_steps(&new, &old).is_err(), "there is nothing new any more");
+        assert!(old.join("x").exists(), "put back");
+    }
+
+    #[test]
+    fn what_a_killed_process_left_is_removed_and_what_a_living_one_writes_is_not() {
+        let dir = tempfile::tempdir().expect("temp");
+        let parent = dir.path();
+        // No process has the largest number; the first one always runs.
+        let (gone, alive, old) = (".case.partial-4194305", ".case.partial-1", ".case.partial-4194305.old");
+        for name in [gone, alive, old, ".cases.partial-4194305"] {
+            fs::create_dir(parent.join(name)).expect("dir");
+        }
+        drop(Staging::begin(&parent.join("case"), false).expect("begin"));
+        let left: Vec<_> = [gone, alive, old, ".cases.partial-4194305"].map(|n| parent.join(n).exists()).to_vec();
+        assert_eq!(left, [false, true, true, true]);
     }
 }
