@@ -3,6 +3,7 @@
 #   web.sh setup   install what is missing: Node packages (from the lock file), Chromium for the tests
 #   web.sh build   check the types and build web/dist, which the next cargo build puts into the binary
 #   web.sh test    build the app and the server, and try both in a headless browser
+#   web.sh fps CASE [SECONDS]   frames a second of the live page of a case; GPU=1 draws on the graphics card
 # SHOTS=DIR keeps screenshots of the test.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -52,4 +53,11 @@ test() {
   if [[ -f "$scan" ]]; then node web/tests/edit.mjs "$target/debug/monro" "$scan"; fi
 }
 
-"${1:?say setup, build or test}"
+fps() {
+  build
+  browser
+  cargo build --locked --release
+  node web/tests/fps.mjs "$target/release/monro" "${1:?give a case}" "${2:-10}"
+}
+
+"${1:?say setup, build, test or fps}" "${@:2}"

@@ -44,6 +44,7 @@ export interface Guidance {
   target_shift_mm: number;
   largest_displacement_mm: number;
   solver_fault: boolean;
+  solver_faults: number;
   reference_moved_mm: number | null;
   time_s: number;
 }

@@ -2,6 +2,7 @@
 
 import { element, make } from "./dom";
 import { WINDOWS } from "./view/ct";
+import { MOVED_SCALE_MM } from "./view/world";
 import type { Stage } from "./view/stage";
 import type { SurfaceName } from "./view/surfaces";
 
@@ -48,14 +49,21 @@ export function layers(stage: Stage): void {
   for (const name of ["skin", "brain", "ventricles"] satisfies SurfaceName[]) {
     checkbox(parent, name, true, (on) => stage.setVisible(name, on));
   }
-  checkbox(parent, "displacement", false, (on) => stage.setColoured(on));
+  const legend = make("span", { id: "legend", hidden: true, textContent: `0 – ${MOVED_SCALE_MM} mm` });
+  checkbox(parent, "displacement", false, (on) => {
+    stage.setColoured(on);
+    legend.hidden = !on;
+  });
+  parent.append(legend);
 }
 
 type CtControl = "deformed" | "outlines" | "follows";
 
 export function ctControls(stage: Stage, wanted: CtControl[] = ["deformed", "outlines", "follows"]): void {
   const parent = element("#ct");
-  if (wanted.includes("deformed")) {
+  if (stage.whole) {
+    document.body.classList.add("undeformed");
+  } else if (wanted.includes("deformed")) {
     checkbox(parent, "deformed with the tissue", true, (on) => {
       stage.setDeformed(on);
       document.body.classList.toggle("undeformed", !on);

@@ -8,7 +8,7 @@ import { element } from "./dom";
 import { Panel } from "./panel";
 import { Register } from "./register";
 import { signIn } from "./sign_in";
-import type { Snapshot } from "./snapshot";
+import { aged, type Snapshot } from "./snapshot";
 import { Stream } from "./stream";
 import { Stage } from "./view/stage";
 import { Glasses } from "./xr/glasses";
@@ -36,7 +36,7 @@ async function main(): Promise<void> {
   describe(opened, await api.status());
   offerReport(opened, api);
   const images = opened.has_ct ? await api.container("/api/ct") : null;
-  const stage = new Stage(await api.container("/api/scene"), images);
+  const stage = new Stage(await api.container("/api/scene"), images, new URLSearchParams(location.search).has("vertices"));
   controls(stage);
   new Calibrate(api);
   new Register(api, stage);
@@ -46,8 +46,8 @@ async function main(): Promise<void> {
   const advance = (): void => {
     if (!waiting) return;
     const start = performance.now();
-    const { guidance } = waiting;
     stage.take(waiting);
+    const guidance = aged(waiting.guidance, performance.now() - waiting.at);
     glasses.take(guidance);
     panel.show(guidance);
     waiting = undefined;
@@ -55,7 +55,7 @@ async function main(): Promise<void> {
     stream.next();
   };
   const glasses = new Glasses(stage, advance);
-  const stream = new Stream(api, (s) => (waiting = s), (error) => {
+  const stream = new Stream(api, stage.whole, (s) => (waiting = s), (error) => {
     panel.gone();
     stage.see();
     glasses.take(null);

@@ -30,15 +30,16 @@ const ROWS: Row[] = [
 ];
 
 /** What must not be missed, with a way out. */
-export function alarm({ reference_moved_mm: moved, solver_fault: fault }: Guidance): string {
+export function alarm({ reference_moved_mm: moved, solver_fault: fault, solver_faults: faults }: Guidance): string {
   if (moved !== null) return `The reference has moved by ${moved.toFixed(1)} mm: check a landmark or register again.`;
-  return fault ? "The soft body had a fault: deformed values hold the last good state." : "";
+  return fault ? `The soft body had a fault and went back to its last good state (${faults} so far): deformed values may be behind.` : "";
 }
 
 export class Panel {
   readonly #signal = element("#signal");
   readonly #alarm = element("#alarm");
   readonly #why = element("#why");
+  readonly #faults = element("#faults");
   readonly #atTip = element("#tip-distance");
   readonly #cells: HTMLElement[];
 
@@ -60,6 +61,8 @@ export class Panel {
     this.#why.hidden = guidance.why_no_numbers === null;
     write(this.#alarm, alarm(guidance));
     this.#alarm.hidden = !this.#alarm.textContent;
+    write(this.#faults, `The soft body has taken back ${guidance.solver_faults} ${guidance.solver_faults === 1 ? "step" : "steps"} so far.`);
+    this.#faults.hidden = guidance.solver_faults === 0;
     write(this.#atTip, mm(guidance.distance_to_target_mm) ?? "");
     this.#state(guidance.state, PHASES[guidance.phase], guidance.age_ms);
   }

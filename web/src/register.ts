@@ -36,6 +36,7 @@ export class Register {
     this.#mark.onclick = () => this.#place(!this.#placing);
     element("#register-mark").append(this.#name, this.#mark);
     element("#scene").addEventListener("pointerdown", (e) => this.#pick(e), true);
+    element("#scene").addEventListener("keydown", (e) => this.#placing && e.key === "Enter" && this.#markAt(0, 0));
     element("#layout").addEventListener("click", () => {
       const shown = element("main").dataset["layout"] === "register";
       stage.world.showMarks(shown);
@@ -110,7 +111,9 @@ export class Register {
   #place(on: boolean): void {
     this.#placing = on;
     this.#mark.setAttribute("aria-pressed", String(on));
-    this.#say(on ? "Click on the skin in the 3D view." : "");
+    this.#say(on ? "Click on the skin in the 3D view; or turn it with the arrow keys until the place is at the cross, and press Enter." : "");
+    element("#scene").classList.toggle("placing", on);
+    if (on) element("#scene").focus();
   }
 
   /** A click on the skin while a landmark is to be placed. */
@@ -120,7 +123,12 @@ export class Register {
     const pane = element("#scene");
     const box = pane.getBoundingClientRect();
     const [x, y] = [e.clientX - box.left - pane.clientLeft, e.clientY - box.top - pane.clientTop];
-    const at = this.#stage.world.skinAt((2 * x) / pane.clientWidth - 1, 1 - (2 * y) / pane.clientHeight);
+    this.#markAt((2 * x) / pane.clientWidth - 1, 1 - (2 * y) / pane.clientHeight);
+  }
+
+  /** Marks the point of the skin that is seen at a place of the 3D view (-1 to 1, right and up). */
+  #markAt(x: number, y: number): void {
+    const at = this.#stage.world.skinAt(x, y);
     if (!at) return;
     this.#place(false);
     const name = this.#name.value.trim();

@@ -1,5 +1,5 @@
 // Snapshots over the WebSocket: one is asked for, the newest comes, it is drawn, the next is asked for. One that waits long
-// to be drawn is replaced by a newer one.
+// to be drawn is replaced by a newer one, and so is one that has waited long for this page.
 
 import type { Api } from "./api";
 import { decode, type Snapshot } from "./snapshot";
@@ -11,17 +11,37 @@ const FRESH_MS = 30;
  *  on a link that is broken without a word. A page too busy to look does not count as silence of the server. */
 const LOOK_MS = 250;
 const PATIENCE = 6;
+/** By how much two clocks may drift apart. */
+const DRIFT = 1e-4;
+
+/** When, on this page's clock, the server took a snapshot. Its clock is behind ours by a constant that the quickest message
+ *  tells best: what others took longer, they waited on the way. */
+class Clocks {
+  #behind = Infinity;
+  #last = 0;
+
+  here(serverS: number, now: number): number {
+    this.#behind = Math.min(now - 1000 * serverS, this.#behind + DRIFT * (now - this.#last));
+    this.#last = now;
+    return 1000 * serverS + this.#behind;
+  }
+}
 
 export class Stream {
   readonly #api: Api;
   readonly #onSnapshot: (snapshot: Snapshot) => void;
   readonly #onGone: (error: unknown) => void;
   #socket: WebSocket | undefined;
+  /** What is asked for: nodes, or whole surfaces for a display that cannot move them. */
+  readonly #word: "next" | "vertices";
+  #clocks = new Clocks();
   #asked = false;
+  #again = false;
   #looks = 0;
 
-  constructor(api: Api, onSnapshot: (snapshot: Snapshot) => void, onGone: (error: unknown) => void) {
+  constructor(api: Api, whole: boolean, onSnapshot: (snapshot: Snapshot) => void, onGone: (error: unknown) => void) {
     this.#api = api;
+    this.#word = whole ? "vertices" : "next";
     this.#onSnapshot = onSnapshot;
     this.#onGone = onGone;
     void this.#connect();
@@ -31,7 +51,7 @@ export class Stream {
   /** Asks for the next one; call it when the last has been drawn. */
   next(): void {
     if (this.#asked || this.#socket?.readyState !== WebSocket.OPEN) return;
-    this.#socket.send("next");
+    this.#socket.send(this.#word);
     [this.#asked, this.#looks] = [true, 0];
   }
 
@@ -41,7 +61,13 @@ export class Stream {
 
   #take(data: ArrayBuffer): void {
     this.#asked = false;
-    this.#onSnapshot(decode(data));
+    const snapshot = decode(data);
+    const now = performance.now();
+    snapshot.at = this.#clocks.here(snapshot.guidance.time_s, now);
+    // It came while this page was busy: there is a newer one. Once, or a slow page would never see any.
+    this.#again = !this.#again && now - snapshot.at > FRESH_MS;
+    if (this.#again) return this.next();
+    this.#onSnapshot(snapshot);
     setTimeout(() => this.next(), FRESH_MS);
   }
 
@@ -54,18 +80,20 @@ export class Stream {
       const socket = new WebSocket(url);
       socket.binaryType = "arraybuffer";
       socket.onopen = () => {
-        this.#asked = false;
+        this.#asked = this.#again = false;
+        // A server that was started anew has another clock.
+        this.#clocks = new Clocks();
         this.next();
       };
       socket.onmessage = (event: MessageEvent<ArrayBuffer>) => this.#take(event.data);
-      socket.onclose = () => this.#again(new Error("The connection to the server is lost."));
+      socket.onclose = () => this.#retry(new Error("The connection to the server is lost."));
       this.#socket = socket;
     } catch (error) {
-      this.#again(error);
+      this.#retry(error);
     }
   }
 
-  #again(error: unknown): void {
+  #retry(error: unknown): void {
     this.#onGone(error);
     setTimeout(() => void this.#connect(), RETRY_MS);
   }

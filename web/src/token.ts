@@ -7,7 +7,7 @@ export function tokenAtHand(): string | null {
   const fromAddress = new URLSearchParams(location.hash.slice(1)).get("token");
   if (fromAddress) {
     sessionStorage.setItem(KEY, fromAddress);
-    history.replaceState(null, "", location.pathname);
+    history.replaceState(null, "", location.pathname + location.search);
   }
   return sessionStorage.getItem(KEY);
 }
@@ -26,7 +26,7 @@ async function redeem(code: string): Promise<string> {
 export async function tokenByPairing(): Promise<string | null> {
   const code = new URLSearchParams(location.hash.slice(1)).get("pair");
   if (!code) return null;
-  history.replaceState(null, "", location.pathname);
+  history.replaceState(null, "", location.pathname + location.search);
   return redeem(code).catch((error: Error) => askForToken(error.message));
 }
 

@@ -72,6 +72,29 @@ function compare(picture, greys, { cross, request }) {
   return { mean: sum / compared, beyond: beyond / compared, compared };
 }
 
+/** Moves the page's tissue by several millimetres around the crosshair, more than any catheter does, and holds it so. */
+export function deform(page) {
+  return page.evaluate(() => {
+    const { stage } = window.monro;
+    const { rest } = stage.tissue.displacement;
+    const [centre, quantum] = [stage.crosshair.toArray(), 1e-3];
+    const displacements = new Int16Array(rest.length);
+    for (let n = 0; n < rest.length; n += 3) {
+      const square = [0, 1, 2].reduce((sum, a) => sum + (rest[n + a] - centre[a]) ** 2, 0);
+      [5000, -4000, 3000].forEach((most, a) => (displacements[n + a] = most * Math.exp(-square / (2 * 25 ** 2))));
+    }
+    const nothing = { tip_lps_mm: null, axis_lps: null, eye_up_lps: null, target_lps_mm: null, target_in_eye_mm: null, predicted_tre_mm: null, display_from_patient: null };
+    stage.take({ step: -2, whole: false, quantum, displacements, guidance: nothing });
+    // What comes from the server waits meanwhile.
+    stage.take = () => undefined;
+  });
+}
+
+/** The page follows the server again. */
+export function relax(page) {
+  return page.evaluate(() => delete window.monro.stage.take);
+}
+
 /** The page rests; its slices are compared, as they are and with the CT as scanned. */
 export async function deformedSlices(page, browser, folder) {
   const out = [];
@@ -80,7 +103,8 @@ export async function deformedSlices(page, browser, folder) {
     const view = await shown(page, name);
     const greys = await reference({ case: folder, ...view.request });
     const take = async () => {
-      await page.waitForTimeout(300);
+      // Drawn, and shown, however slow the machine is.
+      await page.evaluate(() => new Promise((shown) => requestAnimationFrame(() => requestAnimationFrame(() => requestAnimationFrame(shown)))));
       return compare(await pixels(browser, await page.screenshot({ clip: view.clip })), greys, view);
     };
     const deformed = await take();

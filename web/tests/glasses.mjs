@@ -44,6 +44,22 @@ export function expectedTip({ display_from_patient: { quaternion_wxyz: [w, x, y,
   return inRoom(rotate([x, y, z, w], tip_lps_mm).map((v, i) => (v + translation_mm[i]) / 1000));
 }
 
+/** What the panels before the wearer say, and by how much the greys of zoom and MPR vary over each picture. */
+export function panels(page) {
+  return page.evaluate(() => {
+    const { stage: { renderer }, glasses } = window.monro;
+    const spread = (target) => {
+      const { width, height } = target;
+      const pixels = new Uint8Array(4 * width * height);
+      renderer.readRenderTargetPixels(target, 0, 0, width, height, pixels);
+      const greys = [...pixels].filter((_, i) => i % 4 === 1);
+      const mean = greys.reduce((a, b) => a + b) / greys.length;
+      return Math.sqrt(greys.reduce((a, b) => a + (b - mean) ** 2, 0) / greys.length);
+    };
+    return { said: glasses.panels.said.split("\n"), spreads: glasses.panels.pictures.map(spread) };
+  });
+}
+
 /** Where the tip of the catheter is drawn, and where the planned target is, m in the room. */
 export function drawn(page) {
   return page.evaluate(() => {

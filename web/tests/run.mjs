@@ -3,15 +3,20 @@
 
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
+import { dirname, join } from "node:path";
 import { createInterface } from "node:readline";
 import { launch } from "./chromium.mjs";
-import { deformedSlices } from "./deformed.mjs";
-import { drawn, expectedTip, inRoom, putOnDarkGlasses, putOnGlasses, walk } from "./glasses.mjs";
+import { deform, deformedSlices, relax } from "./deformed.mjs";
+import { demoInBrowser } from "./demo.mjs";
+import { drawn, expectedTip, inRoom, panels, putOnDarkGlasses, putOnGlasses, walk } from "./glasses.mjs";
 import { calibrate } from "./hand.mjs";
 import { prepareInBrowser } from "./prepare.mjs";
 import { stalledDisplay } from "./stalled.mjs";
+import { killedTracker } from "./tracker.mjs";
 
 const SHOTS = process.env.SHOTS;
+/** The command, beside the examples. */
+const MONRO = join(dirname(dirname(process.argv[2] ?? "")), "monro");
 const [command, ...args] = process.argv.slice(2);
 if (!command) {
   console.error("usage: node tests/run.mjs SERVER [ARGS...]");
@@ -20,14 +25,23 @@ if (!command) {
 
 const servers = [];
 
-/** Starts a server; what it prints first, its process, and its API. */
-async function serve(...more) {
-  const child = spawn(command, [...args, ...more], { stdio: ["pipe", "pipe", "inherit"] });
+/** A process that ends with the tests. */
+function run(program, more, log = "inherit") {
+  const child = spawn(program, more, { stdio: ["pipe", "pipe", log] });
   servers.push(child);
-  const told = JSON.parse(await new Promise((resolve, reject) => {
-    createInterface(child.stdout).once("line", resolve);
+  return child;
+}
+
+const serve = (...more) => started(run(command, [...args, ...more]));
+const monro = (more) => run(MONRO, more, "ignore");
+
+/** A server that was started: what it prints when it is ready (one line of JSON with its `url`), its process, and its API. */
+async function started(child, seconds = 120) {
+  const told = await new Promise((resolve, reject) => {
+    createInterface(child.stdout).on("line", (line) => line.includes('"url"') && resolve(JSON.parse(line)));
     child.once("exit", (code) => reject(new Error(`the server ended with ${code}`)));
-  }));
+    setTimeout(() => reject(new Error(`no server after ${seconds} s`)), 1000 * seconds).unref();
+  });
   const api = async (path, body) => {
     const headers = { Authorization: `Bearer ${told.token}`, "Content-Type": "application/json" };
     const response = await fetch(told.url + path, body ? { method: "POST", headers, body: JSON.stringify(body) } : { headers });
@@ -82,6 +96,34 @@ async function until(what, check, seconds = 60) {
     await new Promise((r) => setTimeout(r, 50));
   }
   throw new Error(`waited ${seconds} s for: ${what}`);
+}
+
+/** Two fingers on the axial slice: apart to enlarge it, together downwards to leaf through it. */
+async function pinch(p) {
+  const box = await p.locator("#axial").boundingBox();
+  const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
+  const touch = await p.context().newCDPSession(p);
+  const fingers = (type, ...places) => touch.send("Input.dispatchTouchEvent", { type, touchPoints: places.map(([dx, dy], id) => ({ x: x + dx, y: y + dy, id })) });
+  const state = () => p.evaluate(() => {
+    const { slice } = window.monro.stage.slices[0];
+    return [slice.halfViewMm, slice.plane.offset, ...window.monro.stage.crosshair.toArray()];
+  });
+  const becomes = (what, check) => until(what, async () => check(...(await state())));
+  const [size, offset] = await state();
+  await fingers("touchStart", [-20, 0]);
+  await fingers("touchStart", [-20, 0], [20, 0]);
+  await fingers("touchMove", [-40, 0], [40, 0]);
+  await becomes("half the size", (s) => close([s], [size / 2], 0.02 * size));
+  assert.ok(close([(await state())[1]], [offset], 1e-6), "zoomed only");
+  await fingers("touchMove", [-40, 40], [40, 40]);
+  await becomes("five steps on", (_, o) => close([o], [offset - 5], 1.01) || close([o], [offset + 5], 1.01));
+  await fingers("touchEnd");
+  const [, , ...cross] = await state();
+  // One finger, which is lifted where it came down.
+  await fingers("touchStart", [30, 30]);
+  await fingers("touchEnd");
+  await becomes("picked", (_, __, ...c) => !close(c, cross, 1));
+  await touch.detach();
 }
 
 async function shot(p, name) {
@@ -139,6 +181,7 @@ const tests = {
     await until("the catheter at the target", async () => (await api("/api/guidance")).distance_to_target_rigid_mm < 0.5);
     await api("/api/tracker", { paused: true });
     await until("lost", async () => (await text(p, "#signal span")) === "Lost");
+    await deform(p);
     for (const { name, deformed, asScanned, compared } of await deformedSlices(p, browser, served.case)) {
       console.log(`      ${name}: ${compared} pixels; grey levels off, mean ${deformed.mean.toFixed(3)}, as scanned ${asScanned.mean.toFixed(3)}; more than 4 off ${deformed.beyond.toFixed(5)}, as scanned ${asScanned.beyond.toFixed(5)}`);
       assert.ok(compared > 20_000, `${name}: ${compared} pixels compared`);
@@ -146,6 +189,7 @@ const tests = {
       assert.ok(deformed.beyond < 0.0015 && deformed.mean < 0.05, `${name}, deformed: ${JSON.stringify(deformed)}`);
       assert.ok(asScanned.beyond > 3 * deformed.beyond, `${name}, as scanned: ${JSON.stringify(asScanned)}`);
     }
+    await relax(p);
     await api("/api/tracker", { paused: false });
     await until("live again", async () => (await text(p, "#signal span")) === "Live");
   },
@@ -177,12 +221,83 @@ const tests = {
     await second.close();
   },
 
-  async "a reload in mid-insertion goes on where it was"(p) {
-    await p.reload();
-    await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
-    const [shown, told] = [await number(p, "#n-depth"), (await api("/api/guidance")).depth_mm];
-    assert.ok(Number.isFinite(shown) && Number.isFinite(told));
+  async "keys turn the 3D view, two fingers zoom and scroll a slice, and the tip is seen in every layout"(p) {
+    const eye = () => p.evaluate(() => window.monro.stage.world.camera.position.toArray());
+    const first = await eye();
+    await p.locator("#scene").focus();
+    for (const key of ["ArrowLeft", "ArrowUp", "+"]) {
+      const before = await eye();
+      await p.keyboard.press(key);
+      assert.ok(!close(await eye(), before, 1), key);
+    }
+    await p.keyboard.press("Home");
+    assert.ok(close(await eye(), first, 1e-6), "as at first");
+    for (const layout of ["Guide", "Slices", "All"]) {
+      await p.getByRole("button", { name: layout, exact: true }).click();
+      assert.ok(await p.locator("#tip-distance").isVisible(), layout);
+    }
+    await p.locator("#axial").dblclick();
+    assert.ok(await p.locator("#tip-distance").isVisible(), "one view alone");
+    const [main, alone] = [await p.locator("main").boundingBox(), await p.locator("#axial").boundingBox()];
+    assert.ok(alone.width > 0.6 * main.width && alone.height > 0.9 * main.height, `it fills the window: ${JSON.stringify(alone)}`);
+    await p.waitForTimeout(300);
+    await shot(p, "alone");
+    await p.locator("#axial").dblclick();
+    await pinch(p);
     assert.deepEqual(p.faults, []);
+  },
+
+  async "a narrow window scrolls, and keeps in sight whose head it is and whether it is live"() {
+    const p = await page(`${url}/#token=${token}`);
+    await p.setViewportSize({ width: 800, height: 1100 });
+    await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
+    await p.locator("#along-sagittal").scrollIntoViewIfNeeded();
+    await p.waitForTimeout(500);
+    for (const id of ["#signal", "#patient", "#side", "#notice"]) {
+      const box = await p.locator(id).boundingBox();
+      assert.ok(box.y >= 0 && box.y + box.height <= 1100, `${id}: ${JSON.stringify(box)}`);
+    }
+    await shot(p, "narrow");
+    assert.deepEqual(p.faults, []);
+  },
+
+  async "a display that cannot move surfaces gets them moved, to the same places"() {
+    await api("/api/tracker", { paused: true });
+    await until("lost", async () => (await api("/api/guidance")).state === "lost");
+    const brain = (p) => p.evaluate(() => {
+      if (!window.monro) return [];
+      const { geometry } = window.monro.stage.tissue.surfaces.find((s) => s.name === "brain").mesh;
+      const of = (name) => geometry.attributes[name]?.array;
+      const { texture } = window.monro.stage.tissue.displacement;
+      const [moved, nodes, weights, field] = [of("moved"), of("nodes"), of("weights"), texture.image.data];
+      if (moved) return [...moved];
+      return Array.from({ length: (3 * nodes.length) / 4 }, (_, i) => {
+        const [v, axis] = [4 * Math.floor(i / 3), i % 3];
+        return [0, 1, 2, 3].reduce((sum, k) => sum + weights[v + k] * field[4 * nodes[v + k] + axis], 0);
+      });
+    });
+    const shown = [];
+    for (const query of ["", "?vertices"]) {
+      const p = await page(`${url}/${query}#token=${token}`);
+      await until("a moved brain", async () => (await brain(p)).some((d) => Math.abs(d) > 0.1));
+      shown.push(await brain(p));
+      if (query) {
+        assert.match(await p.locator("#axial h2").evaluate((e) => getComputedStyle(e, "::after").content), /as scanned/);
+        await shot(p, "whole-vertices");
+      }
+      assert.deepEqual(p.faults, []);
+    }
+    assert.equal(shown[0].length, shown[1].length);
+    assert.ok(close(shown[0], shown[1], 1e-3), "the same surface");
+    await api("/api/tracker", { paused: false });
+  },
+
+  async "a tracker that is killed is lost, and live again when it is started anew"() {
+    await killedTracker(monro, (more) => started(monro(more)), page, served.case, { until, text, number, shot });
+  },
+
+  async "the demo opens, agrees with the API, and goes on after a reload in mid-insertion"() {
+    await demoInBrowser((more, seconds) => started(monro(more), seconds), page, { until, text, number, shot });
   },
 
   async "a server that falls silent without a word is lost, and live again when it goes on"() {
@@ -208,6 +323,18 @@ const tests = {
       return close(tip, expectedTip(before), 5e-4);
     });
     await shot(p, "glasses");
+    await until("panels that say what the API tells", async () => {
+      const g = await api("/api/guidance");
+      const { said, spreads } = await panels(p);
+      const mm = (v, unit = " mm") => `${v.toFixed(1)}${unit}`;
+      const wanted = [mm(g.distance_to_target_mm), `rigid ${mm(g.distance_to_target_rigid_mm)}`, `angle ${mm(g.entry_angle_error_deg, "°")}`, `depth ${mm(g.depth_mm)}`];
+      // Zoom and three slices: pictures, not blank.
+      assert.equal(spreads.length, 4);
+      return wanted.every((line) => said.includes(line)) && said.includes("Placed by the tracker") && spreads.every((s) => s > 4);
+    });
+    const { said } = await panels(p);
+    const { pseudonym, side } = await api("/api/case");
+    assert.ok(said.includes("Research use only") && said.includes(`${pseudonym} · ${side.toUpperCase()} SIDE`), said.join("; "));
     // The emulator lies over the page; the keyboard reaches it.
     await p.getByRole("button", { name: "Place before me" }).press("Enter");
     // The head rests: after two seconds it stays there, 60 cm before the eye.
@@ -345,8 +472,8 @@ const tests = {
 
 let failed = 0;
 let shared;
-// ONLY=TEXT: the tests whose name holds it, for work on them.
-const chosen = Object.entries(tests).filter(([name]) => name.includes(process.env.ONLY ?? ""));
+// ONLY=PATTERN: the tests whose names match, for work on them.
+const chosen = Object.entries(tests).filter(([name]) => new RegExp(process.env.ONLY ?? "").test(name));
 for (const [name, test] of chosen) {
   try {
     shared = (await test(shared)) ?? shared;
@@ -354,6 +481,8 @@ for (const [name, test] of chosen) {
   } catch (error) {
     failed++;
     console.log(`FAIL  ${name}\n${error.stack}`);
+    // The next one finds the tracker as it should be.
+    await api("/api/tracker", { paused: false });
   }
 }
 await browser.close();

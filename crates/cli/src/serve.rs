@@ -72,7 +72,7 @@ fn certificate(args: &ServeArgs) -> Option<Certificate> {
 }
 
 /// The name under which a recording knows a soft body, as on the command line.
-fn name(mode: ModeArg) -> String {
+pub(crate) fn name(mode: ModeArg) -> String {
     mode.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned())
 }
 

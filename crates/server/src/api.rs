@@ -2,13 +2,14 @@
 
 use crate::calibrate;
 use crate::door::{self, Role, refuse};
+use crate::listener::Peer;
 use crate::pairing;
 use crate::record::Log;
 use crate::register;
 use crate::server::Shared;
 use axum::body::Bytes;
-use axum::extract::State;
 use axum::extract::rejection::JsonRejection;
+use axum::extract::{ConnectInfo, State};
 use axum::http::StatusCode;
 use axum::http::header::CONTENT_TYPE;
 use axum::response::{IntoResponse, Response};
@@ -79,7 +80,7 @@ async fn status(State(shared): State<Arc<Shared>>) -> Json<Value> {
         "tracking_ms": rates.tracking.ms(),
         "snapshot_hz": rates.snapshot.hz(now),
         "snapshot_ms": rates.snapshot.ms(),
-        "recording": live.recording().map(|log| log.path().display().to_string()),
+        "recording": live.recording().and_then(|log| log.path().file_name()).map(|name| name.to_string_lossy().into_owned()),
         "recording_trouble": live.recording().and_then(Log::trouble),
         "igtl": shared.igtl.map(|a| a.to_string()),
         "displays": live.displays.load(Ordering::Relaxed),
@@ -191,12 +192,16 @@ struct PairRequest {
     code: String,
 }
 
-async fn pair(State(shared): State<Arc<Shared>>, body: Result<Json<PairRequest>, JsonRejection>) -> Response {
+async fn pair(
+    State(shared): State<Arc<Shared>>,
+    ConnectInfo(Peer(peer)): ConnectInfo<Peer>,
+    body: Result<Json<PairRequest>, JsonRejection>,
+) -> Response {
     let Json(request) = match body {
         Ok(json) => json,
         Err(e) => return refuse(e.status(), &e.body_text()),
     };
-    let redeemed = shared.keys.pairing().redeem(&request.code, Instant::now());
+    let redeemed = shared.keys.pairing().redeem(&request.code, peer.ip().to_canonical(), Instant::now());
     match redeemed {
         Ok(role) => Json(json!({ "token": shared.keys.token(role), "role": role })).into_response(),
         Err(pairing::Refused::Wrong) => refuse(

@@ -1,6 +1,7 @@
 //! What a display gets once: the surfaces with their bindings to the nodes, the tetrahedra, the plan, the
 //! CT.
 
+use crate::bound::Bound;
 use crate::container::Arrays;
 use crate::{ServeError, half};
 use monro_anatomy::surface::decimate;
@@ -16,18 +17,20 @@ const MOST_VOXELS: usize = 1 << 25;
 /// Vertices of all surfaces at most: what an ordinary GPU moves and draws sixty times a second, in several panes.
 const MOST_VERTICES: usize = 100_000;
 
-/// The surfaces, the simulated mesh and the plan.
+/// The surfaces, the simulated mesh and the plan, as bytes; and the vertices of the soft surfaces, one after the other.
 ///
 /// # Errors
 /// When a surface cannot be bound to the mesh.
-pub(crate) fn scene(case: &Case) -> Result<Vec<u8>, ServeError> {
+pub(crate) fn scene(case: &Case) -> Result<(Vec<u8>, Bound), ServeError> {
     let locator = TetLocator::new(&case.tets).map_err(monro_geometry::EmbeddingError::from)?;
     let mut arrays = Arrays::default();
     let [skin, brain, ventricles] = shown([&case.skin, &case.brain, &case.ventricles], MOST_VERTICES);
     let mut surfaces = vec![rigid_surface("skin", &skin, &mut arrays)];
+    let mut bound = Bound::default();
     for (name, mesh) in [("brain", &*brain), ("ventricles", &*ventricles)] {
         let embedding = Embedding::with_locator(&locator, &case.tets, &mesh.vertices)?;
         surfaces.push(soft_surface(name, mesh, &embedding, &mut arrays));
+        bound.append(&embedding);
     }
     let header = json!({
         "surfaces": surfaces,
@@ -37,7 +40,7 @@ pub(crate) fn scene(case: &Case) -> Result<Vec<u8>, ServeError> {
         "tets_at": arrays.push(case.tets.tets.iter().flatten().map(|i| i.to_le_bytes())),
         "plan": plan(case),
     });
-    Ok(arrays.finish(&header))
+    Ok((arrays.finish(&header), bound))
 }
 
 /// Skin, brain and ventricles with so many vertices at most. The ventricles, which are looked at closely, keep theirs up to

@@ -1,10 +1,11 @@
 //! What the threads share: the session, the newest deformation, and news of both.
 
+use crate::bound::Bound;
 use crate::clock::Clock;
 use crate::guidance::Guidance;
 use crate::rate::Rate;
 use crate::record::Log;
-use crate::snapshot::{Quantised, digest, encode};
+use crate::snapshot::{Moved, Quantised, digest, encode};
 use monro_geometry::{Display, Patient, Point, Rigid, Tool, Tracker};
 use monro_guidance::NeedlePose;
 use monro_session::live::log::Entry;
@@ -25,12 +26,24 @@ pub(crate) struct Rates {
 #[derive(Debug)]
 struct Shape {
     deformed: Arc<Deformed>,
-    quantised: OnceLock<Quantised>,
+    nodes: OnceLock<Quantised>,
+    vertices: OnceLock<Quantised>,
 }
 
 impl Shape {
     fn new(deformed: Deformed) -> Arc<Self> {
-        Arc::new(Self { deformed: Arc::new(deformed), quantised: OnceLock::new() })
+        Arc::new(Self { deformed: Arc::new(deformed), nodes: OnceLock::new(), vertices: OnceLock::new() })
+    }
+
+    fn nodes(&self) -> &Quantised {
+        self.nodes.get_or_init(|| Quantised::new(Moved::Nodes, &self.deformed.displacements))
+    }
+
+    fn vertices(&self, surfaces: &Bound) -> &Quantised {
+        self.vertices.get_or_init(|| {
+            let moved: Vec<_> = surfaces.displacements(&self.deformed.displacements).collect();
+            Quantised::new(Moved::Vertices, &moved)
+        })
     }
 }
 
@@ -41,6 +54,8 @@ pub(crate) struct Live {
     planned_target: Point<Patient>,
     session: Mutex<Session>,
     shape: Mutex<Arc<Shape>>,
+    /// Vertices of the soft surfaces that displays show.
+    surfaces: Bound,
     rates: Mutex<Rates>,
     /// Counts everything new.
     news: watch::Sender<u32>,
@@ -70,12 +85,13 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Live {
     /// A session before its first pose.
-    pub(crate) fn new(session: Session, at_rest: Deformed, log: Option<Log>) -> Self {
+    pub(crate) fn new(session: Session, at_rest: Deformed, surfaces: Bound, log: Option<Log>) -> Self {
         Self {
             clock: Clock::start(),
             planned_target: at_rest.target,
             session: Mutex::new(session),
             shape: Mutex::new(Shape::new(at_rest)),
+            surfaces,
             rates: Mutex::new(Rates::default()),
             news: watch::Sender::new(0),
             displays: AtomicU32::new(0),
@@ -191,8 +207,8 @@ impl Live {
         (snapshot, guidance)
     }
 
-    /// The same as bytes for a display, with entries in the log.
-    pub(crate) fn snapshot_for_display(&self) -> Vec<u8> {
+    /// The same as bytes for a display, with entries in the log (where it always has the nodes, from which all follows).
+    pub(crate) fn snapshot_for_display(&self, wanted: Moved) -> Vec<u8> {
         let start = self.clock.now();
         let id = self.taken.fetch_add(1, Ordering::Relaxed);
         let sequence = *self.news.borrow();
@@ -205,10 +221,14 @@ impl Live {
             snapshot
         };
         let guidance = Guidance::new(&snapshot, self.planned_target);
-        let moved = shape.quantised.get_or_init(|| Quantised::new(&shape.deformed));
-        let bytes = encode(&snapshot, moved, &guidance, sequence);
+        let of_nodes = || encode(&snapshot, shape.nodes(), &guidance, sequence);
+        let bytes = match wanted {
+            Moved::Nodes => of_nodes(),
+            Moved::Vertices => encode(&snapshot, shape.vertices(&self.surfaces), &guidance, sequence),
+        };
         if self.log.is_some() {
-            self.log(&Entry::Shown { id, digest: digest(&bytes) }.encode());
+            let digest = if wanted == Moved::Nodes { digest(&bytes) } else { digest(&of_nodes()) };
+            self.log(&Entry::Shown { id, digest }.encode());
         }
         let now = self.clock.now();
         lock(&self.rates).snapshot.tick(now, now - start);

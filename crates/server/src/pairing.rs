@@ -1,14 +1,18 @@
 //! One-time codes by which another device gets a token of its own without anybody typing thirty-two digits.
 
 use crate::door::{Role, equal};
+use std::net::IpAddr;
 use std::time::{Duration, Instant};
 
 /// How long a code can be used.
 pub(crate) const LIFE: Duration = Duration::from_secs(600);
 /// Codes that can wait at a time; the oldest goes first.
 const MOST_CODES: usize = 16;
-/// Wrong codes within [`WINDOW`], after which all are refused until it has passed: forty bits cannot be guessed that way.
+/// Wrong codes of one address within [`WINDOW`], after which all of its codes are refused until it has passed: nobody keeps
+/// the others out.
 const MOST_FAILURES: usize = 10;
+/// The same of all addresses together: forty bits cannot be guessed that way.
+const MOST_FAILURES_OF_ALL: usize = 300;
 const WINDOW: Duration = Duration::from_secs(60);
 /// Letters and digits that cannot be taken for one another (Crockford's base 32).
 const ALPHABET: &[u8; 32] = b"0123456789ABCDEFGHJKMNPQRSTVWXYZ";
@@ -26,7 +30,7 @@ pub(crate) enum Refused {
 #[derive(Debug, Default)]
 pub(crate) struct Pairing {
     codes: Vec<(String, Role, Instant)>,
-    failures: Vec<Instant>,
+    failures: Vec<(IpAddr, Instant)>,
 }
 
 /// Eight characters in two groups.
@@ -62,13 +66,14 @@ impl Pairing {
         Ok(code)
     }
 
-    /// Takes a code; it is good once.
+    /// Takes a code that somebody at `address` has typed; it is good once.
     ///
     /// # Errors
     /// When it is not good, or too many were not.
-    pub(crate) fn redeem(&mut self, typed: &str, now: Instant) -> Result<Role, Refused> {
-        self.failures.retain(|at| now.duration_since(*at) < WINDOW);
-        if self.failures.len() >= MOST_FAILURES {
+    pub(crate) fn redeem(&mut self, typed: &str, address: IpAddr, now: Instant) -> Result<Role, Refused> {
+        self.failures.retain(|(_, at)| now.duration_since(*at) < WINDOW);
+        let own = self.failures.iter().filter(|(from, _)| *from == address).count();
+        if own >= MOST_FAILURES || self.failures.len() >= MOST_FAILURES_OF_ALL {
             return Err(Refused::Wait);
         }
         self.codes.retain(|(_, _, made)| now.duration_since(*made) < LIFE);
@@ -76,7 +81,7 @@ impl Pairing {
         match self.codes.iter().position(|(code, ..)| equal(code, &typed)) {
             Some(at) => Ok(self.codes.remove(at).1),
             None => {
-                self.failures.push(now);
+                self.failures.push((address, now));
                 Err(Refused::Wrong)
             }
         }
@@ -86,25 +91,39 @@ impl Pairing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::net::Ipv4Addr;
+
+    const HERE: IpAddr = IpAddr::V4(Ipv4Addr::new(10, 0, 0, 1));
+    const THERE: IpAddr = IpAddr::V4(Ipv4Addr::new(10, 0, 0, 2));
 
     #[test]
     fn a_code_is_good_once_however_it_is_typed_and_not_for_long() {
         let (mut p, now) = (Pairing::default(), Instant::now());
         let code = p.offer(Role::Viewer, now).expect("random");
         let typed = code.to_lowercase().replace('-', " ").replace('0', "o").replace('1', "l");
-        assert_eq!(p.redeem(&typed, now), Ok(Role::Viewer));
-        assert_eq!(p.redeem(&code, now), Err(Refused::Wrong));
+        assert_eq!(p.redeem(&typed, HERE, now), Ok(Role::Viewer));
+        assert_eq!(p.redeem(&code, HERE, now), Err(Refused::Wrong));
         let late = p.offer(Role::Operator, now).expect("random");
-        assert_eq!(p.redeem(&late, now + LIFE), Err(Refused::Wrong));
-        assert_eq!(p.redeem("", now), Err(Refused::Wrong));
+        assert_eq!(p.redeem(&late, HERE, now + LIFE), Err(Refused::Wrong));
+        assert_eq!(p.redeem("", HERE, now), Err(Refused::Wrong));
     }
 
     #[test]
-    fn guessing_is_stopped_and_the_right_code_works_a_minute_later() {
+    fn guessing_is_stopped_for_who_guesses_and_the_right_code_works_a_minute_later() {
         let (mut p, now) = (Pairing::default(), Instant::now());
-        let code = p.offer(Role::Operator, now).expect("random");
-        (0..MOST_FAILURES).for_each(|_| assert_eq!(p.redeem("ZZZZ-ZZZZ", now), Err(Refused::Wrong)));
-        assert_eq!(p.redeem(&code, now), Err(Refused::Wait));
-        assert_eq!(p.redeem(&code, now + WINDOW), Ok(Role::Operator));
+        let codes = [0; 2].map(|_| p.offer(Role::Operator, now).expect("random"));
+        (0..MOST_FAILURES).for_each(|_| assert_eq!(p.redeem("ZZZZ-ZZZZ", HERE, now), Err(Refused::Wrong)));
+        assert_eq!(p.redeem(&codes[0], HERE, now), Err(Refused::Wait));
+        assert_eq!(p.redeem(&codes[1], THERE, now), Ok(Role::Operator));
+        assert_eq!(p.redeem(&codes[0], HERE, now + WINDOW), Ok(Role::Operator));
+    }
+
+    #[test]
+    fn many_addresses_guess_no_faster() {
+        let (mut p, now) = (Pairing::default(), Instant::now());
+        let code = p.offer(Role::Viewer, now).expect("random");
+        let tries = (0..2 * MOST_FAILURES_OF_ALL as u32).map(|n| p.redeem("ZZZZ-ZZZZ", Ipv4Addr::from(n).into(), now));
+        assert_eq!(tries.filter(|t| *t == Err(Refused::Wrong)).count(), MOST_FAILURES_OF_ALL);
+        assert_eq!(p.redeem(&code, HERE, now), Err(Refused::Wait));
     }
 }

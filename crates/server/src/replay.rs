@@ -3,7 +3,7 @@
 use crate::ServeError;
 use crate::guidance::Guidance;
 use crate::record::{case_of, identity};
-use crate::snapshot::{Quantised, digest, encode};
+use crate::snapshot::{Moved, Quantised, digest, encode};
 use monro_case::Case;
 use monro_session::ModelSettings;
 use monro_session::live::Playback;
@@ -67,7 +67,7 @@ pub fn replay(
         match (snapshot, entry) {
             (Some(snapshot), Entry::Taken { id, sequence, .. }) => {
                 let guidance = Guidance::new(&snapshot, case.plan.target());
-                let moved = Quantised::new(&snapshot.deformed);
+                let moved = Quantised::new(Moved::Nodes, &snapshot.deformed.displacements);
                 taken.insert(*id, (snapshot.time_s, digest(&encode(&snapshot, &moved, &guidance, *sequence))));
                 each(&serde_json::to_value(&guidance).unwrap_or_default());
             }

@@ -250,7 +250,7 @@ type Prepared = (Shared, Deformation, Plan, Tracker, slicer::Scene);
 fn prepare(options: ServeOptions, keys: Arc<Keys>) -> Result<Prepared, ServeError> {
     let case = Case::open(&options.case_dir)?;
     let deformation = Deformation::new(&case, &options.model)?;
-    let scene = case_data::scene(&case)?;
+    let (scene, surfaces) = case_data::scene(&case)?;
     let ct = case_data::ct(&options.case_dir)?;
     let mut session = Session::new(ToolNames::default(), Expiry::default());
     // A new session takes any case.
@@ -261,7 +261,7 @@ fn prepare(options: ServeOptions, keys: Arc<Keys>) -> Result<Prepared, ServeErro
     let peers = slicer::Scene::new(&case, image)?;
     let report = Some(options.case_dir.join("report.html")).filter(|path| path.is_file());
     let shared = Shared {
-        live: Arc::new(Live::new(session, deformation.at_rest(), log)),
+        live: Arc::new(Live::new(session, deformation.at_rest(), surfaces, log)),
         keys,
         case: describe(&case, ct.is_some(), report.is_some()),
         scene: scene.into(),

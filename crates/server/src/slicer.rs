@@ -11,6 +11,7 @@
 //! | `CT` | IMAGE | at the beginning, and for GET_IMAGE |
 
 use crate::ServeError;
+use crate::bound::Bound;
 use crate::guidance::Guidance;
 use crate::live::Live;
 use monro_case::Case;
@@ -49,7 +50,7 @@ pub(crate) const MOST_VOXELS: usize = 1 << 23;
 pub(crate) struct Scene {
     plan: Plan,
     ventricles: Vec<Point<Patient>>,
-    bindings: Vec<([u32; 4], [f32; 4])>,
+    bound: Bound,
     cells: Cells,
     image: Option<Image>,
 }
@@ -65,7 +66,7 @@ impl Scene {
         Ok(Self {
             plan: case.plan,
             ventricles: mesh.vertices.clone(),
-            bindings: (0..embedding.points()).map(|i| embedding.binding(i)).collect(),
+            bound: Bound::from(&embedding),
             cells: Cells::new(mesh.triangles.iter().map(|t| t.as_slice())),
             image,
         })
@@ -73,16 +74,8 @@ impl Scene {
 
     /// The ventricles with their nodes displaced.
     fn deformed(&self, displacements: &[[f32; 3]]) -> PolyData {
-        let moved = |(rest, (nodes, weights)): (&Point<Patient>, &([u32; 4], [f32; 4]))| {
-            let mut p = *rest;
-            for (n, w) in nodes.iter().zip(weights) {
-                if let Some(d) = displacements.get(*n as usize) {
-                    p += Vector::from_array(d.map(|v| f64::from(v * w)));
-                }
-            }
-            ras_of(p)
-        };
-        let points = self.ventricles.iter().zip(&self.bindings).map(moved).collect();
+        let moved = self.bound.displacements(displacements).map(|d| Vector::from_array(d.map(f64::from)));
+        let points = self.ventricles.iter().zip(moved).map(|(rest, d)| ras_of(*rest + d)).collect();
         PolyData { points, polygons: self.cells.clone(), ..PolyData::default() }
     }
 

@@ -1,8 +1,10 @@
 //! The WebSocket of snapshots. A display asks (with any message) for one snapshot and gets the newest as soon as there is
-//! something that it has not seen: latest wins, nothing is queued, and each display waits only for itself.
+//! something that it has not seen: latest wins, nothing is queued, and each display waits only for itself. The word
+//! `vertices` asks for the surfaces' vertices instead of the mesh's nodes.
 
 use crate::live::Live;
 use crate::server::Shared;
+use crate::snapshot::Moved;
 use axum::extract::State;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::http::StatusCode;
@@ -58,20 +60,21 @@ async fn show(mut socket: WebSocket, live: &Live) -> Result<(), Gone> {
     let mut news = live.news();
     news.mark_changed();
     while !live.is_stopping() {
-        wait_for_request(&mut socket).await?;
+        let wanted = wait_for_request(&mut socket).await?;
         // Whichever comes first: something new, or the heartbeat.
         let _ = timeout(HEARTBEAT, news.changed()).await;
         news.borrow_and_update();
-        let bytes = live.snapshot_for_display();
+        let bytes = live.snapshot_for_display(wanted);
         timeout(PATIENCE, socket.send(Message::Binary(bytes.into()))).await.map_err(|_| Gone)?.map_err(|_| Gone)?;
     }
     Ok(())
 }
 
-async fn wait_for_request(socket: &mut WebSocket) -> Result<(), Gone> {
+async fn wait_for_request(socket: &mut WebSocket) -> Result<Moved, Gone> {
     loop {
         match timeout(PATIENCE, socket.recv()).await {
-            Ok(Some(Ok(Message::Text(_) | Message::Binary(_)))) => return Ok(()),
+            Ok(Some(Ok(Message::Text(t)))) if t == "vertices" => return Ok(Moved::Vertices),
+            Ok(Some(Ok(Message::Text(_) | Message::Binary(_)))) => return Ok(Moved::Nodes),
             Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) => {}
             Ok(Some(Ok(Message::Close(_)) | Err(_)) | None) | Err(_) => return Err(Gone),
         }

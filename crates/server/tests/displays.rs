@@ -37,17 +37,82 @@ async fn served() -> (Running, tempfile::TempDir) {
     (start(options(case)).await.expect("start"), dir)
 }
 
-/// Asks for a snapshot and takes it: sequence number and JSON.
-async fn snapshot(socket: &mut Socket) -> (u32, serde_json::Value) {
-    socket.send(Message::text("next")).await.expect("send");
+/// The four bytes there, as a number.
+fn word(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
+}
+
+/// Asks for a snapshot and takes it.
+async fn asked(socket: &mut Socket, with: &str) -> Vec<u8> {
+    socket.send(Message::text(with)).await.expect("send");
     loop {
-        if let Message::Binary(b) = socket.next().await.expect("open").expect("message") {
-            let word = |at: usize| u32::from_le_bytes([b[at], b[at + 1], b[at + 2], b[at + 3]]);
-            let json = &b[56 + 6 * word(48) as usize..];
-            assert_eq!((b[0], json.len()), (1, word(52) as usize));
-            return (word(4), serde_json::from_slice(json).expect("json"));
+        if let Message::Binary(bytes) = socket.next().await.expect("open").expect("message") {
+            return bytes.to_vec();
         }
     }
+}
+
+/// Sequence number and JSON of the next snapshot.
+async fn snapshot(socket: &mut Socket) -> (u32, serde_json::Value) {
+    let b = asked(socket, "next").await;
+    let json = &b[56 + 6 * word(&b, 48) as usize..];
+    assert_eq!((b[0], json.len()), (1, word(&b, 52) as usize));
+    (word(&b, 4), serde_json::from_slice(json).expect("json"))
+}
+
+/// What a snapshot moves: displacements, mm, and half a quantum.
+fn moved(b: &[u8]) -> (Vec<[f64; 3]>, f64) {
+    let quantum = f64::from(f32::from_le_bytes([b[44], b[45], b[46], b[47]]));
+    let value = |at: usize| f64::from(i16::from_le_bytes([b[at], b[at + 1]])) * quantum;
+    let point = |i: usize| core::array::from_fn(|a| value(56 + 6 * i + 2 * a));
+    ((0..word(b, 48) as usize).map(point).collect(), quantum / 2.0)
+}
+
+/// Nodes and weights of all vertices of the soft surfaces, as `/api/scene` tells them.
+async fn bindings(running: &Running) -> Vec<[(usize, f64); 4]> {
+    let address = running.ready().url.strip_prefix("http://").expect("http");
+    let head = format!("GET /api/scene HTTP/1.1\r\nHost: {address}\r\nAuthorization: Bearer {}", running.ready().token);
+    let (_, _, b) = request(address, &head, "").await;
+    let start = 8 + word(&b, 4) as usize;
+    let header: serde_json::Value = serde_json::from_slice(&b[8..start]).expect("json");
+    let mut all = Vec::new();
+    for surface in header["surfaces"].as_array().expect("surfaces") {
+        let (Some(nodes), Some(weights)) = (surface["nodes_at"].as_u64(), surface["weights_at"].as_u64()) else {
+            continue;
+        };
+        let at = |from: u64, i: usize| word(&b, start + from as usize + 4 * i);
+        let one = |i: usize| (at(nodes, i) as usize, f64::from(f32::from_bits(at(weights, i))));
+        let count = surface["vertices"].as_u64().expect("vertices") as usize;
+        all.extend((0..count).map(|v| core::array::from_fn(|k| one(4 * v + k))));
+    }
+    all
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_display_that_cannot_move_surfaces_gets_their_vertices_moved() {
+    let (running, _dir) = served().await;
+    let (mut socket, bound) = (display(&running).await, bindings(&running).await);
+    // Until the tissue has moved, and both snapshots show the same step of it.
+    for _ in 0..2000 {
+        let (nodes, whole) = (asked(&mut socket, "next").await, asked(&mut socket, "vertices").await);
+        assert_eq!((nodes[3] & 4, whole[3] & 4), (0, 4));
+        let ((nodes, half), (vertices, half_too)) =
+            (moved(&nodes), (word(&nodes, 40) == word(&whole, 40)).then(|| moved(&whole)).unwrap_or_default());
+        let largest = nodes.as_flattened().iter().fold(0.0, |m: f64, d| m.max(d.abs()));
+        if vertices.is_empty() || largest < 0.1 {
+            continue;
+        }
+        assert_eq!(vertices.len(), bound.len());
+        for (vertex, four) in vertices.iter().zip(&bound) {
+            let weight = four.iter().map(|(_, w)| w.abs()).sum::<f64>();
+            for (a, shown) in vertex.iter().enumerate() {
+                let wanted = four.iter().map(|(n, w)| nodes[*n][a] * w).sum::<f64>();
+                assert!((wanted - shown).abs() <= weight * half + half_too + 1e-5, "{wanted} {shown}");
+            }
+        }
+        return;
+    }
+    panic!("the tissue never moved");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -3,6 +3,7 @@
 mod common;
 
 use common::{exchange, options, write_case};
+use futures_util::{SinkExt, StreamExt};
 use monro_server::{Certificate, Running, ServeError, ServeOptions, start};
 use rustls::pki_types::{CertificateDer, ServerName};
 use rustls::{ClientConfig, RootCertStore};
@@ -11,6 +12,9 @@ use std::sync::Arc;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio_rustls::TlsConnector;
+use tokio_rustls::client::TlsStream;
+use tokio_tungstenite::client_async;
+use tokio_tungstenite::tungstenite::{Error, Message};
 
 struct Served {
     running: Running,
@@ -31,8 +35,8 @@ impl Served {
         format!("127.0.0.1:{port}")
     }
 
-    /// Status and JSON of a request over TLS that trusts the server's certificate and nothing else.
-    async fn ask(&self, method: &str, path: &str, token: &str, body: &str) -> (u16, Value) {
+    /// A connection over TLS that trusts the server's certificate and nothing else.
+    async fn connect(&self) -> TlsStream<TcpStream> {
         let mut roots = RootCertStore::empty();
         let certificate = self.running.ready().invitation.as_ref().expect("encrypted").certificate.clone();
         roots.add(CertificateDer::from(certificate)).expect("certificate");
@@ -42,12 +46,16 @@ impl Served {
         let config = config.with_root_certificates(roots).with_no_client_auth();
         let stream = TcpStream::connect(self.address()).await.expect("connect");
         let name = ServerName::try_from("localhost").expect("name");
-        let stream = TlsConnector::from(Arc::new(config)).connect(name, stream).await.expect("handshake");
+        TlsConnector::from(Arc::new(config)).connect(name, stream).await.expect("handshake")
+    }
+
+    /// Status and JSON of a request.
+    async fn ask(&self, method: &str, path: &str, token: &str, body: &str) -> (u16, Value) {
         let head = format!(
             "{method} {path} HTTP/1.1\r\nHost: {}\r\nAuthorization: Bearer {token}\r\nContent-Type: application/json",
             self.address()
         );
-        let (status, _, body) = exchange(stream, &head, body).await;
+        let (status, _, body) = exchange(self.connect().await, &head, body).await;
         (status, serde_json::from_slice(&body).unwrap_or_default())
     }
 }
@@ -69,6 +77,19 @@ async fn what_others_can_reach_speaks_tls_only() {
     // An alert of TLS, or nothing.
     let _ = plain.read_to_end(&mut answer).await;
     assert!(!String::from_utf8_lossy(&answer).contains("tracker"), "{answer:?}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn snapshots_come_over_tls_to_who_has_a_ticket() {
+    let served = serve(|_| ()).await;
+    let (_, ticket) = served.ask("POST", "/api/ticket", &served.running.ready().token, "").await;
+    let url = format!("wss://{}/live?ticket={}", served.address(), ticket["ticket"].as_str().expect("ticket"));
+    let (mut socket, _) = client_async(&url, served.connect().await).await.expect("a display");
+    socket.send(Message::text("next")).await.expect("send");
+    let snapshot = socket.next().await.expect("open").expect("message").into_data();
+    assert!(snapshot.len() > 56 && snapshot[0] == 1, "{}", snapshot.len());
+    let again = client_async(&url, served.connect().await).await;
+    assert!(matches!(again, Err(Error::Http(r)) if r.status() == 401), "a ticket is good once");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

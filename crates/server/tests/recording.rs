@@ -5,6 +5,8 @@ mod common;
 use common::{options, request, write_case};
 use futures_util::{SinkExt, StreamExt};
 use monro_server::{Recording, Replayed, ServeError, ServeOptions, replay, serve, start};
+use monro_session::ModelSettings;
+use monro_tissue::{Mode, PhysicalOptions};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -13,9 +15,22 @@ use std::time::Duration;
 use tokio_tungstenite::connect_async;
 use tokio_tungstenite::tungstenite::Message;
 
-fn recorded(case: PathBuf, file: &Path) -> ServeOptions {
-    let recording = Some(Recording { path: file.to_owned(), settings: "paper".into() });
-    ServeOptions { recording, ..options(case) }
+/// The soft bodies, as recordings name them.
+const MODES: [&str; 2] = ["paper", "physical"];
+
+fn model(mode: &str) -> ModelSettings {
+    let paper = options(PathBuf::new()).model;
+    if mode == "paper" { paper } else { ModelSettings { mode: Mode::Physical(PhysicalOptions::default()), ..paper } }
+}
+
+fn recorded(case: PathBuf, file: &Path, mode: &str) -> ServeOptions {
+    let recording = Some(Recording { path: file.to_owned(), settings: mode.into() });
+    ServeOptions { recording, model: model(mode), ..options(case) }
+}
+
+/// Whether the catheter has moved the tissue.
+fn touched(g: &Value) -> bool {
+    g["largest_displacement_mm"].as_f64().is_some_and(|d| d > 0.01)
 }
 
 /// As a display reads the numbers: from their text.
@@ -25,13 +40,13 @@ fn read_again(guidance: &Value) -> Value {
 
 fn played(file: &Path, case: Option<&Path>) -> Result<(Replayed, Vec<Value>), ServeError> {
     let mut shown = Vec::new();
-    let model = options(PathBuf::new()).model;
-    let done = replay(file, case, |name| (name == "paper").then_some(model), |g| shown.push(read_again(g)))?;
+    let known = |name: &str| MODES.contains(&name).then(|| model(name));
+    let done = replay(file, case, known, |g| shown.push(read_again(g)))?;
     Ok((done, shown))
 }
 
-/// Shows snapshots on a display until there are `count` and `enough` says so, and gives their numbers.
-async fn watch(url: &str, token: &str, count: usize, enough: fn(&Value) -> bool) -> Vec<Value> {
+/// Shows snapshots on a display that asks with `word` until there are `count` and `enough` says so; their numbers.
+async fn watch(url: &str, token: &str, word: &str, count: usize, enough: fn(&Value) -> bool) -> Vec<Value> {
     let address = url.strip_prefix("http://").expect("http");
     let head = format!("POST /api/ticket HTTP/1.1\r\nHost: {address}\r\nAuthorization: Bearer {token}");
     let (_, _, body) = request(address, &head, "").await;
@@ -39,7 +54,7 @@ async fn watch(url: &str, token: &str, count: usize, enough: fn(&Value) -> bool)
     let (mut socket, _) = connect_async(format!("ws://{address}/live?ticket={ticket}")).await.expect("connect");
     let mut all = Vec::new();
     while all.len() < count || !all.last().is_some_and(enough) {
-        socket.send(Message::text("next")).await.expect("send");
+        socket.send(Message::text(word)).await.expect("send");
         if let Message::Binary(b) = socket.next().await.expect("open").expect("message") {
             let nodes = u32::from_le_bytes([b[48], b[49], b[50], b[51]]) as usize;
             all.push(serde_json::from_slice(&b[56 + 6 * nodes..]).expect("json"));
@@ -52,11 +67,11 @@ async fn watch(url: &str, token: &str, count: usize, enough: fn(&Value) -> bool)
 async fn a_recorded_session_replays_to_the_snapshots_that_were_shown() {
     let dir = tempfile::tempdir().expect("temp");
     let (case, file) = (write_case(dir.path(), false), dir.path().join("sessions/a.mnrs"));
-    let running = start(recorded(case.clone(), &file)).await.expect("start");
+    let running = start(recorded(case.clone(), &file, "paper")).await.expect("start");
     let ready = running.ready().clone();
     assert_eq!(ready.recording.as_deref(), Some(&*file));
-    let touched = |g: &Value| g["largest_displacement_mm"].as_f64().is_some_and(|d| d > 0.01);
-    let both = (watch(&ready.url, &ready.token, 120, touched), watch(&ready.url, &ready.token, 60, |_| true));
+    let first = watch(&ready.url, &ready.token, "next", 120, touched);
+    let both = (first, watch(&ready.url, &ready.token, "vertices", 60, |_| true));
     let (first, second) = tokio::join!(both.0, both.1);
     drop(running);
     tokio::time::sleep(Duration::from_millis(200)).await;
@@ -74,7 +89,10 @@ async fn a_recorded_session_replays_to_the_snapshots_that_were_shown() {
     assert_eq!(again, done);
     std::fs::rename(moved.path().join("elsewhere"), dir.path()).expect("move back");
 
-    assert!(matches!(start(recorded(case.clone(), &file)).await, Err(ServeError::Recording { .. })), "overwritten");
+    assert!(
+        matches!(start(recorded(case.clone(), &file, "paper")).await, Err(ServeError::Recording { .. })),
+        "overwritten"
+    );
     // The beginning will do to see which case is taken.
     let file = dir.path().join("beginning.mnrs");
     std::fs::write(&file, &std::fs::read(dir.path().join("sessions/a.mnrs")).expect("recording")[..3000])
@@ -93,13 +111,27 @@ async fn a_recorded_session_replays_to_the_snapshots_that_were_shown() {
     assert!(played(&file, Some(&other)).is_err());
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_session_of_the_physical_soft_body_replays_bit_for_bit_too() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (case, file) = (write_case(dir.path(), false), dir.path().join("physical.mnrs"));
+    let running = start(recorded(case, &file, "physical")).await.expect("start");
+    let ready = running.ready().clone();
+    let seen = watch(&ready.url, &ready.token, "next", 60, touched).await;
+    drop(running);
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    let (done, shown) = played(&file, None).expect("replay");
+    assert!(done.identical == done.snapshots && done.snapshots >= 60 && done.differs_at_s.is_none(), "{done:?}");
+    assert!(seen.iter().all(|g| shown.contains(g)));
+}
+
 /// Run by the test below in a process of its own.
 #[test]
 #[ignore = "a helper: serves the case in MONRO_TEST_CASE until it is killed"]
 fn a_server_to_be_killed() {
     let Ok(case) = std::env::var("MONRO_TEST_CASE") else { return };
-    let file = std::env::var("MONRO_TEST_FILE").expect("file");
-    serve(recorded(case.into(), Path::new(&file)), |r| println!("READY {} {}", r.url, r.token)).expect("serve");
+    let [file, mode] = ["MONRO_TEST_FILE", "MONRO_TEST_MODE"].map(|name| std::env::var(name).expect(name));
+    serve(recorded(case.into(), Path::new(&file), &mode), |r| println!("READY {} {}", r.url, r.token)).expect("serve");
 }
 
 struct Killed(Child);
@@ -111,24 +143,36 @@ impl Drop for Killed {
     }
 }
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_killed_server_loses_no_more_than_a_tenth_of_a_second_and_no_case() {
-    let dir = tempfile::tempdir().expect("temp");
-    let (case, file) = (write_case(dir.path(), false), dir.path().join("killed.mnrs"));
+/// Serves the case until a display has seen so many snapshots, kills the server, and gives them.
+async fn kill_after(snapshots: usize, case: &Path, file: &Path, mode: &str) -> Vec<Value> {
     let mut command = Command::new(std::env::current_exe().expect("this test"));
-    command.args(["--exact", "a_server_to_be_killed", "--ignored", "--nocapture"]);
-    command.env("MONRO_TEST_CASE", &case).env("MONRO_TEST_FILE", &file).stdout(Stdio::piped());
+    command.args(["--exact", "a_server_to_be_killed", "--ignored", "--nocapture"]).stdout(Stdio::piped());
+    command.env("MONRO_TEST_CASE", case).env("MONRO_TEST_FILE", file).env("MONRO_TEST_MODE", mode);
     let mut child = Killed(command.spawn().expect("spawn"));
     let out = BufReader::new(child.0.stdout.take().expect("stdout"));
     let line = out.lines().map_while(Result::ok).find_map(|l| l.split_once("READY ").map(|(_, r)| r.to_owned()));
     let line = line.expect("ready");
     let (url, token) = line.split_once(' ').expect("url and token");
-    let last = watch(url, token, 60, |_| true).await.pop().expect("snapshot");
+    let seen = if snapshots > 0 { watch(url, token, "next", snapshots, |_| true).await } else { Vec::new() };
     child.0.kill().expect("kill");
     child.0.wait().expect("end");
-    let (done, shown) = played(&file, None).expect("replay");
-    assert_eq!(done.identical, done.snapshots);
-    let (seen, kept) = (last["time_s"].as_f64().expect("time"), shown.last().expect("kept")["time_s"].as_f64());
-    assert!(kept.expect("time") >= seen - 0.1, "{seen} {kept:?}");
+    seen
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_killed_server_loses_no_more_than_a_tenth_of_a_second_and_no_case() {
+    let dir = tempfile::tempdir().expect("temp");
+    let case = write_case(dir.path(), false);
+    for (n, snapshots) in [0, 1, 3, 17, 60, 140].into_iter().enumerate() {
+        let (file, mode) = (dir.path().join(format!("killed-{n}.mnrs")), MODES[n % 2]);
+        let seen = kill_after(snapshots, &case, &file, mode).await;
+        let (done, shown) = played(&file, None).expect("replay");
+        assert_eq!(done.identical, done.snapshots, "{mode}, {snapshots} snapshots");
+        let time = |g: &Value| g["time_s"].as_f64().expect("time");
+        let end = seen.last().map_or(0.0, time);
+        for lost in seen.iter().filter(|g| !shown.contains(g)) {
+            assert!(time(lost) > end - 0.1, "{mode}, {snapshots} snapshots, the last at {end} s: {lost}");
+        }
+    }
     assert!(start(options(case)).await.is_ok(), "the case is whole");
 }

@@ -137,9 +137,35 @@ async fn the_door_checks_token_host_and_origin() {
     for bad in ["http://evil.example", "null", "http://127.0.0.1:1", &format!("https://{host}")] {
         assert_eq!(served.status(&line("/api/case", &host, &origin(bad))).await, 403, "{bad}");
     }
+    // A page of another origin has no token, but it might have a ticket.
+    for bad in ["http://evil.example", "null"] {
+        let upgrade =
+            "\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: bW9ucm8gYmVuY2ggbGl2ZQ==";
+        let ticket = served.post("/api/ticket", "").await.1["ticket"].as_str().expect("ticket").to_owned();
+        let path = format!("/live?ticket={ticket}");
+        assert_eq!(served.status(&line(&path, &host, &format!("{upgrade}\r\nOrigin: {bad}"))).await, 403, "{bad}");
+    }
     assert_eq!(served.status(&line("/api/nothing", &host, &auth)).await, 404);
     assert_eq!(served.status(&line("/nothing.js", &host, "")).await, 404);
     assert_eq!(served.status(&line("/../Cargo.toml", &host, "")).await, 404);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_flood_of_requests_is_told_to_wait() {
+    const FLOOD: usize = 4000;
+    let served = serve(false).await;
+    let mut stream = TcpStream::connect(served.address()).await.expect("connect");
+    let one = format!("GET /api/nothing HTTP/1.1\r\nHost: {}\r\n", served.address());
+    let flood = format!("{one}\r\n").repeat(FLOOD - 1) + &one + "Connection: close\r\n\r\n";
+    let (mut reading, mut writing) = stream.split();
+    let mut answers = String::new();
+    let (sent, read) = tokio::join!(writing.write_all(flood.as_bytes()), reading.read_to_string(&mut answers));
+    assert!(sent.is_ok() && read.is_ok());
+    let count = |status: &str| answers.matches(&format!("HTTP/1.1 {status}")).count();
+    let (refused, waits) = (count("401"), count("429"));
+    assert_eq!(refused + waits, FLOOD);
+    // What is let through at once, and what comes again while the flood lasts.
+    assert!(refused >= 1500 && waits > 0, "{refused} {waits}");
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

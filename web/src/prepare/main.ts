@@ -147,7 +147,7 @@ class Preparing {
 
   async #draw(): Promise<void> {
     const [scene, images] = [await this.#api.container("/api/scene"), await this.#api.container("/api/ct")];
-    const stage = (this.#stage = new Stage(scene, images));
+    const stage = (this.#stage = new Stage(scene, images, false));
     layers(stage);
     ctControls(stage, ["outlines"]);
     windows(stage);

@@ -14,7 +14,6 @@ export class Displacement {
   /** Places of the nodes at rest, mm. */
   readonly rest: Float32Array;
   readonly #data: Float32Array<ArrayBuffer>;
-  #step = -1;
 
   constructor(rest: Float32Array) {
     this.rest = rest;
@@ -26,10 +25,8 @@ export class Displacement {
     this.texture.needsUpdate = true;
   }
 
-  /** Takes a snapshot; returns whether the tissue has moved since the last one. */
-  take({ step, quantum, displacements }: Snapshot): boolean {
-    if (step === this.#step) return false;
-    this.#step = step;
+  /** Takes the nodes' displacements. */
+  take({ quantum, displacements }: Snapshot): void {
     if (displacements.length !== this.rest.length) throw new Error("The snapshot belongs to another mesh: reload the page.");
     for (let from = 0, to = 0; from < displacements.length; to++) { // the fourth channel stays
       for (let axis = 0; axis < 3; axis++, from++, to++) {
@@ -39,6 +36,5 @@ export class Displacement {
       }
     }
     this.texture.needsUpdate = true;
-    return true;
   }
 }

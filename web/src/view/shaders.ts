@@ -14,7 +14,15 @@ vec3 ofVertex() {
 const STILL = `
 vec3 ofVertex() { return vec3(0.0); }`;
 
-export const surfaceVertex = (soft: boolean): string => `${soft ? MOVE : STILL}
+const MOVED = `
+in vec3 moved;
+vec3 ofVertex() { return moved; }`;
+
+/** How the vertices of a surface get to where they are: not at all, from the nodes, or as they come from the server. */
+export type Motion = "still" | "nodes" | "vertices";
+const MOTIONS: Record<Motion, string> = { still: STILL, nodes: MOVE, vertices: MOVED };
+
+export const surfaceVertex = (motion: Motion): string => `${MOTIONS[motion]}
 out vec3 vNormal;
 out vec3 vToEye;
 out float vMoved;

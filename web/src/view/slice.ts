@@ -179,7 +179,7 @@ function outlined(surface: Surface | undefined): { scene: Scene; target: WebGLRe
   const scene = new Scene();
   if (surface) {
     const texture = surface.mesh.material.uniforms["displacement"]?.value;
-    const mesh = new Mesh(surface.mesh.geometry, maskMaterial(texture));
+    const mesh = new Mesh(surface.mesh.geometry, maskMaterial(surface.motion, texture));
     mesh.frustumCulled = false;
     scene.add(mesh);
   }

@@ -1,6 +1,7 @@
 // A slice in its pane: title, letters, position, and what pointer and keys do there.
 
 import { Vector3 } from "three";
+import { listen } from "./gestures";
 import type { Plane } from "./plane";
 import type { Slice } from "./slice";
 
@@ -41,21 +42,13 @@ export class SlicePane {
 
   #listen(actions: SliceActions): void {
     const { pane, slice } = this;
-    const pick = (e: PointerEvent): void => {
-      const box = pane.getBoundingClientRect();
-      actions.cross(slice.pick(e.clientX - box.left, e.clientY - box.top, box.width, box.height));
-    };
     const zoom = (factor: number): void => {
       slice.zoom(factor, actions.crossed());
       actions.changed();
     };
     const move = (steps: number): void => actions.cross(actions.crossed().addScaledVector(slice.plane.normal, steps * STEP_MM));
-    pane.addEventListener("pointerdown", (e) => {
-      if (e.button !== 0) return;
-      pane.setPointerCapture(e.pointerId);
-      pick(e);
-    });
-    pane.addEventListener("pointermove", (e) => pane.hasPointerCapture(e.pointerId) && pick(e));
+    const pick = (x: number, y: number): void => actions.cross(slice.pick(x, y, pane.offsetWidth, pane.offsetHeight));
+    listen(pane, { pick, zoom, scroll: move });
     pane.addEventListener("wheel", (e) => {
       e.preventDefault();
       if (e.ctrlKey) zoom(Math.exp(e.deltaY / 300));

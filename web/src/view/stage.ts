@@ -10,7 +10,7 @@ import { Eye } from "./eye";
 import type { Facing } from "./plane";
 import { Slice, type Tissue } from "./slice";
 import { SlicePane } from "./slice_pane";
-import { surfaces, type SceneHeader, type SurfaceName } from "./surfaces";
+import { moveVertices, surfaces, type SceneHeader, type SurfaceName } from "./surfaces";
 import { World } from "./world";
 
 const SLICES: { id: string; title: string; facing: Facing; oblique: boolean }[] = [
@@ -30,17 +30,23 @@ export class Stage {
   readonly tissue: Tissue;
   readonly world: World;
   readonly slices: SlicePane[];
+  /** Whether the server moves the surfaces' vertices: this display asked for it, or its GPU cannot. Then nothing tells how
+   *  the tissue moves between the surfaces, and the CT is shown as scanned. */
+  readonly whole: boolean;
   readonly #eye: Eye;
   readonly #cross: Vector3;
   readonly #axis: Vector3;
-  #deformed = true;
+  #deformed: boolean;
   #dirty = true;
+  #step = -1;
 
-  constructor(scene: Container, images: Container | null) {
+  constructor(scene: Container, images: Container | null, whole: boolean) {
     const canvas = element<HTMLCanvasElement>("#stage");
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: false });
     this.renderer.autoClear = false;
-    this.tissue = tissue(scene, images);
+    this.whole = whole || this.renderer.capabilities.maxVertexTextures === 0;
+    this.#deformed = !this.whole;
+    this.tissue = tissue(scene, images, this.whole);
     const { header } = this.tissue;
     const [entry, target] = [new Vector3(...header.plan.entry_lps_mm), new Vector3(...header.plan.target_lps_mm)];
     this.world = new World(element("#scene"), header, this.tissue.surfaces, () => (this.#dirty = true));
@@ -51,6 +57,7 @@ export class Stage {
     this.#turn(this.#axis, this.#cross);
     this.#place(this.#cross);
     new ResizeObserver(() => this.resize()).observe(canvas);
+    element("main").addEventListener("scroll", () => this.touch());
     this.resize();
   }
 
@@ -119,7 +126,7 @@ export class Stage {
 
   /** Whether the slices show the CT deformed with the tissue, or as it was scanned. */
   setDeformed(deformed: boolean): void {
-    this.#deformed = deformed;
+    this.#deformed = deformed && !this.whole;
     this.#dirty = true;
   }
 
@@ -133,8 +140,15 @@ export class Stage {
   }
 
   take(snapshot: Snapshot): void {
-    if (this.tissue.displacement.take(snapshot)) this.slices.forEach(({ slice }) => slice.touch());
+    if (snapshot.step !== this.#step) this.#move(snapshot);
     this.see(snapshot.guidance);
+  }
+
+  #move(snapshot: Snapshot): void {
+    this.#step = snapshot.step;
+    if (snapshot.whole) moveVertices(this.tissue.surfaces, snapshot);
+    else this.tissue.displacement.take(snapshot);
+    this.slices.forEach(({ slice }) => slice.touch());
   }
 
   /** Shows catheter and target where they are seen, and not where they are not. */
@@ -167,9 +181,10 @@ export class Stage {
     for (const { slice, pane } of seen) slice.prepare(r, ...this.#deviceSize(pane));
     r.setScissorTest(true);
     this.#rectangle(element("#scene"), (aspect) => this.world.draw(r, aspect));
-    this.#rectangle(element("#tip"), (aspect) => this.world.drawTip(r, aspect));
     this.#rectangle(element("#eye"), (aspect) => this.#eye.draw(r, aspect));
     for (const { slice, pane } of seen) this.#rectangle(pane, () => slice.draw(r, this.#deformed));
+    // Last: some layouts inset it.
+    this.#rectangle(element("#tip"), (aspect) => this.world.drawTip(r, aspect));
     r.setScissorTest(false);
     return true;
   }
@@ -192,11 +207,11 @@ export class Stage {
   }
 }
 
-function tissue(scene: Container, images: Container | null): Tissue {
+function tissue(scene: Container, images: Container | null, whole: boolean): Tissue {
   const header = scene.header as SceneHeader;
   const displacement = new Displacement(scene.floats(header.nodes_at, 3 * header.node_count));
   return {
     header, displacement, ct: ct(images), tets: scene.words(header.tets_at, 4 * header.tet_count),
-    surfaces: surfaces(scene, displacement.texture),
+    surfaces: surfaces(scene, displacement.texture, whole),
   };
 }

@@ -1,10 +1,11 @@
 // The surfaces of the case as geometries and materials.
 
 import {
-  BufferAttribute, BufferGeometry, Color, DoubleSide, FrontSide, GLSL3, Mesh, ShaderMaterial, type Texture,
+  BufferAttribute, BufferGeometry, Color, DoubleSide, DynamicDrawUsage, FrontSide, GLSL3, Mesh, ShaderMaterial, type Texture,
 } from "three";
 import type { Container, Point } from "../api";
-import { maskFragment, surfaceFragment, surfaceVertex } from "./shaders";
+import type { Snapshot } from "../snapshot";
+import { maskFragment, surfaceFragment, surfaceVertex, type Motion } from "./shaders";
 
 export type SurfaceName = "skin" | "brain" | "ventricles";
 
@@ -43,11 +44,12 @@ const LOOKS: Record<SurfaceName, Look> = {
 
 export interface Surface {
   name: SurfaceName;
-  soft: boolean;
+  motion: Motion;
   mesh: Mesh<BufferGeometry, ShaderMaterial>;
 }
 
-export function surfaces(scene: Container, displacement: Texture): Surface[] {
+/** The surfaces; `whole`: their vertices come moved from the server, else nodes move them here. */
+export function surfaces(scene: Container, displacement: Texture, whole: boolean): Surface[] {
   const header = scene.header as SceneHeader;
   return header.surfaces.map((s) => {
     const geometry = new BufferGeometry();
@@ -55,23 +57,26 @@ export function surfaces(scene: Container, displacement: Texture): Surface[] {
     geometry.setIndex(new BufferAttribute(scene.words(s.indices_at, 3 * s.triangles), 1));
     geometry.computeVertexNormals();
     const soft = s.nodes_at !== undefined && s.weights_at !== undefined;
-    if (s.nodes_at !== undefined && s.weights_at !== undefined) {
+    const motion = !soft ? "still" : whole ? "vertices" : "nodes";
+    if (motion === "vertices") {
+      geometry.setAttribute("moved", new BufferAttribute(new Float32Array(3 * s.vertices), 3).setUsage(DynamicDrawUsage));
+    } else if (s.nodes_at !== undefined && s.weights_at !== undefined) {
       geometry.setAttribute("nodes", new BufferAttribute(scene.words(s.nodes_at, 4 * s.vertices), 4));
       geometry.setAttribute("weights", new BufferAttribute(scene.floats(s.weights_at, 4 * s.vertices), 4));
     }
-    const mesh = new Mesh(geometry, look(LOOKS[s.name], soft, displacement));
+    const mesh = new Mesh(geometry, look(LOOKS[s.name], motion, displacement));
     mesh.renderOrder = LOOKS[s.name].order;
     // The GPU moves it: the bounds at rest do not say what is in view.
     mesh.frustumCulled = false;
-    return { name: s.name, soft, mesh };
+    return { name: s.name, motion, mesh };
   });
 }
 
-function look({ colour, opacity, rim }: Look, soft: boolean, displacement: Texture): ShaderMaterial {
+function look({ colour, opacity, rim }: Look, motion: Motion, displacement: Texture): ShaderMaterial {
   const opaque = opacity > 0.9;
   return new ShaderMaterial({
     glslVersion: GLSL3,
-    vertexShader: surfaceVertex(soft),
+    vertexShader: surfaceVertex(motion),
     fragmentShader: surfaceFragment,
     side: FrontSide,
     transparent: !opaque,
@@ -86,11 +91,25 @@ function look({ colour, opacity, rim }: Look, soft: boolean, displacement: Textu
   });
 }
 
+/** Moves the vertices of the soft surfaces by what the server sent of them. */
+export function moveVertices(all: Surface[], { quantum, displacements }: Snapshot): void {
+  let from = 0;
+  for (const { motion, mesh } of all) {
+    const moved = mesh.geometry.attributes["moved"];
+    if (motion !== "vertices" || !(moved instanceof BufferAttribute)) continue;
+    const to = moved.array;
+    if (from + to.length > displacements.length) throw new Error("The snapshot belongs to another mesh: reload the page.");
+    for (let i = 0; i < to.length; i++) to[i] = displacements[from + i]! * quantum;
+    from += to.length;
+    moved.needsUpdate = true;
+  }
+}
+
 /** The material with which a surface is cut by a slice. */
-export function maskMaterial(displacement: Texture): ShaderMaterial {
+export function maskMaterial(motion: Motion, displacement: Texture): ShaderMaterial {
   return new ShaderMaterial({
     glslVersion: GLSL3,
-    vertexShader: surfaceVertex(true),
+    vertexShader: surfaceVertex(motion),
     fragmentShader: maskFragment,
     side: DoubleSide,
     uniforms: { displacement: { value: displacement } },

@@ -13,9 +13,12 @@ const CATHETER_MM = 250;
 const CATHETER_RADIUS_MM = 1.5;
 const PATH_RADIUS_MM = 0.7;
 /** Displacement that is shown white, mm. */
-const MOVED_SCALE_MM = 6;
+export const MOVED_SCALE_MM = 6;
 /** Distance of the eye from the tip in the view around it, mm. */
 const TIP_MM = 75;
+
+/** By how much a key turns the view, radians, and comes nearer. */
+const [TURN, NEARER] = [Math.PI / 36, 0.9];
 
 /** A rod from `from` to `to`; its geometry is one long along y. */
 function place(rod: Mesh, from: Vector3, to: Vector3): void {
@@ -79,7 +82,26 @@ export class World {
     controls.minDistance = 60;
     controls.maxDistance = 1500;
     controls.update();
+    controls.saveState();
+    const keys: Record<string, () => void> = {
+      ArrowLeft: () => controls.rotateLeft(TURN), ArrowRight: () => controls.rotateLeft(-TURN),
+      ArrowUp: () => controls.rotateUp(TURN), ArrowDown: () => controls.rotateUp(-TURN),
+      "+": () => this.#dolly(NEARER), "-": () => this.#dolly(1 / NEARER), Home: () => controls.reset(),
+    };
+    pane.addEventListener("keydown", (e) => {
+      // Check boxes within the pane have keys of their own.
+      const act = e.target === pane ? keys[e.key] : undefined;
+      if (!act) return;
+      act();
+      e.preventDefault();
+    });
     return controls;
+  }
+
+  /** Takes the eye to so many times its distance. */
+  #dolly(factor: number): void {
+    this.camera.position.sub(this.#controls.target).multiplyScalar(factor).add(this.#controls.target);
+    this.#controls.update();
   }
 
   /** Places the patient in the scene: in mm as it is, unless glasses place it in the room. */
@@ -159,7 +181,7 @@ export class World {
     this.#near.position.copy(this.#tip).add(eye);
     this.#near.lookAt(this.#tip);
     this.#near.updateProjectionMatrix();
-    this.#without((s) => !s.soft, () => renderer.render(this.scene, this.#near));
+    this.#without((s) => s.motion === "still", () => renderer.render(this.scene, this.#near));
   }
 
   /** Ventricles and target only. */

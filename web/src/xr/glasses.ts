@@ -36,6 +36,11 @@ export class Glasses {
     void this.#offer();
   }
 
+  /** The panels before the wearer's eyes, while there is one. */
+  get panels(): Panels | null {
+    return this.#panels;
+  }
+
   get presenting(): boolean {
     return this.#panels !== null;
   }

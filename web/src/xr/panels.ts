@@ -58,6 +58,16 @@ export class Panels {
     this.#slices.forEach(({ slice }) => (slice.halfViewMm = HALF_VIEW_MM));
   }
 
+  /** What the numbers' panel says, line by line. */
+  get said(): string {
+    return this.#written;
+  }
+
+  /** What zoom and MPR show, in this order. */
+  get pictures(): WebGLRenderTarget[] {
+    return [this.#zoom, ...this.#slices.map(({ target }) => target)];
+  }
+
   /** Writes the numbers, if they have changed. */
   write(guidance: Guidance | null, anchor: Anchor): void {
     const age = anchor.placedAt === null ? null : performance.now() - anchor.placedAt;

@@ -113,7 +113,7 @@ impl Job {
         let (scan, request) = self.request(task)?;
         let prepared = monro_prepare::build(scan, &request, self).map_err(|e| e.to_string())?;
         self.enter("views");
-        let scene = case_data::scene(&prepared.case).map_err(|e| e.to_string())?.into();
+        let scene = case_data::scene(&prepared.case).map_err(|e| e.to_string())?.0.into();
         let ct = case_data::ct_for_displays(&prepared.scan.volume).into();
         self.leave();
         let mut made = lock(&self.0.made);

@@ -19,6 +19,9 @@ const LONGEST_STEP_S: f64 = 1.0 / 20.0;
 const FARTHEST_MM: f64 = 6.0;
 /// Shortest time step, s.
 const SHORTEST_STEP_S: f64 = 1.0 / 1000.0;
+/// For how long a fault is told after the step that had it, s of steps: a display must not miss it, nor a surgeon who has
+/// just looked away.
+const FAULT_TOLD_S: f64 = 3.0;
 
 /// The soft body at one moment. Immutable once made, so that displays can share it.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,9 +38,10 @@ pub struct Deformed {
     pub at_tip: Option<Structure>,
     /// Largest displacement of a node, mm.
     pub largest_mm: f64,
-    /// Whether the solver had to take this step back and hold or retry: shown, not hidden.
+    /// Whether the solver had to take a step back, and hold or retry, within the last three seconds that it ran: shown,
+    /// not hidden.
     pub fault: bool,
-    /// Steps so far that had one.
+    /// Steps so far that were taken back or held.
     pub faults: u64,
 }
 
@@ -64,6 +68,8 @@ pub struct Deformation {
     last: Option<(ToolPose, f64)>,
     steps: u64,
     faults: u64,
+    /// For how much longer a fault is told, s.
+    fault_left_s: f64,
     /// Where there may be tissue.
     room: Room,
 }
@@ -89,6 +95,7 @@ impl Deformation {
             last: None,
             steps: 0,
             faults: 0,
+            fault_left_s: 0.0,
             room: Room::new(&case.tets.vertices),
         })
     }
@@ -118,6 +125,7 @@ impl Deformation {
         let report = self.stepper.step(&self.model, &mut self.state, &[motion], &frame);
         self.last = Some((to, time));
         self.steps += 1;
+        self.note_faults(&report, dt_s);
         self.result(&report, time)
     }
 
@@ -126,12 +134,16 @@ impl Deformation {
         (pose.tail - pose.tip).normalized().is_some_and(|back| self.room.way_out(pose.tip, back) > 0.0)
     }
 
+    fn note_faults(&mut self, report: &StepReport, dt_s: f64) {
+        let fault = report.events.iter().any(|e| matches!(e, Event::Held | Event::RolledBack { .. }));
+        self.faults += u64::from(fault);
+        self.fault_left_s = if fault { FAULT_TOLD_S } else { (self.fault_left_s - dt_s).max(0.0) };
+    }
+
     fn result(&mut self, report: &StepReport, pose_time_s: f64) -> Deformed {
         let displacements: Vec<[f32; 3]> = (0..self.nodes.len())
             .map(|v| self.model.displacement(&self.state, v).to_array().map(|d| d as f32))
             .collect();
-        let fault = report.events.iter().any(|e| matches!(e, Event::Held | Event::RolledBack { .. }));
-        self.faults += u64::from(fault);
         let label = report.tools.first().and_then(|t| t.label);
         Deformed {
             step: self.steps,
@@ -140,7 +152,7 @@ impl Deformation {
             target: self.target_now(),
             at_tip: label.and_then(|l| u8::try_from(l).ok()).and_then(Structure::from_label),
             largest_mm: report.max_displacement_mm,
-            fault,
+            fault: self.fault_left_s > 0.0,
             faults: self.faults,
         }
     }

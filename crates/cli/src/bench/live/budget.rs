@@ -6,12 +6,14 @@ use std::fs;
 use std::time::Instant;
 
 /// Names of the threads of each part, as they begin.
-const PARTS: [(&str, &[&str]); 5] = [
+const PARTS: [(&str, &[&str]); 7] = [
     ("soft_body", &["deformation", "tissue-"]),
     ("tracker", &["tracker", "natnet"]),
     ("server", &["server", "tokio-rt-worker"]),
     ("bench_camera", &["bench-camera"]),
     ("bench_displays", &["bench-display"]),
+    ("bench_igtl_peer", &["bench-peer"]),
+    ("recording", &["recording"]),
 ];
 
 /// Time on a core so far, of every thread of this process.

@@ -2,12 +2,14 @@
 //!
 //! A probe asks for the next snapshot as soon as it has one, so that one is always owed to it: the time from a datagram's
 //! departure to the arrival of the first snapshot that shows its pose is what the server adds (with the loopback twice).
-//! Three more displays ask at their own rate; one more asks and asks, and never reads.
+//! Three more displays ask at their own rate; one more asks and asks, and never reads. The session is recorded, and a peer
+//! takes it over OpenIGTLink, as in use.
 
 mod budget;
 mod camera;
 mod display;
 mod http;
+mod peer;
 
 use crate::args::LiveBenchArgs;
 use crate::console::Console;
@@ -21,7 +23,7 @@ use monro_case::{Case, Staging};
 use monro_guidance::Plan;
 use monro_guidance::simulation::quantile;
 use monro_prepare::Request;
-use monro_server::{Ready, ServeOptions};
+use monro_server::{Ready, Recording, ServeOptions};
 use monro_session::live::Script;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -36,9 +38,6 @@ const DISPLAYS: usize = 3;
 
 /// Runs the bench.
 pub(crate) fn run(args: &LiveBenchArgs, console: &Console) -> Result<()> {
-    if !((0.5..=60.0).contains(&args.seconds) && (1.0..=1000.0).contains(&args.rate)) {
-        bail!("--seconds is from 0.5 to 60, --rate from 1 to 1000 frames a second");
-    }
     let folder = tempfile::tempdir()?;
     let case_dir = match &args.case {
         Some(dir) => dir.clone(),
@@ -46,7 +45,7 @@ pub(crate) fn run(args: &LiveBenchArgs, console: &Console) -> Result<()> {
     };
     let case = Case::open(&case_dir)?;
     let camera = Camera::open(case.plan, args.rate)?;
-    let ready = serve(args, case_dir, &camera)?;
+    let ready = serve(args, case_dir, folder.path().join("session.mnrs"), &camera)?;
     let result = console.stage("live", || measure(args, &case, camera, &ready))?;
     console.result(&result, &format!("{result:#}"));
     Ok(())
@@ -61,7 +60,7 @@ fn phantom(folder: &Path, elements: usize, console: &Console) -> Result<PathBuf>
 }
 
 /// Starts the server in a thread that ends with the program.
-fn serve(args: &LiveBenchArgs, case_dir: PathBuf, camera: &Camera) -> Result<Ready> {
+fn serve(args: &LiveBenchArgs, case_dir: PathBuf, recording: PathBuf, camera: &Camera) -> Result<Ready> {
     let options = ServeOptions {
         case_dir,
         listen: ([127, 0, 0, 1], 0).into(),
@@ -69,8 +68,8 @@ fn serve(args: &LiveBenchArgs, case_dir: PathBuf, camera: &Camera) -> Result<Rea
         names: Vec::new(),
         tracker: format!("natnet://{}?unicast=1&up=z", camera.address()).parse()?,
         model: simulate::settings(args.mode, 1.0).model,
-        recording: None,
-        igtl: None,
+        recording: Some(Recording { path: recording, settings: crate::serve::name(args.mode) }),
+        igtl: Some(([127, 0, 0, 1], 0).into()),
     };
     let (sender, receiver) = channel();
     let run = move || {
@@ -93,6 +92,7 @@ fn measure(args: &LiveBenchArgs, case: &Case, camera: Camera, ready: &Ready) -> 
     };
     let stalled = Display::open(&door)?;
     stalled.ask_forever()?;
+    let peer = peer::watch(ready.igtl.context("OpenIGTLink is not served")?, Arc::clone(&stop))?;
     let filming = camera.film(args.seconds)?;
     let probe = shows(None)?;
     let displays = (0..DISPLAYS).map(|_| shows(Some(args.display_rate))).collect::<Result<Vec<_>>>()?;
@@ -107,6 +107,8 @@ fn measure(args: &LiveBenchArgs, case: &Case, camera: Camera, ready: &Ready) -> 
     let probed = seen(probe)?;
     let rates: Vec<f64> = displays.into_iter().map(|d| Ok(rate(&seen(d)?))).collect::<Result<_>>()?;
     drop(stalled);
+    let messages = peer.join().map_err(|_| anyhow::anyhow!("the OpenIGTLink peer failed"))??;
+    let recorded = std::fs::metadata(ready.recording.as_ref().context("nothing is recorded")?)?.len();
     let latencies = camera::latencies(case.plan, args.rate, &departures, &probed);
     if latencies.is_empty() {
         bail!("no snapshot showed a pose of the camera; /api/status says: {}", status["tracker_diagnosis"]);
@@ -123,6 +125,7 @@ fn measure(args: &LiveBenchArgs, case: &Case, camera: Camera, ready: &Ready) -> 
         "deformation_hz_in_air": steps_per_second(air),
         "deformation_ms": status["deformation_ms"], "lost_share": lost,
         "snapshot_hz": rates, "probe_hz": rate(&probed), "stalled_displays": 1, "snapshot_ms": status["snapshot_ms"],
+        "igtl_messages_per_s": messages as f64 / args.seconds, "recorded_bytes_per_s": recorded as f64 / args.seconds,
         "threads": thread::available_parallelism().map_or(1, usize::from), "core_ms_per_s": used,
     }))
 }
