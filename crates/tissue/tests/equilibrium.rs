@@ -3,9 +3,10 @@
 mod common;
 
 use common::{block, nodes, options, physical};
-use monro_geometry::{Patient, Point, TetMesh};
+use monro_geometry::{Patient, Point, TetMesh, Vector};
 use monro_tissue::{
     Material, Model, ModelOptions, Pressure, StaticError, StaticOptions, StaticProblem, StaticSolution, Support,
+    equilibrium,
 };
 
 fn material(poisson: f64) -> ModelOptions {
@@ -149,6 +150,60 @@ fn what_is_not_there_is_named() {
     assert_eq!(ask(&o, &far), Some(StaticError::Vertex { vertex: 99, vertices: 27 }));
     let nan = StaticProblem { body_force_mn_mm3: [f64::NAN, 0.0, 0.0], ..none.clone() };
     assert!(matches!(ask(&o, &nan), Some(StaticError::NotFinite { .. })));
-    let inside = StaticProblem { pressures: vec![Pressure { faces: vec![[13, 0, 1]], kpa: 1.0 }], ..none };
+    let inside = StaticProblem { pressures: vec![Pressure { faces: vec![[13, 0, 1]], kpa: 1.0 }], ..none.clone() };
     assert_eq!(ask(&o, &inside), Some(StaticError::Face([13, 0, 1])));
+    let face = mesh.boundary(|_| true)[0];
+    let [a, b, c] = face;
+    let twice = StaticProblem { pressures: vec![Pressure { faces: vec![face, [b, c, a]], kpa: 1.0 }], ..none };
+    assert_eq!(ask(&o, &twice), Some(StaticError::Twice([b, c, a])));
+}
+
+#[test]
+fn nothing_imposed_is_rest_whatever_is_held() {
+    let mesh = block([2, 2, 2], 5.0, |_| 4);
+    for some in [None, Some(0.0)] {
+        let supports = held(nodes(&mesh, |p| p.z == 0.0), [some; 3]).collect();
+        let solved = solve(&mesh, &material(0.49), &StaticProblem { supports, ..StaticProblem::default() });
+        assert!(solved.residual == 0.0 && solved.displacement.iter().all(|d| d.norm() < 1e-9), "{}", solved.residual);
+    }
+}
+
+#[test]
+fn loads_that_no_support_bears_are_refused_with_what_is_missing() {
+    // Two blocks of 1000 mm3, 20 mm apart.
+    let mut mesh = block([2, 2, 2], 5.0, |_| 4);
+    let one = mesh.clone();
+    let shift = mesh.vertices.len() as u32;
+    mesh.vertices.extend(one.vertices.iter().map(|&p| p + Vector::new(30.0, 0.0, 0.0)));
+    mesh.tets.extend(one.tets.iter().map(|t| t.map(|v| v + shift)));
+    mesh.labels.extend(&one.labels);
+    let weight = |supports: Vec<Support>| {
+        let problem = StaticProblem { supports, body_force_mn_mm3: [0.0, 0.0, -0.01], ..StaticProblem::default() };
+        equilibrium(&mesh, &material(0.3), &problem, &StaticOptions::default(), &mut || true)
+    };
+    let near = |a: f64, b: f64| (a - b).abs() < 1e-3;
+    let bottom = nodes(&mesh, |p| p.z == 0.0);
+    let first = |v: &&u32| **v < shift;
+    let half = held(bottom.iter().filter(first).copied().collect(), [Some(0.0); 3]).collect();
+    let Err(StaticError::Unheld { vertex, force_mn, .. }) = weight(half) else { panic!("the second falls") };
+    assert!(vertex == shift as usize && near(force_mn[2], -10.0) && near(force_mn[0], 0.0), "{vertex} {force_mn:?}");
+    // Held sideways only; and held up at one edge each, about which it turns: 10 mN at 5 mm.
+    let sideways = held(bottom.clone(), [Some(0.0), Some(0.0), None]).collect();
+    assert!(matches!(weight(sideways), Err(StaticError::Unheld { force_mn, .. }) if near(force_mn[2], -10.0)));
+    let edge = nodes(&mesh, |p| p.z == 0.0 && p.y == 0.0);
+    assert!(matches!(weight(held(edge, [Some(0.0); 3]).collect()), Err(StaticError::Unheld { vertex: 0, .. })));
+    assert!(weight(held(bottom, [Some(0.0); 3]).collect()).expect("borne").converged);
+}
+
+#[test]
+fn elements_crushed_beyond_their_size_are_told() {
+    let mesh = block([2, 2, 2], 5.0, |_| 4);
+    let press = |by: f64| {
+        let mut problem = StaticProblem::default();
+        problem.supports.extend(held(nodes(&mesh, |p| p.z == 0.0), [Some(0.0); 3]));
+        problem.supports.extend(held(nodes(&mesh, |p| p.z == 10.0), [Some(0.0), Some(0.0), Some(-by)]));
+        equilibrium(&mesh, &material(0.3), &problem, &StaticOptions::default(), &mut || true).expect("solved").turned
+    };
+    assert_eq!(press(2.0), 0);
+    assert!(press(12.0) > 0);
 }

@@ -54,8 +54,9 @@ fn the_drag_on_a_bonded_rod_is_that_of_antiplane_shear_whatever_the_mesh() {
         let solved = solve(&mesh, &o, &problem);
         let force = solved.rods[0].z;
         assert!((force / expected - 1.0).abs() < 0.05, "{force} mN, closed form {expected} mN");
-        // What the rod gives, the supports take; the reactions at the given vertices hold both.
-        assert!(sum(&solved.reaction).norm() < 1e-3 * force, "{:?}", sum(&solved.reaction));
+        // What the rod gives, the supports take.
+        let left = sum(&solved.reaction) + solved.rods[0];
+        assert!(left.norm() < 1e-3 * force, "{left:?}");
     }
 }
 
@@ -132,4 +133,39 @@ fn bodies_that_cannot_be_are_named() {
     assert_eq!(ask(&far), Some(StaticError::Rod { rod: 0, radius_mm: 1.0 }));
     let flat = StaticProblem { rods: vec![EmbeddedRod { radius_mm: 0.0, ..rod }], ..StaticProblem::default() };
     assert!(matches!(ask(&flat), Some(StaticError::Body { what: "rod", index: 0, .. })));
+}
+
+#[test]
+fn a_rod_between_held_corners_is_not_counted_among_the_supports() {
+    // Every vertex of the mesh as given is held; what holds the rod are vertices that the solver adds.
+    let mesh = block([1, 1, 1], 20.0, |_| 4);
+    let mut problem = StaticProblem::default();
+    hold(&mut problem, 0, nodes(&mesh, |p| p.z == 0.0), [Some(0.0); 3]);
+    hold(&mut problem, 1, nodes(&mesh, |p| p.z == 20.0), [None, None, Some(0.0)]);
+    let rod = EmbeddedRod {
+        radius_mm: 1.5,
+        ends: [Point::new(10.0, 10.0, 10.0), Point::new(10.0, 10.0, 25.0)],
+        displacement_mm: Vector::new(0.0, 0.0, -0.5),
+    };
+    problem.rods.push(rod);
+    let solved = solve(&mesh, &material(0.3), &problem);
+    let force = solved.rods[0].z;
+    // Where the rod leaves the tissue the support holds what both hold, so the rod pushes and both sides bear it.
+    assert!(force < -5.0, "{force} mN");
+    let (bottom, top): (Vec<_>, Vec<_>) = solved.reaction.iter().zip(&mesh.vertices).partition(|(_, p)| p.z == 0.0);
+    let z = |of: &[(&Vector<_>, &Point<_>)]| of.iter().map(|(r, _)| r.z).sum::<f64>();
+    let (bottom, top) = (z(&bottom), z(&top));
+    assert!((bottom + top + force).abs() < 1e-4 * -force, "{bottom} + {top} + {force}");
+    assert!(bottom > 0.05 * -force && top > 0.05 * -force, "{bottom} {top} {force}");
+}
+
+#[test]
+fn a_sphere_that_begins_inside_is_refused() {
+    let mesh = block([2; 3], 10.0, |_| 4);
+    let mut problem = StaticProblem::default();
+    hold(&mut problem, 0, nodes(&mesh, |p| p.z == 0.0), [Some(0.0); 3]);
+    let (from, to) = (Point::new(10.0, 9.0, 12.0), Point::new(10.0, 9.0, 11.0));
+    problem.contacts.push(SphereContact { radius_mm: 5.0, friction: 0.0, from, to });
+    let told = equilibrium(&mesh, &material(0.3), &problem, &StaticOptions::default(), &mut || true);
+    assert!(matches!(told, Err(StaticError::Inside { sphere: 0, radius_mm: 5.0, .. })), "{told:?}");
 }

@@ -1,5 +1,7 @@
 //! `monro solve`: a static scene (JSON and meshes in SI) to its equilibrium.
 
+mod materials;
+mod remarks;
 pub(crate) mod scene;
 pub(crate) mod stepping;
 
@@ -35,6 +37,7 @@ pub(crate) fn run(args: &SolveArgs, console: &Console) -> Result<()> {
         args.out.display()
     );
     let scene = console.stage("read", || scene::read(&args.scene, &args.mesh, &args.case))?;
+    scene.remarks.iter().for_each(|r| console.warn(r));
     let start = Instant::now();
     let deadline = args.budget_ms.map(|ms| start + Duration::from_millis(ms));
     let mut keep_going = || deadline.is_none_or(|d| Instant::now() < d);
@@ -55,6 +58,12 @@ pub(crate) fn run(args: &SolveArgs, console: &Console) -> Result<()> {
     if json["converged"] == Value::Bool(false) {
         console
             .warn("stopped before the tolerance was met: the displacement is the best so far (see residual and share)");
+    }
+    json.insert("remarks".into(), json!(scene.remarks));
+    if let Some(turned) = json.get("turned").and_then(Value::as_u64).filter(|&n| n > 0) {
+        console.warn(&format!(
+            "{turned} elements of the solved mesh are turned inside out: the answer means nothing around them"
+        ));
     }
     let json = Value::Object(json);
     console.result(&json, &format!("{json:#}"));
@@ -102,6 +111,7 @@ fn forces(scene: &Scene, solved: &StaticSolution) -> Map<String, Value> {
     json.insert("residual".into(), solved.residual.into());
     json.insert("share".into(), solved.share.into());
     json.insert("tets_solved".into(), solved.tets.into());
+    json.insert("turned".into(), solved.turned.into());
     json.insert("newton_steps".into(), solved.steps.into());
     json.insert("products".into(), solved.products.into());
     json

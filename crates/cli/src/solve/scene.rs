@@ -1,6 +1,7 @@
 //! Scenes of static problems: a JSON file beside its meshes, all in SI. What is read is in mm, mN and kPa.
 
-use anyhow::{Context, Result, bail, ensure};
+use super::{materials, remarks};
+use anyhow::{Context, Result, ensure};
 use monro_case::vtu::{self, DataArray, UnstructuredGrid};
 use monro_geometry::{Patient, Point, TetMesh, Vector, tet_signed_volume};
 use monro_tissue::{EmbeddedRod, Material, Pressure, SphereContact, StaticProblem, Support};
@@ -21,13 +22,16 @@ pub(crate) struct Scene {
     pub(crate) problem: StaticProblem,
     /// Nodes of each set that is held, by name; the numbers of `Support::set` count them.
     pub(crate) sets: Vec<(String, Vec<u32>)>,
+    /// What looks like a mistake in it and is none for certain.
+    pub(crate) remarks: Vec<String>,
 }
 
 /// Reads a case of a scene on one of its meshes.
 pub(crate) fn read(path: &Path, mesh: &str, case: &str) -> Result<Scene> {
     let file = if path.is_dir() { path.join("scene.json") } else { path.to_owned() };
     let text = fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
-    let scene: Value = serde_json::from_str(&text).with_context(|| format!("{}: not JSON", file.display()))?;
+    let scene: Value = serde_json::from_str(text.trim_start_matches('\u{feff}'))
+        .with_context(|| format!("{}: not JSON", file.display()))?;
     let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
     build(&scene, &folder, mesh, case).with_context(|| file.display().to_string())
 }
@@ -35,16 +39,29 @@ pub(crate) fn read(path: &Path, mesh: &str, case: &str) -> Result<Scene> {
 fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Result<Scene> {
     let mesh = pick(scene, "meshes", "mesh", mesh_name)?;
     let case = pick(scene, "cases", "case", case_name)?;
-    let energy = scene["energy"]["name"].as_str().unwrap_or("stable_neo_hookean");
+    let energy = [&scene["energy"]["name"], &scene["energy"]].into_iter().find_map(Value::as_str);
+    let energy = energy.unwrap_or("stable_neo_hookean");
     ensure!(energy == "stable_neo_hookean", "the energy is \"{energy}\"; only stable_neo_hookean is known");
     let name = mesh["file"].as_str().with_context(|| format!("mesh \"{mesh_name}\" names no file"))?;
     let file = folder.join(name);
     let bytes = fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
     let grid = vtu::decode(&bytes).with_context(|| file.display().to_string())?;
-    let materials = materials(case).with_context(|| format!("case \"{case_name}\""))?;
-    let tets = mesh_mm(&grid, &materials)?;
-    let (problem, sets) = problem(&grid, mesh, case).with_context(|| format!("case \"{case_name}\""))?;
-    Ok(Scene { grid, mesh: tets, materials, problem, sets })
+    counts(mesh, &grid).with_context(|| file.display().to_string())?;
+    let in_case = || format!("case \"{case_name}\"");
+    let materials = materials::read(case).with_context(in_case)?;
+    let tets = mesh_mm(&grid, &materials).with_context(|| file.display().to_string())?;
+    let (problem, sets) = problem(&grid, mesh, case).with_context(in_case)?;
+    let remarks = remarks::all(case, &problem, &sets);
+    Ok(Scene { grid, mesh: tets, materials, problem, sets, remarks })
+}
+
+/// A scene that counts its nodes and elements must mean this file.
+fn counts(mesh: &Value, grid: &UnstructuredGrid) -> Result<()> {
+    for (name, there) in [("nodes", grid.points.len()), ("tets", grid.tets.len())] {
+        let said = mesh[name].as_u64().unwrap_or(there as u64);
+        ensure!(said == there as u64, "has {there} {name}, but the scene says {said}: it is another mesh");
+    }
+    Ok(())
 }
 
 /// The entry of a map by name, or an error that lists the names there are.
@@ -54,33 +71,8 @@ fn pick<'a>(scene: &'a Value, map: &str, what: &str, name: &str) -> Result<&'a V
     entries.get(name).with_context(|| format!("no {what} \"{name}\"; there are: {}", names()))
 }
 
-fn materials(case: &Value) -> Result<BTreeMap<u16, Material>> {
-    let entries = case["materials"].as_object().context("no \"materials\"")?;
-    let one = |(region, m): (&String, &Value)| {
-        let label =
-            region.parse::<u16>().with_context(|| format!("region \"{region}\" is no number from 0 to 65535"))?;
-        let (young, poisson) =
-            moduli(m).with_context(|| format!("material of region {region}: neither E and nu nor mu and lam"))?;
-        Ok((label, Material { young_kpa: young * 1e-3, poisson, ..Material::BRAIN }))
-    };
-    entries.iter().map(one).collect()
-}
-
-/// Young's modulus (Pa) and Poisson's ratio.
-fn moduli(m: &Value) -> Option<(f64, f64)> {
-    if let (Some(young), Some(poisson)) = (m["E"].as_f64(), m["nu"].as_f64()) {
-        return Some((young, poisson));
-    }
-    let (mu, lam) = (m["mu"].as_f64()?, m["lam"].as_f64()?);
-    Some((mu * (3.0 * lam + 2.0 * mu) / (lam + mu), lam / (2.0 * (lam + mu))))
-}
-
 fn mesh_mm(grid: &UnstructuredGrid, materials: &BTreeMap<u16, Material>) -> Result<TetMesh> {
-    let labels = match (vtu::find(&grid.cell_data, "region"), materials.len()) {
-        (Some(array), _) => array.values.iter().map(|&v| v as u16).collect(),
-        (None, 1) => materials.keys().cycle().take(grid.tets.len()).copied().collect(),
-        (None, n) => bail!("the mesh has no cell array \"region\", but the case has {n} materials"),
-    };
+    let labels = materials::regions(grid, materials)?;
     let vertices: Vec<Point<Patient>> = grid.points.iter().map(|p| Point::from_array(p.map(|v| v * MM))).collect();
     let mut tets = grid.tets.clone();
     let corner = |v: u32| vertices.get(v as usize).copied().unwrap_or(Point::ORIGIN);
@@ -136,12 +128,18 @@ fn array<'a>(grid: &'a UnstructuredGrid, name: &str) -> Result<&'a DataArray> {
 
 fn set(grid: &UnstructuredGrid, name: &str) -> Result<Vec<u32>> {
     let flags = array(grid, &format!("set_{name}"))?;
-    Ok((0..flags.values.len() as u32).filter(|&i| flags.values[i as usize] != 0.0).collect())
+    let nodes: Vec<u32> = (0..flags.values.len() as u32).filter(|&i| flags.values[i as usize] != 0.0).collect();
+    ensure!(!nodes.is_empty(), "the set \"{name}\" is empty: its point array \"set_{name}\" is 0 at every node");
+    Ok(nodes)
 }
 
 fn hold(grid: &UnstructuredGrid, entry: &Value, nodes: &[u32], set: u32, out: &mut Vec<Support>) -> Result<()> {
-    let components = entry["components"].as_str().context("no \"components\" out of \"xyz\"")?;
-    ensure!(components.chars().all(|c| "xyz".contains(c)), "components \"{components}\"; wanted letters of \"xyz\"");
+    let given = &entry["components"];
+    let components = given.as_str().with_context(|| format!("\"components\" is {given}, wanted letters of \"xyz\""))?;
+    ensure!(
+        !components.is_empty() && components.chars().all(|c| "xyz".contains(c)),
+        "components \"{components}\"; wanted letters of \"xyz\""
+    );
     let held = |a: usize| components.contains(["x", "y", "z"][a]);
     let field = match entry["value"].as_str() {
         Some(text) => {
@@ -156,6 +154,8 @@ fn hold(grid: &UnstructuredGrid, entry: &Value, nodes: &[u32], set: u32, out: &m
     for &node in nodes {
         let at = |a: usize| field.map_or(constant[a], |f| f[3 * node as usize + a]);
         let displacement_mm = core::array::from_fn(|a| held(a).then(|| at(a) * MM));
+        let finite = displacement_mm.iter().flatten().all(|v: &f64| v.is_finite());
+        ensure!(finite, "the displacement of node {node} is {:?} m", [0, 1, 2].map(at));
         out.push(Support { node, set, displacement_mm });
     }
     Ok(())

@@ -126,3 +126,72 @@ fn what_a_scene_does_not_have_is_listed() {
     assert!(said.contains("\"x0\"") && said.contains("physical mode"), "{said}");
     assert!(!out.exists());
 }
+
+/// The scene with one change, asked for the case "stretch".
+fn changed(dir: &Path, change: impl FnOnce(&mut Value)) -> [String; 8] {
+    let path = scene(dir);
+    let mut value: Value = serde_json::from_slice(&fs::read(&path).expect("scene")).expect("JSON");
+    change(&mut value);
+    fs::write(&path, value.to_string()).expect("scene");
+    let out = dir.join("out.vtu");
+    ["solve", text(&path), "--mesh", "cube", "--case", "stretch", "--out", text(&out)].map(str::to_owned)
+}
+
+#[test]
+fn what_is_wrong_in_a_scene_is_named_with_its_number_and_a_way_out() {
+    let case = "/cases/stretch";
+    let put = |at: &str, value: Value| (format!("{case}{at}"), value);
+    let table = [
+        (put("/materials/1", json!({ "E": 3000.0 })), vec!["region 1", "E and nu", "lam_hat"]),
+        (put("/materials/1/E", json!(-3.0)), vec!["region 1", "-3 Pa", "more than 0"]),
+        (put("/materials/1/nu", json!(0.5)), vec!["region 1", "0.5", "0.4999", "0.499 "]),
+        (put("/materials/1", json!({ "E": 3000.0, "nu": 0.3, "mu": 5.0, "lam": 3.0 })), vec!["region 1", "nu 0.3"]),
+        (put("/materials", json!({ "2": { "E": 1.0, "nu": 0.3 } })), vec!["tetrahedron 0", "region 1", "regions 2"]),
+        (put("/dirichlet/0/set", json!("left")), vec!["set_left", "set_x0"]),
+        (put("/dirichlet/0/components", json!("")), vec!["x0", "xyz"]),
+        (put("/dirichlet/0/components", json!(["x"])), vec!["x0", "[\"x\"]", "xyz"]),
+        (put("/dirichlet/0/value", json!([0.0, "nan", 0.0])), vec!["x0", "nan", "three numbers"]),
+        (("/energy".into(), json!("ogden")), vec!["ogden", "stable_neo_hookean"]),
+        (("/meshes/cube/nodes".into(), json!(9)), vec!["8 nodes", "says 9"]),
+    ];
+    for ((pointer, value), said) in table {
+        let dir = tempfile::tempdir().expect("temp");
+        let args = changed(dir.path(), |scene| *scene.pointer_mut(&pointer).expect("an entry") = value);
+        let told = refusal(&args.each_ref().map(String::as_str));
+        assert!(said.iter().all(|s| told.contains(s)), "{pointer}: {told}");
+        assert!(!dir.path().join("out.vtu").exists());
+    }
+}
+
+#[test]
+fn a_weight_that_nothing_bears_is_refused() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |s| {
+        s["cases"]["stretch"]["dirichlet"] = json!([held("x0", "x", [0.0; 3])]);
+        s["cases"]["stretch"]["body_force"] = json!([0.0, 0.0, -1000.0]);
+    });
+    let told = refusal(&args.each_ref().map(String::as_str));
+    assert!(told.contains("no support") && told.contains("no equilibrium"), "{told}");
+}
+
+#[test]
+fn what_is_odd_but_legal_is_solved_and_remarked_upon() {
+    let dir = tempfile::tempdir().expect("temp");
+    // E 3 kPa and nu 0.3 by their Lamé constants, a misspelt weight, the end pulled by two sets, the latter as before.
+    let args = changed(dir.path(), |s| {
+        let (mu, lam) = (3000.0 / 2.6, 0.9 * 1000.0 / (1.3 * 0.4));
+        let case = &mut s["cases"]["stretch"];
+        case["materials"]["1"] = json!({ "mu": mu, "lam_hat": mu + lam });
+        case["bodyforce"] = json!([0.0, 0.0, -10.0]);
+        let end = case["dirichlet"].as_array_mut().expect("a list").pop().expect("the end");
+        case["dirichlet"].as_array_mut().expect("a list").extend([held("x1", "x", [0.001; 3]), end]);
+        s["energy"] = json!("stable_neo_hookean");
+    });
+    let told = json(&args.each_ref().map(String::as_str));
+    assert_eq!((told["converged"].as_bool(), told["turned"].as_u64()), (Some(true), Some(0)), "{told}");
+    let stress = 1.885_569_482_9 / 0.05 / 0.05;
+    let pulled = told["reactions_N"]["x1"][0].as_f64().expect("a force");
+    assert!((pulled / (stress * 4e-4) - 1.0).abs() < 1e-4, "{told}");
+    let remarks = told["remarks"].to_string();
+    assert!(remarks.contains("bodyforce") && remarks.contains("x1") && remarks.contains("4 components"), "{remarks}");
+}

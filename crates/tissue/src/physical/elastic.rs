@@ -195,9 +195,9 @@ impl Elastic {
         }
     }
 
-    /// Whether an element has no volume left.
-    pub(crate) fn inverted(&self, x: &[D3]) -> bool {
-        self.tets.iter().any(|t| volume_gradient(t.map(|n| x[n as usize])).0 <= 0.0)
+    /// Elements that have no volume left.
+    pub(crate) fn turned(&self, x: &[D3]) -> usize {
+        self.tets.iter().filter(|t| volume_gradient(t.map(|n| x[n as usize])).0 <= 0.0).count()
     }
 
     /// An upper bound of the Hessian's diagonal 3x3 blocks (the patch term replaced by its elementwise bound), as the six

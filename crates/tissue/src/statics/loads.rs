@@ -5,7 +5,7 @@ use super::{EmbeddedRod, StaticError, StaticProblem};
 use crate::Model;
 use crate::membrane::OUTSIDE;
 use crate::physical::elastic::{D3, Elastic};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 pub(crate) struct Loads {
     /// Prescribed displacement of each component; `None` is free.
@@ -14,8 +14,8 @@ pub(crate) struct Loads {
     dead: Vec<D3>,
     /// Triangles that a pressure (kPa) pushes along their normal.
     pushed: Vec<([u32; 3], f64)>,
-    /// Nodes that each rod holds.
-    pub(super) rods: Vec<Vec<u32>>,
+    /// Nodes that each rod holds, and in which components: what a support holds of them stays with it.
+    pub(super) rods: Vec<Vec<(u32, [bool; 3])>>,
 }
 
 impl Loads {
@@ -74,6 +74,13 @@ impl Loads {
         energy
     }
 
+    /// Forces of all loads on the nodes at rest, mN.
+    pub(super) fn at_rest(&self, rest: &[D3]) -> Vec<D3> {
+        let mut gradient = vec![[0.0; 3]; rest.len()];
+        self.add(1.0, rest, rest, &mut gradient);
+        gradient.iter().map(|g| g.map(|v| -v)).collect()
+    }
+
     /// Adds the product of the loads' Hessian with `d`.
     pub(crate) fn add_hessian(&self, share: f64, x: &[D3], d: &[D3], out: &mut [D3]) {
         for (t, kpa) in &self.pushed {
@@ -104,7 +111,7 @@ fn hold(
     model: &Model,
     (rod, r): (usize, &EmbeddedRod),
     support: &mut [[Option<f64>; 3]],
-) -> Result<Vec<u32>, StaticError> {
+) -> Result<Vec<(u32, [bool; 3])>, StaticError> {
     let ends = r.ends.map(|p| (p - model.origin).to_array());
     let reach = r.radius_mm * (1.0 + 1e-5);
     let inside = |p: &[f32; 4]| distance(ends, [p[0], p[1], p[2]].map(f64::from)) <= reach;
@@ -112,8 +119,8 @@ fn hold(
     for (i, p) in model.rest.iter().enumerate() {
         if inside(p) && support[i].iter().any(Option::is_none) {
             let way = r.displacement_mm.to_array();
+            held.push((i as u32, support[i].map(|s| s.is_none())));
             support[i] = core::array::from_fn(|a| support[i][a].or(Some(way[a])));
-            held.push(i as u32);
         }
     }
     if held.is_empty() { Err(StaticError::Rod { rod, radius_mm: r.radius_mm }) } else { Ok(held) }
@@ -136,7 +143,11 @@ fn oriented(
         if !p.kpa.is_finite() {
             return Err(StaticError::NotFinite { what: "a pressure" });
         }
+        let mut seen = BTreeSet::new();
         for face in &p.faces {
+            if !seen.insert(sorted(*face)) {
+                return Err(StaticError::Twice(*face));
+            }
             let key = sorted([number(face[0])?, number(face[1])?, number(face[2])?]);
             let [a, b, c] = *surface.get(&key).ok_or(StaticError::Face(*face))?;
             pushed.push(([a, c, b], p.kpa));

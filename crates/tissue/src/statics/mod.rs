@@ -7,6 +7,7 @@
 //! Around rods and spheres the mesh is refined inside the solver until its elements can tell their radius: what a thin rod
 //! meets then depends on the rod and not on the mesh that happens to be there.
 
+mod balance;
 mod bisect;
 mod loads;
 mod newton;
@@ -134,6 +135,8 @@ pub struct StaticSolution {
     pub converged: bool,
     /// Elements of the mesh that it was found on.
     pub tets: usize,
+    /// How many of them are left without volume or turned inside out: the answer means nothing around them.
+    pub turned: usize,
     /// Newton steps taken.
     pub steps: u32,
     /// Products with the Hessian.
@@ -187,6 +190,33 @@ pub enum StaticError {
         /// Its radius, mm.
         radius_mm: f64,
     },
+    /// A sphere begins inside the tissue.
+    #[error(
+        "the centre of sphere {sphere} begins inside tetrahedron {tet}; it comes from outside, so begin it a radius ({radius_mm} mm) away from the surface"
+    )]
+    Inside {
+        /// Which sphere.
+        sphere: usize,
+        /// The element that holds its centre at first.
+        tet: usize,
+        /// Its radius, mm.
+        radius_mm: f64,
+    },
+    /// The loads move a part of the body that nothing holds.
+    #[error(
+        "the loads push the part of the body with vertex {vertex} away: {force_mn:?} mN and a moment of {moment_mn_mm:?} mN mm about its centre are borne by no support, so there is no equilibrium; hold vertices against them"
+    )]
+    Unheld {
+        /// A vertex of the part.
+        vertex: usize,
+        /// Force that nothing bears, mN.
+        force_mn: [f64; 3],
+        /// Moment that nothing bears, mN mm.
+        moment_mn_mm: [f64; 3],
+    },
+    /// A face is named twice in one pressure.
+    #[error("the face {0:?} is listed twice in one pressure; it would be pushed twice as hard")]
+    Twice([u32; 3]),
     /// The model itself.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -206,6 +236,7 @@ pub fn equilibrium(
     keep_going: &mut dyn FnMut() -> bool,
 ) -> Result<StaticSolution, StaticError> {
     validate(mesh.vertices.len(), problem)?;
+    outside(mesh, problem)?;
     let mut refined = Refined::new(mesh, problem).around_tools();
     let mut solved = on(&refined, model, None, options, keep_going)?;
     let mut times = 0;
@@ -233,6 +264,17 @@ fn on(
     keep_going: &mut dyn FnMut() -> bool,
 ) -> Result<StaticSolution, StaticError> {
     Model::new(&refined.mesh, options)?.solve(&refined.problem, start, how, keep_going)
+}
+
+/// Refuses spheres that begin inside of the tissue.
+fn outside(mesh: &TetMesh, problem: &StaticProblem) -> Result<(), StaticError> {
+    let points: Vec<[f64; 3]> = mesh.vertices.iter().map(|p| p.to_array()).collect();
+    for (sphere, c) in problem.contacts.iter().enumerate() {
+        if let Some(tet) = refine::holder(&points, &mesh.tets, c.from.to_array()) {
+            return Err(StaticError::Inside { sphere, tet, radius_mm: c.radius_mm });
+        }
+    }
+    Ok(())
 }
 
 fn validate(vertices: usize, problem: &StaticProblem) -> Result<(), StaticError> {
@@ -284,6 +326,7 @@ impl Model {
     ) -> Result<StaticSolution, StaticError> {
         let elastic = &self.elastic().ok_or(StaticError::NotPhysical)?;
         let loads = loads::Loads::new(self, elastic, problem)?;
+        balance::check(elastic, &loads, problem, &self.number)?;
         let spheres = sphere::Spheres::new(self, elastic, problem);
         let start = start.map(|moved| {
             let mut x = elastic.rest.clone();
@@ -293,25 +336,34 @@ impl Model {
             }
             x
         });
-        let solved = newton::solve(elastic, (&loads, spheres), start, options, keep_going);
+        let mut solved = newton::solve(elastic, (&loads, spheres), start, options, keep_going);
         let back = |of: &[[f64; 3]]| self.number.iter().map(|&n| Vector::from_array(of[n as usize])).collect();
         let moved: Vec<[f64; 3]> =
             solved.x.iter().zip(&elastic.rest).map(|(x, r)| core::array::from_fn(|a| x[a] - r[a])).collect();
-        let held = |nodes: &Vec<u32>| {
-            let sum = |s: Vector<Patient>, &n: &u32| s + Vector::from_array(solved.reaction[n as usize]);
-            nodes.iter().fold(Vector::ZERO, sum)
-        };
+        let rods = loads.rods.iter().map(|held| taken(held, &mut solved.reaction)).collect();
         Ok(StaticSolution {
             displacement: back(&moved),
             reaction: back(&solved.reaction),
             contacts: solved.contacts.iter().map(|&f| Vector::from_array(f)).collect(),
-            rods: loads.rods.iter().map(held).collect(),
+            rods,
             residual: solved.residual,
             share: solved.share,
             converged: solved.residual <= options.tolerance && solved.share >= 1.0,
             tets: self.tets.len(),
+            turned: solved.turned,
             steps: solved.steps,
             products: solved.products,
         })
     }
+}
+
+/// The force of a rod, taken out of the reactions of what it holds.
+fn taken(held: &[(u32, [bool; 3])], reaction: &mut [[f64; 3]]) -> Vector<Patient> {
+    let mut sum = [0.0; 3];
+    for &(node, by_rod) in held {
+        for a in (0..3).filter(|&a| by_rod[a]) {
+            sum[a] += core::mem::take(&mut reaction[node as usize][a]);
+        }
+    }
+    Vector::from_array(sum)
 }

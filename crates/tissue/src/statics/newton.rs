@@ -17,6 +17,12 @@ const AUGMENTATIONS: u32 = 30;
 /// Newton steps after which a step of motion and load counts as too long.
 const PATIENCE: u32 = 40;
 
+/// Forces out of balance that are rounding, over those that cancel each other within every element at rest.
+const ROUNDING: f64 = 1e-12;
+
+/// A state further away than this many sizes of the body is lost.
+const LOST: f64 = 100.0;
+
 pub(super) struct Solved {
     pub(super) x: Vec<D3>,
     pub(super) reaction: Vec<D3>,
@@ -25,6 +31,8 @@ pub(super) struct Solved {
     pub(super) residual: f64,
     /// Share of the imposed motion and of the loads that was reached.
     pub(super) share: f64,
+    /// Elements left without volume.
+    pub(super) turned: usize,
     pub(super) steps: u32,
     pub(super) products: u32,
 }
@@ -40,6 +48,8 @@ struct Problem<'a> {
     steps: u32,
     products: u32,
     stopped: bool,
+    /// Square of a force out of balance that is nothing but rounding, mN2.
+    rounding: f64,
 }
 
 /// A state with its derivatives.
@@ -60,8 +70,10 @@ pub(super) fn solve(
     keep_going: &mut dyn FnMut() -> bool,
 ) -> Solved {
     let options = *options;
+    let rounding = ROUNDING * ROUNDING * inner(&elastic.base, &elastic.base);
+    let (share, stopped) = (0.0, false);
     let mut problem =
-        Problem { elastic, loads, spheres, options, keep_going, share: 0.0, steps: 0, products: 0, stopped: false };
+        Problem { elastic, loads, spheres, options, keep_going, share, steps: 0, products: 0, stopped, rounding };
     let (at, share) = match start {
         Some(x) => problem.from(x),
         None => problem.path(),
@@ -70,7 +82,9 @@ pub(super) fn solve(
     let reaction = at.gradient.iter().zip(&loads.support);
     let reaction = reaction.map(|(g, s)| core::array::from_fn(|a| if s[a].is_some() { g[a] } else { 0.0 })).collect();
     let contacts = problem.spheres.forces(&at.x);
-    Solved { x: at.x, reaction, contacts, residual, share, steps: problem.steps, products: problem.products }
+    let turned = elastic.turned(&at.x);
+    let (steps, products) = (problem.steps, problem.products);
+    Solved { x: at.x, reaction, contacts, residual, share, turned, steps, products }
 }
 
 fn shifted(x: &[D3], d: &[D3], s: f64) -> Vec<D3> {
@@ -97,6 +111,7 @@ impl Problem<'_> {
             match reached {
                 Some(there) => (at, share, stride) = (there, next, (1.5 * stride).min(longest)),
                 None => {
+                    // Forces and residual are told of the state that is kept.
                     (self.spheres, self.share) = (spheres, share);
                     stride = 0.5 * (next - share);
                 }
@@ -133,11 +148,24 @@ impl Problem<'_> {
             self.steps += 1;
         }
         let settled = self.converge(&mut at, tolerance, if patient { PATIENCE } else { u32::MAX });
-        if patient && !self.stopped && (!settled || self.elastic.inverted(&at.x)) {
+        if patient && !self.stopped && (!settled || self.elastic.turned(&at.x) > 0) {
+            return None;
+        }
+        if !settled && self.lost(&at.x) {
+            self.stopped = true;
             return None;
         }
         self.spheres.settle(&at.x);
         Some(at)
+    }
+
+    /// Whether a state has flown away or is no state at all.
+    fn lost(&self, x: &[D3]) -> bool {
+        let far = |a: &D3, b: &D3| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
+        let rest = &self.elastic.rest;
+        let imposed = self.loads.support.iter().flatten().flatten().fold(0.0, |m: f64, v| m.max(v.abs()));
+        let size = rest.iter().map(|p| far(p, &rest[0])).fold(imposed, f64::max);
+        !x.iter().zip(rest).all(|(x, r)| far(x, r) <= LOST * size)
     }
 
     /// What is missing of the prescribed displacement of node `i` at the share `next`.
@@ -216,7 +244,7 @@ impl Problem<'_> {
     fn residual(&self, at: &Point) -> f64 {
         let out = self.out_of_balance(at);
         let acting = inner(&at.gradient, &at.gradient) - out + self.loads.size2(&at.x) + self.spheres.size2(&at.x);
-        if out == 0.0 { 0.0 } else { (out / acting.max(f64::MIN_POSITIVE)).sqrt() }
+        if out <= self.rounding { 0.0 } else { (out / acting.max(f64::MIN_POSITIVE)).sqrt() }
     }
 
     fn product(&mut self, at: &mut Point, d: &[D3], out: &mut Vec<D3>) {

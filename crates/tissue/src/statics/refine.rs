@@ -198,7 +198,24 @@ fn depth(c: &SphereContact, fine: &Fine) -> Option<f64> {
         crate::contact::closest::point_triangle(at, [p, q, r], 0.0).distance2.sqrt()
     });
     let near = f64::from(nearest.fold(f32::INFINITY, f32::min));
+    if holder(&fine.points, &fine.tets, centre).is_some() {
+        return Some(c.radius_mm + near);
+    }
     (near < c.radius_mm).then_some(c.radius_mm - near)
+}
+
+/// The first element that `x` lies in, if one does; a vertex that does not exist is in none.
+pub(super) fn holder(points: &[P], tets: &[[u32; 4]], x: P) -> Option<usize> {
+    let inside = |t: &[u32; 4]| {
+        let corners = t.map(|v| points.get(v as usize).copied().unwrap_or([f64::NAN; 3]));
+        let part = |i: usize| {
+            let mut c = corners;
+            c[i] = x;
+            crate::physical::elastic::volume_gradient(c).0
+        };
+        (0..4).all(|i| part(i) >= 0.0)
+    };
+    tets.iter().position(inside)
 }
 
 /// Distance of `x` from the segment.
@@ -248,4 +265,26 @@ fn on_surface([a, b]: [P; 2], radius: f64, x: P) -> P {
     let foot: P = core::array::from_fn(|k| a[k] + t * along[k]);
     let far = (0..3).map(|k| (x[k] - foot[k]).powi(2)).sum::<f64>().sqrt();
     if far == 0.0 { x } else { core::array::from_fn(|k| foot[k] + (x[k] - foot[k]) * radius / far) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::tests::block;
+
+    #[test]
+    fn a_sphere_whose_centre_sinks_in_is_deeper_than_its_radius() {
+        let mesh = block([2, 2, 2], 10.0);
+        let fine = Refined::new(&mesh, &StaticProblem::default()).fine;
+        let at = |z: f64| {
+            let (from, to) = (Point::new(10.0, 9.0, 40.0), Point::new(10.0, 9.0, z));
+            depth(&SphereContact { radius_mm: 5.0, friction: 0.0, from, to }, &fine)
+        };
+        for (z, expected) in [(26.0, None), (22.0, Some(3.0)), (17.0, Some(8.0))] {
+            match (at(z), expected) {
+                (Some(d), Some(e)) => assert!((d - e).abs() < 1e-5, "{d} instead of {e}"),
+                (got, expected) => assert_eq!(got, expected),
+            }
+        }
+    }
 }

@@ -1,0 +1,80 @@
+//! Materials of a scene: regions by number, moduli in Pa.
+
+use anyhow::{Context, Result, bail, ensure};
+use monro_case::vtu::{self, UnstructuredGrid};
+use monro_tissue::Material;
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+/// Poisson's ratios that the solver takes.
+const POISSON: core::ops::Range<f64> = 0.0..0.4999;
+
+/// The materials of a case by region.
+pub(super) fn read(case: &Value) -> Result<BTreeMap<u16, Material>> {
+    let entries = case["materials"].as_object().context("no \"materials\"")?;
+    let one = |(region, m): (&String, &Value)| {
+        let label = region.parse::<u16>().ok();
+        let label = label.with_context(|| format!("region \"{region}\" is no number from 0 to 65535"))?;
+        let (young, poisson) = moduli(m).with_context(|| format!("material of region {region}"))?;
+        Ok((label, Material { young_kpa: young * 1e-3, poisson, ..Material::BRAIN }))
+    };
+    entries.iter().map(one).collect()
+}
+
+/// Young's modulus (Pa) and Poisson's ratio.
+fn moduli(m: &Value) -> Result<(f64, f64)> {
+    let of = |name: &str| m[name].as_f64();
+    let lame = of("mu").zip(of("lam").or_else(|| Some(of("lam_hat")? - of("mu")?)));
+    let from_lame = lame.map(|(mu, lam)| (mu * (3.0 * lam + 2.0 * mu) / (lam + mu), lam / (2.0 * (lam + mu))));
+    let (young, poisson) = match (of("E").zip(of("nu")), from_lame) {
+        (None, None) => bail!("{m} gives neither E and nu nor mu and lam (or lam_hat), as numbers in Pa"),
+        (Some(given), None) | (None, Some(given)) => given,
+        (Some(given), Some(other)) => {
+            let mu = |(young, poisson): (f64, f64)| young / (2.0 * (1.0 + poisson));
+            let same = (mu(other) / mu(given) - 1.0).abs() < 0.01 && (other.1 - given.1).abs() < 0.01;
+            ensure!(
+                same,
+                "mu and lam mean E {:.6} Pa and nu {:.6}, but it also says E {} and nu {}",
+                other.0,
+                other.1,
+                given.0,
+                given.1
+            );
+            given
+        }
+    };
+    ensure!(young.is_finite() && young > 0.0, "Young's modulus is {young} Pa, wanted more than 0");
+    ensure!(
+        POISSON.contains(&poisson),
+        "Poisson's ratio is {poisson}, wanted from {} to below {}: at 0.5 the volume cannot change at all and its \
+         stiffness is infinite; say 0.499 for what hardly changes it",
+        POISSON.start,
+        POISSON.end
+    );
+    Ok((young, poisson))
+}
+
+/// The region of each element, each with a material.
+pub(super) fn regions(grid: &UnstructuredGrid, materials: &BTreeMap<u16, Material>) -> Result<Vec<u16>> {
+    let names = || materials.keys().map(u16::to_string).collect::<Vec<_>>().join(", ");
+    let Some(array) = vtu::find(&grid.cell_data, "region") else {
+        ensure!(
+            materials.len() == 1,
+            "the mesh has no cell array \"region\", but the case has materials for the regions {}",
+            names()
+        );
+        return Ok(materials.keys().cycle().take(grid.tets.len()).copied().collect());
+    };
+    let one = |(tet, &v): (usize, &f64)| {
+        let label = Some(v as u16).filter(|&l| f64::from(l) == v);
+        let label =
+            label.with_context(|| format!("tetrahedron {tet} has region {v}, wanted a number from 0 to 65535"))?;
+        ensure!(
+            materials.contains_key(&label),
+            "tetrahedron {tet} is of region {label}, but the case has materials for the regions {} only",
+            names()
+        );
+        Ok(label)
+    };
+    array.values.iter().enumerate().map(one).collect()
+}
