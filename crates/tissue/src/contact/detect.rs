@@ -8,7 +8,8 @@ use crate::tool::Rod;
 use crate::vec3::{V3, cross, dot, norm, scale, sub, unit, xyz};
 use crate::{Model, State};
 
-/// Stiffness of a contact in units of the tissue's modulus times the radius of the tool: stiff against the tissue,
+/// Stiffness of a contact in units of the tissue's modulus times a length, the larger one of the tool's radius and the
+/// size of the face: stiff against the tissue, whose vertices resist in proportion to the size of their elements, and
 /// soft enough for the solver.
 const PENALTY: f32 = 100.0;
 
@@ -97,7 +98,8 @@ fn touch(
     tool: u32,
 ) -> Option<Coupling> {
     let tri = face.nodes.map(|v| xyz(state.positions[v as usize]));
-    let push = scale(unit(cross(sub(tri[1], tri[0]), sub(tri[2], tri[0])))?, inward);
+    let area = cross(sub(tri[1], tri[0]), sub(tri[2], tri[0]));
+    let push = scale(unit(area)?, inward);
     let near = segment_triangle(from, to, tri);
     let arc = rod.start + near.t * (rod.length - rod.start) * f32::from(u8::from(side == Side::Outside));
     let radius = rod.radius_at(arc);
@@ -114,7 +116,12 @@ fn touch(
         nodes: [face.nodes[0], face.nodes[1], face.nodes[2], face.nodes[0]],
         weights: [near.weights[0], near.weights[1], near.weights[2], 0.0],
         rule: Rule::Push { normal, bound: dot(normal, centre) + radius },
-        stiffness: PENALTY * modulus * rod.radius,
+        stiffness: if model.forces_are_physical() {
+            PENALTY * modulus * rod.radius.max(norm(area).sqrt())
+        } else {
+            // Constraints without a modulus give way to nothing softer than a constraint.
+            f32::INFINITY
+        },
         tool,
         source: u32::from(beyond),
         tip,
