@@ -41,6 +41,7 @@ export interface Guidance {
   target_lps_mm: Point | null;
   target_in_eye_mm: [number, number] | null;
   display_from_patient: Rigid | null;
+  display_age_ms: number | null;
   target_shift_mm: number;
   largest_displacement_mm: number;
   solver_fault: boolean;
@@ -51,16 +52,21 @@ export interface Guidance {
 
 /** What can be drawn of the guidance. */
 export type Seen = Pick<Guidance,
-  "tip_lps_mm" | "axis_lps" | "eye_up_lps" | "target_lps_mm" | "target_in_eye_mm" | "predicted_tre_mm" | "display_from_patient">;
+  "tip_lps_mm" | "axis_lps" | "eye_up_lps" | "target_lps_mm" | "target_in_eye_mm" | "predicted_tre_mm" | "display_from_patient" | "display_age_ms">;
 
 /** Nothing is seen. */
 export const NOTHING: Seen = {
   tip_lps_mm: null, axis_lps: null, eye_up_lps: null, target_lps_mm: null, target_in_eye_mm: null, predicted_tre_mm: null,
-  display_from_patient: null,
+  display_from_patient: null, display_age_ms: null,
 };
 
+export type Role = "viewer" | "operator";
+
 export interface Status {
+  role: Role | null;
   tracker: string;
+  tracker_diagnosis: string;
+  recording_trouble: string | null;
   simulated: boolean;
   paused: boolean;
   tracking_hz: number;
@@ -149,6 +155,11 @@ export class Api {
   /** An event of the procedure. */
   async event(event: string): Promise<void> {
     await this.post("/api/session", { event });
+  }
+
+  /** A code by which another device comes in, and for how long it is good. */
+  async invite(role: Role): Promise<{ code: string; seconds: number }> {
+    return this.post("/api/pairing", { role });
   }
 
   async container(path: "/api/scene" | "/api/ct"): Promise<Container> {

@@ -1,7 +1,7 @@
 // The calibration page: the catheter is swung about its resting tip, then turned about its axis; what the server finds of
 // both, with its errors, or why it refuses. The rules are the server's.
 
-import { Refused, type Api, type Calibration } from "./api";
+import { type Api, type Calibration } from "./api";
 import { element, make, write } from "./dom";
 
 /** How long a motion is watched, s. */
@@ -57,6 +57,7 @@ export class Calibrate {
     const found = await this.#do(() => this.#api.calibrate(action, WATCHED_S).finally(() => clearInterval(clock)));
     if (found) this.#say("✓ Found.", "good");
     else if (this.#last) this.#enable(this.#last);
+    else this.#buttons[0]!.button.disabled = false;
   }
 
   /** Does something and shows what is then; a refusal is shown too, with its way out. */
@@ -64,8 +65,7 @@ export class Calibrate {
     try {
       this.#last = await act();
     } catch (error) {
-      if (!(error instanceof Refused)) throw error;
-      this.#say(`✗ ${error.message}`, "bad");
+      this.#say(`✗ ${error instanceof Error ? error.message : String(error)}`, "bad");
       return false;
     }
     this.#enable(this.#last);

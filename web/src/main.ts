@@ -1,16 +1,17 @@
 // Opens the session and keeps panel and stage up to date.
 
-import { Unauthorized, type Api, type Case, type Status } from "./api";
+import { Unauthorized, type Api, type Case, type Guidance, type Status } from "./api";
 import { Budget, Counter, type Stages } from "./budget";
 import { Calibrate } from "./calibrate";
 import { controls } from "./controls";
 import { element } from "./dom";
+import { offerInvitations } from "./invite";
 import { Panel } from "./panel";
 import { Register } from "./register";
 import { signIn } from "./sign_in";
 import { aged, type Snapshot } from "./snapshot";
 import { Stream } from "./stream";
-import { Stage } from "./view/stage";
+import { openStage, type Stage } from "./view/stage";
 import { Glasses } from "./xr/glasses";
 
 /** How often rates are shown, ms. */
@@ -21,6 +22,7 @@ function describe(opened: Case, status: Status): void {
   element("#side").textContent = `${opened.side.toUpperCase()} SIDE`;
   element("#tracker").textContent = status.simulated ? "Simulated tracker, exact registration" : status.tracker;
   document.title = `${opened.pseudonym} · Monro`;
+  document.body.classList.toggle("viewer", status.role !== "operator");
 }
 
 /** The report opens in a tab of its own: a ticket lets it in, for links carry no token. */
@@ -30,50 +32,81 @@ function offerReport(opened: Case, api: Api): void {
   button.onclick = () => void api.ticket().then((ticket) => window.open(`/report?ticket=${ticket}`, "_blank", "noopener"));
 }
 
-async function main(): Promise<void> {
-  const panel = new Panel();
-  const { api, first: opened } = await signIn((a) => a.case());
-  describe(opened, await api.status());
-  offerReport(opened, api);
-  const images = opened.has_ct ? await api.container("/api/ct") : null;
-  const stage = new Stage(await api.container("/api/scene"), images, new URLSearchParams(location.search).has("vertices"));
-  controls(stage);
-  new Calibrate(api);
-  new Register(api, stage);
-  const stages: Stages = { take: new Counter(), draw: new Counter() };
-  const budget = new Budget();
-  let waiting: Snapshot | undefined;
-  const advance = (): void => {
-    if (!waiting) return;
-    const start = performance.now();
-    stage.take(waiting);
-    const guidance = aged(waiting.guidance, performance.now() - waiting.at);
-    glasses.take(guidance);
-    panel.show(guidance);
-    waiting = undefined;
-    stages.take.tick(performance.now() - start);
-    stream.next();
-  };
-  const glasses = new Glasses(stage, advance);
-  const stream = new Stream(api, stage.whole, (s) => (waiting = s), (error) => {
-    panel.gone();
-    stage.see();
-    glasses.take(null);
-    if (error instanceof Unauthorized) location.reload();
-  });
-  const frame = (): void => {
+/** Panel, stage and glasses with what has come last. */
+class View {
+  readonly panel = new Panel();
+  readonly stages: Stages = { take: new Counter(), draw: new Counter() };
+  readonly stage: Stage | null;
+  readonly glasses: Glasses | null;
+  readonly #stream: Stream;
+  /** What has come and is not drawn yet, and what was drawn last. */
+  #waiting: Snapshot | undefined;
+  #last: Snapshot | undefined;
+
+  constructor(api: Api, stage: Stage | null) {
+    this.stage = stage;
+    this.glasses = stage && new Glasses(stage, () => this.#advance());
+    this.#stream = new Stream(api, stage?.whole ?? false, (s) => (this.#waiting = s), () => this.#last && !this.#waiting && this.#show(this.#last), (error) => this.#gone(error));
+    const frame = (): void => {
+      requestAnimationFrame(frame);
+      // They have frames of their own.
+      if (this.glasses?.presenting) return;
+      this.#advance();
+      const drawing = performance.now();
+      if (stage?.draw()) this.stages.draw.tick(performance.now() - drawing);
+    };
     requestAnimationFrame(frame);
-    // They have frames of their own.
-    if (glasses.presenting) return;
-    advance();
-    const drawing = performance.now();
-    if (stage.draw()) stages.draw.tick(performance.now() - drawing);
+  }
+
+  #advance(): void {
+    if (!this.#waiting) return;
+    const start = performance.now();
+    this.#last = this.#waiting;
+    this.#waiting = undefined;
+    this.stage?.take(this.#last);
+    this.#show(this.#last);
+    this.stages.take.tick(performance.now() - start);
+    this.#stream.next();
+  }
+
+  /** The numbers, as old as they are now. */
+  #show({ guidance, at }: Snapshot): void {
+    const now: Guidance = aged(guidance, performance.now() - at);
+    this.glasses?.take(now);
+    this.panel.show(now);
+  }
+
+  /** Nothing that was shown can be trusted. */
+  #gone(error: unknown): void {
+    this.#last = this.#waiting = undefined;
+    this.panel.gone();
+    this.stage?.see();
+    this.glasses?.take(null);
+    if (error instanceof Unauthorized) location.reload();
+  }
+}
+
+async function main(): Promise<void> {
+  const { api, first: opened } = await signIn((a) => a.case());
+  const status = await api.status();
+  describe(opened, status);
+  offerReport(opened, api);
+  offerInvitations(api, status.role);
+  const images = opened.has_ct ? await api.container("/api/ct") : null;
+  const stage = openStage(await api.container("/api/scene"), images, new URLSearchParams(location.search).has("vertices"));
+  if (stage) controls(stage);
+  new Calibrate(api);
+  if (stage) new Register(api, stage);
+  const view = new View(api, stage);
+  const budget = new Budget();
+  const told = (s: Status): void => {
+    budget.show(s, view.stages);
+    view.panel.tell(s);
   };
-  requestAnimationFrame(frame);
   // A question that fails is asked again; that the server is gone is said by the stream.
-  setInterval(() => api.status().then((s) => budget.show(s, stages), () => undefined), BUDGET_MS);
+  setInterval(() => api.status().then(told, () => undefined), BUDGET_MS);
   // For the console, and for tests that compare what is drawn with the API.
-  Object.assign(window, { monro: { stage, glasses, panel } });
+  Object.assign(window, { monro: { stage, glasses: view.glasses, panel: view.panel } });
 }
 
 void main();

@@ -1,7 +1,8 @@
 // The guidance panel. Live, stale and lost differ in colour, shape and text; numbers vanish when lost.
 
-import type { Guidance } from "./api";
+import type { Guidance, Status } from "./api";
 import { element, make, write } from "./dom";
+import { STALE_MS } from "./snapshot";
 import { SHAPES, WORDS } from "./state";
 
 const PHASES: Record<Guidance["phase"], string> = {
@@ -16,8 +17,10 @@ const PHASES: Record<Guidance["phase"], string> = {
 type Row = [id: string, label: string, text: (g: Guidance) => string | null];
 
 const mm = (v: number | null): string | null => (v === null ? null : `${v.toFixed(1)} mm`);
+const ms = (v: number | null): string | null => (v === null ? null : `${v.toFixed(0)} ms`);
 const ROWS: Row[] = [
   ["distance", "To target (deformed)", (g) => mm(g.distance_to_target_mm)],
+  ["tissue", "Age of the deformation", (g) => (g.distance_to_target_mm === null ? null : ms(g.deformation_age_ms))],
   ["rigid", "To target (rigid)", (g) => mm(g.distance_to_target_rigid_mm)],
   ["angle", "Entry angle error", (g) => (g.entry_angle_error_deg === null ? null : `${g.entry_angle_error_deg.toFixed(1)}°`)],
   ["offset", "Entry offset", (g) => mm(g.entry_offset_mm)],
@@ -42,6 +45,9 @@ export class Panel {
   readonly #faults = element("#faults");
   readonly #atTip = element("#tip-distance");
   readonly #cells: HTMLElement[];
+  /** How the tracker is, and why nothing is recorded any more. */
+  #diagnosis = "";
+  #trouble = "";
 
   constructor() {
     const list = element("#numbers");
@@ -57,14 +63,21 @@ export class Panel {
       const cell = this.#cells[i];
       if (cell) write(cell, text(guidance) ?? "–");
     });
-    write(this.#why, guidance.why_no_numbers ?? "");
-    this.#why.hidden = guidance.why_no_numbers === null;
-    write(this.#alarm, alarm(guidance));
+    element("#n-tissue").classList.toggle("old", (guidance.deformation_age_ms ?? 0) > STALE_MS);
+    const why = [guidance.why_no_numbers, guidance.state === "live" ? null : this.#diagnosis].filter(Boolean).join(". ");
+    write(this.#why, why);
+    this.#why.hidden = why === "";
+    write(this.#alarm, [alarm(guidance), this.#trouble].filter(Boolean).join(" "));
     this.#alarm.hidden = !this.#alarm.textContent;
     write(this.#faults, `The soft body has taken back ${guidance.solver_faults} ${guidance.solver_faults === 1 ? "step" : "steps"} so far.`);
     this.#faults.hidden = guidance.solver_faults === 0;
     write(this.#atTip, mm(guidance.distance_to_target_mm) ?? "");
     this.#state(guidance.state, PHASES[guidance.phase], guidance.age_ms);
+  }
+
+  /** Takes what the server says of itself, to be shown with the next numbers. */
+  tell({ tracker_diagnosis, recording_trouble }: Status): void {
+    [this.#diagnosis, this.#trouble] = [tracker_diagnosis, recording_trouble ?? ""];
   }
 
   /** No connection: nothing that is shown can be trusted. */

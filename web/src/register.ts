@@ -2,7 +2,7 @@
 // server's; here they are shown.
 
 import { Vector3 } from "three";
-import { Refused, type Api, type LandmarkState, type Point, type Registration } from "./api";
+import { type Api, type LandmarkState, type Point, type Registration } from "./api";
 import { element, make, write } from "./dom";
 import type { Stage } from "./view/stage";
 
@@ -64,8 +64,7 @@ export class Register {
     try {
       this.#show(await act());
     } catch (error) {
-      if (!(error instanceof Refused)) throw error;
-      this.#say(error.message, "bad");
+      this.#say(error instanceof Error ? error.message : String(error), "bad");
     }
   }
 

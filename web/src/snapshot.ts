@@ -1,12 +1,17 @@
 // A binary snapshot; the layout stands in crates/server/src/snapshot.rs.
 
-import type { Guidance } from "./api";
+import { NOTHING, type Guidance } from "./api";
 
 export const VERSION = 1;
 const HEADER = 56;
 
-/** Poses older than this are stale; the server's rule. */
-const STALE_MS = 100;
+/** Poses older than this are stale, or lost; the server's rule. */
+export const [STALE_MS, LOST_MS] = [100, 500];
+/** What a lost catheter takes with it. */
+const GONE = {
+  ...NOTHING, state: "lost", distance_to_target_mm: null, distance_to_target_rigid_mm: null, entry_offset_mm: null, entry_angle_error_deg: null,
+  depth_mm: null, miss_mm: null, in_ventricle: null, tip_in: null, kakarla_grade: null, eye_right_lps: null,
+} as const satisfies Partial<Guidance>;
 
 export interface Snapshot {
   sequence: number;
@@ -21,12 +26,13 @@ export interface Snapshot {
   guidance: Guidance;
 }
 
-/** What the numbers are when the snapshot has waited for so long: older, and no longer live if they are too old. */
+/** What the numbers are when the snapshot has waited for so long: older, stale or gone if they are too old. */
 export function aged(guidance: Guidance, waitedMs: number): Guidance {
   const add = (age: number | null): number | null => (age === null ? null : age + waitedMs);
-  const [age_ms, deformation_age_ms] = [add(guidance.age_ms), add(guidance.deformation_age_ms)];
-  const state = guidance.state === "live" && (age_ms ?? 0) > STALE_MS ? "stale" : guidance.state;
-  return { ...guidance, age_ms, deformation_age_ms, state };
+  const [age_ms, deformation_age_ms, display_age_ms] = [add(guidance.age_ms), add(guidance.deformation_age_ms), add(guidance.display_age_ms)];
+  const older = { ...guidance, age_ms, deformation_age_ms, display_age_ms };
+  if (age_ms !== null && age_ms > LOST_MS) return { ...older, ...GONE };
+  return guidance.state === "live" && age_ms !== null && age_ms > STALE_MS ? { ...older, state: "stale" } : older;
 }
 
 export function decode(buffer: ArrayBuffer): Snapshot {

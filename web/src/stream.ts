@@ -2,15 +2,15 @@
 // to be drawn is replaced by a newer one, and so is one that has waited long for this page.
 
 import type { Api } from "./api";
-import { decode, type Snapshot } from "./snapshot";
+import { decode, LOST_MS, type Snapshot } from "./snapshot";
 
 const RETRY_MS = 500;
 /** A snapshot that has not been drawn for this long is old: a newer one is asked for. */
 const FRESH_MS = 30;
-/** The watch looks this often; a question unanswered this many looks in a row means that the server has fallen silent, as
- *  on a link that is broken without a word. A page too busy to look does not count as silence of the server. */
-const LOOK_MS = 250;
-const PATIENCE = 6;
+/** The watch looks this often; a question unanswered for so many looks means that the server has fallen silent, as on a
+ *  link that is broken without a word. A page too busy to look does not count as silence of the server. */
+const LOOK_MS = 100;
+const PATIENCE = LOST_MS / LOOK_MS;
 /** By how much two clocks may drift apart. */
 const DRIFT = 1e-4;
 
@@ -30,6 +30,7 @@ class Clocks {
 export class Stream {
   readonly #api: Api;
   readonly #onSnapshot: (snapshot: Snapshot) => void;
+  readonly #onSilence: (ms: number) => void;
   readonly #onGone: (error: unknown) => void;
   #socket: WebSocket | undefined;
   /** What is asked for: nodes, or whole surfaces for a display that cannot move them. */
@@ -39,11 +40,12 @@ export class Stream {
   #again = false;
   #looks = 0;
 
-  constructor(api: Api, whole: boolean, onSnapshot: (snapshot: Snapshot) => void, onGone: (error: unknown) => void) {
+  /** `onSilence` is told for how long nothing has come, `onGone` when that is too long or the connection has ended. */
+  constructor(api: Api, whole: boolean, onSnapshot: (snapshot: Snapshot) => void, onSilence: (ms: number) => void, onGone: (error: unknown) => void) {
     this.#api = api;
     this.#word = whole ? "vertices" : "next";
     this.#onSnapshot = onSnapshot;
-    this.#onGone = onGone;
+    [this.#onSilence, this.#onGone] = [onSilence, onGone];
     void this.#connect();
     setInterval(() => this.#look(), LOOK_MS);
   }
@@ -56,7 +58,9 @@ export class Stream {
   }
 
   #look(): void {
-    if (this.#asked && ++this.#looks === PATIENCE) this.#onGone(new Error("The server has fallen silent."));
+    if (!this.#asked) return;
+    if (++this.#looks < PATIENCE) this.#onSilence(LOOK_MS * this.#looks);
+    else if (this.#looks === PATIENCE) this.#onGone(new Error("The server has fallen silent."));
   }
 
   #take(data: ArrayBuffer): void {

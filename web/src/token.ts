@@ -51,6 +51,8 @@ export function askForToken(why: string): Promise<string> {
   return new Promise((resolve) => {
     dialog.onclose = () => {
       const typed = input.value.trim();
+      // Closed without a word: nothing to ask the server.
+      if (!typed) return dialog.showModal();
       input.value = "";
       resolve(tokenFor(typed));
     };

@@ -83,7 +83,7 @@ export function deform(page) {
       const square = [0, 1, 2].reduce((sum, a) => sum + (rest[n + a] - centre[a]) ** 2, 0);
       [5000, -4000, 3000].forEach((most, a) => (displacements[n + a] = most * Math.exp(-square / (2 * 25 ** 2))));
     }
-    const nothing = { tip_lps_mm: null, axis_lps: null, eye_up_lps: null, target_lps_mm: null, target_in_eye_mm: null, predicted_tre_mm: null, display_from_patient: null };
+    const nothing = { tip_lps_mm: null, axis_lps: null, eye_up_lps: null, target_lps_mm: null, target_in_eye_mm: null, predicted_tre_mm: null, display_from_patient: null, display_age_ms: null };
     stage.take({ step: -2, whole: false, quantum, displacements, guidance: nothing });
     // What comes from the server waits meanwhile.
     stage.take = () => undefined;

@@ -247,17 +247,52 @@ const tests = {
     assert.deepEqual(p.faults, []);
   },
 
-  async "a narrow window scrolls, and keeps in sight whose head it is and whether it is live"() {
+  async "at any width one sees whose head it is, that it is research, and whether it is live"() {
     const p = await page(`${url}/#token=${token}`);
-    await p.setViewportSize({ width: 800, height: 1100 });
     await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
-    await p.locator("#along-sagittal").scrollIntoViewIfNeeded();
-    await p.waitForTimeout(500);
-    for (const id of ["#signal", "#patient", "#side", "#notice"]) {
-      const box = await p.locator(id).boundingBox();
-      assert.ok(box.y >= 0 && box.y + box.height <= 1100, `${id}: ${JSON.stringify(box)}`);
+    for (const [width, height] of [[800, 1100], [1024, 768], [1100, 700]]) {
+      await p.setViewportSize({ width, height });
+      for (const layout of ["Guide", "Slices", "All", "Calibrate", "Register"]) {
+        await p.getByRole("button", { name: layout, exact: true }).click();
+        const last = p.locator("main > :is(.view, .task):visible").last();
+        await last.scrollIntoViewIfNeeded();
+        for (const id of ["#signal", "#patient", "#side", "#notice", "#tracker"]) {
+          const box = await p.locator(id).boundingBox();
+          assert.ok(box.width > 0 && box.x >= 0 && box.x + box.width <= width && box.y >= 0 && box.y + box.height <= height, `${id} in ${layout} at ${width}: ${JSON.stringify(box)}`);
+        }
+        const box = await last.boundingBox();
+        assert.ok(box.height > 120, `${layout} at ${width}: the last pane is ${box.height} high`);
+        if (layout === "Guide" || layout === "Register") await shot(p, `width-${width}-${layout}`);
+      }
     }
-    await shot(p, "narrow");
+    assert.deepEqual(p.faults, []);
+  },
+
+  async "a browser that cannot draw says so, and still shows the numbers"() {
+    const p = await page(`${url}/#token=${token}`, (made) => made.addInitScript(() => {
+      const usual = HTMLCanvasElement.prototype.getContext;
+      HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+        return /webgl/.test(kind) ? null : usual.call(this, kind, ...more);
+      };
+    }));
+    await until("why there are no pictures", async () => /cannot draw/.test(await text(p, "#no-picture")));
+    await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
+    const from = await number(p, "#n-depth");
+    await until("moving numbers", async () => Math.abs((await number(p, "#n-depth")) - from) > 1);
+    await shot(p, "no-pictures");
+  },
+
+  async "a viewer sees all and is offered nothing that it may not do"() {
+    const { code } = await api("/api/pairing", { role: "viewer" });
+    const p = await page(`${url}/#pair=${code}`);
+    await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
+    await until("numbers", async () => Number.isFinite(await number(p, "#n-depth")));
+    for (const [layout, id] of [["Calibrate", "#calibrate"], ["Register", "#register"]]) {
+      await p.getByRole("button", { name: layout, exact: true }).click();
+      assert.ok(await p.locator(`${id} .only-viewers`).isVisible(), layout);
+      assert.equal(await p.locator(`${id} button:visible`).count(), 0, layout);
+    }
+    await shot(p, "viewer");
     assert.deepEqual(p.faults, []);
   },
 

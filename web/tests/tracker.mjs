@@ -24,6 +24,9 @@ export async function killedTracker(monro, start, open, folder, { until, text, n
     for (const id of [...numbers, "#n-distance", "#n-miss", "#n-ventricle", "#n-tre"]) assert.equal(await text(p, id), "–", id);
     assert.equal((await api("/api/guidance")).state, "lost");
     assert.match((await api("/api/status")).tracker_diagnosis, /\S/);
+    // Why, in the server's words, on the page too.
+    const { tracker_diagnosis: why } = await api("/api/status");
+    await until("why it is lost", async () => (await text(p, "#why")).includes(why.slice(0, 20)));
     await shot(p, "tracker-killed");
     tracker = camera();
     await shows("Live");

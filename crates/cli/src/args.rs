@@ -242,8 +242,9 @@ pub(crate) struct ServeArgs {
     /// A case made by "monro prepare".
     #[arg(required_unless_present = "scans", conflicts_with = "scans")]
     pub(crate) case: Option<PathBuf>,
-    /// Begin without a case: choose one of the scans in this folder in the browser, and prepare it there.
-    #[arg(long, value_name = "DIR", requires = "out")]
+    /// Begin without a case: choose one of the scans in this folder in the browser, and prepare it there. For this machine
+    /// only; other devices come in when the case is served by itself.
+    #[arg(long, value_name = "DIR", requires = "out", conflicts_with_all = ["tls", "cert", "host"])]
     pub(crate) scans: Option<PathBuf>,
     /// Folder for the case that is prepared with --scans; it must not be there yet.
     #[arg(long, value_name = "CASE", requires = "scans")]

@@ -10,8 +10,8 @@ use crate::server::Shared;
 use axum::body::Bytes;
 use axum::extract::rejection::JsonRejection;
 use axum::extract::{ConnectInfo, State};
-use axum::http::StatusCode;
 use axum::http::header::CONTENT_TYPE;
+use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
@@ -29,7 +29,7 @@ pub(crate) const OPENAPI: &str = include_str!("openapi.json");
 /// All routes below `/api`.
 pub(crate) fn routes() -> Router<Arc<Shared>> {
     Router::new()
-        .route("/api/openapi.json", get(async || ([(CONTENT_TYPE, "application/json")], OPENAPI)))
+        .route("/api/openapi.json", get(openapi))
         .route("/api/case", get(async |State(s): State<Arc<Shared>>| Json(s.case.clone())))
         .route("/api/guidance", get(async |State(s): State<Arc<Shared>>| Json(s.live.snapshot().1)))
         .route("/api/status", get(status))
@@ -44,6 +44,11 @@ pub(crate) fn routes() -> Router<Arc<Shared>> {
         .route("/api/pair", post(pair))
         .route("/api/pairing", post(offer))
         .route("/api/{*rest}", get(unknown).post(unknown))
+}
+
+/// What there is to ask.
+pub(crate) async fn openapi() -> Response {
+    ([(CONTENT_TYPE, "application/json")], OPENAPI).into_response()
 }
 
 async fn unknown() -> Response {
@@ -65,10 +70,11 @@ async fn ticket(State(shared): State<Arc<Shared>>) -> Response {
     door::ticket(&shared.keys)
 }
 
-async fn status(State(shared): State<Arc<Shared>>) -> Json<Value> {
+async fn status(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Json<Value> {
     let live = &shared.live;
     let (rates, now) = (live.rates(), live.clock.now());
     Json(json!({
+        "role": shared.keys.role(&headers),
         "tracker": shared.tracker,
         "tracker_diagnosis": live.tracker_diagnosis(),
         "simulated": shared.simulated,

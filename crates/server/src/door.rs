@@ -97,7 +97,7 @@ impl Keys {
     }
 
     /// What the token of a request allows.
-    fn role(&self, headers: &HeaderMap) -> Option<Role> {
+    pub(crate) fn role(&self, headers: &HeaderMap) -> Option<Role> {
         let token = headers.get(AUTHORIZATION)?.to_str().ok()?.strip_prefix("Bearer ")?;
         [Role::Operator, Role::Viewer].into_iter().find(|r| equal(token, self.token(*r)))
     }

@@ -34,7 +34,9 @@ pub enum ServeError {
     #[error(transparent)]
     Desk(#[from] monro_anatomy::desk::DeskError),
     /// The address is not on this machine alone.
-    #[error("{0} can be reached by others, and the editor is not encrypted; listen on 127.0.0.1 (or [::1])")]
+    #[error(
+        "{0} can be reached by others, and editing and preparing are for this machine only; listen on 127.0.0.1 (or [::1])"
+    )]
     NotLoopback(SocketAddr),
     /// No certificate, no encryption.
     #[error("the certificate cannot be used: {0}")]

@@ -2,8 +2,9 @@
 
 use monro_geometry::{Display, Patient, Point, Rigid, Structure};
 use monro_guidance::{Kakarla, TargetEye};
-use monro_session::live::Snapshot;
+use monro_session::live::{Deformed, Expiry, Session, Snapshot, ToolNames};
 use serde::Serialize;
+use std::sync::Arc;
 
 /// A rigid map as JSON.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -52,6 +53,8 @@ pub(crate) struct Guidance {
     target_in_eye_mm: Option<[f64; 2]>,
     /// The patient seen from calibrated, tracked glasses.
     display_from_patient: Option<Placement>,
+    /// Age of that: of the older pose of glasses and reference.
+    display_age_ms: Option<f64>,
     target_shift_mm: f64,
     largest_displacement_mm: f64,
     solver_fault: bool,
@@ -104,7 +107,8 @@ impl Guidance {
             eye_up_lps: eye.map(|e| e.up().to_array()),
             target_lps_mm: soft.map(|_| s.deformed.target.to_array()),
             target_in_eye_mm: soft.and(eye).map(|e| e.see(s.deformed.target)),
-            display_from_patient: s.display_from_patient.map(Placement::from),
+            display_from_patient: s.display_from_patient.map(|(_, map)| map.into()),
+            display_age_ms: ms(s.display_from_patient.map(|(age, _)| age)),
             target_shift_mm: s.deformed.target.distance(planned),
             largest_displacement_mm: s.deformed.largest_mm,
             solver_fault: s.deformed.fault,
@@ -113,6 +117,12 @@ impl Guidance {
             reference_turned_deg: s.reference_alarm.map(|b| b.turn.to_degrees()),
             time_s: s.time_s,
         }
+    }
+
+    /// What there is to say before there is a case.
+    pub(crate) fn without_case() -> Self {
+        let (session, nowhere) = (Session::new(ToolNames::default(), Expiry::default()), Point::ORIGIN);
+        Self::new(&session.snapshot(0.0, &Arc::new(Deformed::at_rest(nowhere, 0))), nowhere)
     }
 
     /// The numbers as a line for people; those that there are.

@@ -3,9 +3,9 @@
 //!
 //! | device | type | how often |
 //! |---|---|---|
-//! | `Catheter` | TRANSFORM: origin at the tip, +z from hub to tip; `TransformStatus` says when it is lost | 30 Hz |
+//! | `Catheter` | TRANSFORM: origin at the tip, +z from hub to tip; when it is lost, 10 m above the head, and `TransformStatus` says so | 30 Hz |
 //! | `Ventricles` | POLYDATA, deformed | when it has changed, 10 Hz at most |
-//! | `Plan` | POINT: entry, target, target in the deformed tissue | 10 Hz |
+//! | `Plan` | POINT: entry, target, and while it is known target in the deformed tissue | 10 Hz |
 //! | `Guidance` | STRING: the numbers in words | 10 Hz |
 //! | `Monro` | STATUS: live, or why not | 10 Hz |
 //! | `CT` | IMAGE | at the beginning, and for GET_IMAGE |
@@ -79,7 +79,7 @@ impl Scene {
         PolyData { points, polygons: self.cells.clone(), ..PolyData::default() }
     }
 
-    fn plan(&self, deformed_target: Point<Patient>) -> Content {
+    fn plan(&self, deformed_target: Option<Point<Patient>>) -> Content {
         let point = |name: &str, rgba: [u8; 4], p: Point<Patient>| PointElement {
             name: name.to_owned(),
             group: "Plan".to_owned(),
@@ -88,11 +88,12 @@ impl Scene {
             diameter: 2.0,
             owner: String::new(),
         };
-        Content::Points(vec![
+        let mut points = vec![
             point("Entry", [80, 200, 255, 255], self.plan.entry()),
             point("Target", [160, 160, 160, 255], self.plan.target()),
-            point("Target deformed", [255, 200, 60, 255], deformed_target),
-        ])
+        ];
+        points.extend(deformed_target.map(|target| point("Target deformed", [255, 200, 60, 255], target)));
+        Content::Points(points)
     }
 }
 
@@ -249,12 +250,17 @@ impl Peer {
             let mesh = self.scene.deformed(&snapshot.deformed.displacements);
             self.send(to, "Ventricles", Some(Content::PolyData(mesh))).await?;
         }
-        let plan = self.scene.plan(snapshot.deformed.target);
+        let known = snapshot.numbers.as_ref().is_some_and(|n| n.soft.is_some());
+        let plan = self.scene.plan(known.then_some(snapshot.deformed.target));
         self.send(to, "Plan", Some(plan)).await?;
         self.send(to, "Guidance", Some(Content::Text(Text::new(guidance.in_words())))).await?;
         self.send(to, "Monro", Some(Content::Status(status(&snapshot, &guidance)))).await
     }
 }
+
+/// Where a lost catheter is: out of every view, for who draws it without reading its status. The identity would draw its
+/// tip in the head.
+const AWAY: Matrix34 = Matrix34 { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 10_000.0]] };
 
 /// The catheter as a frame: its origin is the tip, its z axis leads from hub to tip.
 fn catheter(needle: Option<&NeedlePose>, id: u32) -> Message {
@@ -265,7 +271,7 @@ fn catheter(needle: Option<&NeedlePose>, id: u32) -> Message {
         let patient_from_catheter = Rigid::<Patient, Tool>::from_axis_angle(axis, z.angle(n.axis()), at)?;
         Some(ras_from_patient().after(&patient_from_catheter))
     });
-    let matrix = pose.as_ref().map_or(Matrix34::IDENTITY, Matrix34::from_rigid::<Ras, Tool>);
+    let matrix = pose.as_ref().map_or(AWAY, Matrix34::from_rigid::<Ras, Tool>);
     let state = if pose.is_some() { ToolStatus::Ok } else { ToolStatus::Missing };
     Message::v2("Catheter", None, id, Content::Transform(matrix)).with("TransformStatus", state.value())
 }
@@ -294,7 +300,14 @@ mod tests {
         let Content::Transform(m) = message.content else { panic!("transform") };
         assert_eq!(m.columns[3], [-10.0, -20.0, 30.0]);
         assert!(m.columns[2].iter().zip([-0.6, 0.0, -0.8]).all(|(a, b)| (a - b).abs() < 1e-6), "{m:?}");
-        assert_eq!(catheter(None, 2).meta("TransformStatus"), Some("MISSING"));
+    }
+
+    #[test]
+    fn a_lost_catheter_is_drawn_nowhere_near_the_head() {
+        let message = catheter(None, 2);
+        assert_eq!(message.meta("TransformStatus"), Some("MISSING"));
+        let Content::Transform(m) = message.content else { panic!("transform") };
+        assert!(m.columns[3][2] > 5000.0, "{m:?}");
     }
 
     #[test]

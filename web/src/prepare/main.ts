@@ -39,6 +39,8 @@ class Preparing {
   #stage: Stage | null = null;
   #made: Made | null = null;
   #opening = false;
+  /** Whether the last question had no answer. */
+  #missing = false;
 
   constructor(api: Api) {
     this.#api = api;
@@ -95,7 +97,14 @@ class Preparing {
 
   async #watch(): Promise<void> {
     // While it opens, the server changes from one half to the other.
-    if (!this.#opening) await this.#show(await this.#api.json<State>("/api/prepare"));
+    try {
+      if (!this.#opening) await this.#show(await this.#api.json<State>("/api/prepare"));
+      if (this.#missing) this.#say("");
+      this.#missing = false;
+    } catch (error) {
+      this.#missing = true;
+      this.#say(`No answer from the server: ${error instanceof Error ? error.message : String(error)}`, true);
+    }
     setTimeout(() => void this.#watch(), ASK_MS);
   }
 

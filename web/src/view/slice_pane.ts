@@ -85,6 +85,7 @@ function nudge(actions: SliceActions, along: Vector3, steps: number): void {
 
 /** "S 12.3 mm": how far from the scanner's origin, and which way. */
 function position({ normal, offset }: Plane): string {
-  const axis = normal.x ? "L" : normal.y ? "P" : "S";
-  return `${axis} ${(offset * Math.sign(normal.x + normal.y + normal.z)).toFixed(1)} mm`;
+  const along = offset * Math.sign(normal.x + normal.y + normal.z);
+  const [there, back] = normal.x ? "LR" : normal.y ? "PA" : "SI";
+  return `${along < 0 ? back : there} ${Math.abs(along).toFixed(1)} mm`;
 }

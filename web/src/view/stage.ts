@@ -207,6 +207,30 @@ export class Stage {
   }
 }
 
+/** Says over all views why they are empty. */
+function say(text: string): void {
+  const said = element("#no-picture");
+  said.textContent = text;
+  said.hidden = text === "";
+}
+
+/** The stage; `null`, and said on the page, where the browser cannot draw. */
+export function openStage(scene: Container, images: Container | null, whole: boolean): Stage | null {
+  try {
+    const stage = new Stage(scene, images, whole);
+    const canvas = stage.renderer.domElement;
+    canvas.addEventListener("webglcontextlost", () => say("The graphics card has dropped the pictures. The numbers go on; the pictures come back by themselves, or when the page is loaded again."));
+    canvas.addEventListener("webglcontextrestored", () => {
+      say("");
+      stage.touch();
+    });
+    return stage;
+  } catch (error) {
+    say(`This browser cannot draw here (WebGL 2): ${error instanceof Error ? error.message : String(error)} The numbers go on without pictures.`);
+    return null;
+  }
+}
+
 function tissue(scene: Container, images: Container | null, whole: boolean): Tissue {
   const header = scene.header as SceneHeader;
   const displacement = new Displacement(scene.floats(header.nodes_at, 3 * header.node_count));

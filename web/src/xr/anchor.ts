@@ -74,7 +74,7 @@ export class Anchor {
     const nearest = this.#history.reduce<Pose | null>((best, p) => (best && Math.abs(best.time - then) <= Math.abs(p.time - then) ? best : p), null);
     if (!nearest) return;
     this.roomFromPatient.copy(nearest.roomFromViewer).multiply(METRES).multiply(matrix(displayFromPatient));
-    this.placedAt = performance.now();
+    this.placedAt = then;
   }
 
   /** Lets it hang before the eye until the head rests. */

@@ -48,7 +48,7 @@ export class Glasses {
   /** Takes what is known of catheter and glasses; `null` when the server is gone. */
   take(guidance: Guidance | null): void {
     this.#guidance = guidance;
-    this.anchor.see(guidance?.display_from_patient ?? null, guidance?.age_ms ?? 0);
+    this.anchor.see(guidance?.display_from_patient ?? null, guidance?.display_age_ms ?? 0);
   }
 
   async #offer(): Promise<void> {

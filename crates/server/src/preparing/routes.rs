@@ -2,7 +2,9 @@
 
 use super::Shared;
 use super::job::Task;
+use crate::api;
 use crate::door::{self, Door, refuse};
+use crate::guidance::Guidance;
 use crate::listener;
 use crate::{headers, web};
 use axum::body::Bytes;
@@ -31,6 +33,8 @@ fn router(shared: Arc<Shared>) -> Router {
     let door = Arc::new(Door::on_loopback(Arc::clone(&shared.keys)));
     Router::new()
         .route("/", get(async || web::page("prepare.html")))
+        .route("/api/openapi.json", get(api::openapi))
+        .route("/api/guidance", get(async || Json(Guidance::without_case())))
         .route("/api/prepare", get(describe).post(act))
         .route("/api/scene", get(async |State(s): State<Arc<Shared>>| binary(s.job.scene())))
         .route("/api/ct", get(async |State(s): State<Arc<Shared>>| binary(s.job.ct())))

@@ -211,17 +211,18 @@ impl Session {
         self.display_from_glasses = Some(display_from_glasses);
     }
 
-    /// The patient as the wearer of calibrated glasses sees them, by the poses of glasses and reference; `None` without
-    /// calibration or registration, or when either is lost.
-    pub fn display_from_patient(&self, now: f64) -> Option<Rigid<Display, Patient>> {
+    /// The patient as the wearer of calibrated glasses sees them, by the poses of glasses and reference, and the age (s) of
+    /// the older of these; `None` without calibration or registration, or when either is lost.
+    pub fn display_from_patient(&self, now: f64) -> Option<(f64, Rigid<Display, Patient>)> {
         let (glasses_s, tracker_from_glasses) = self.tracking.latest(&self.tools.glasses)?;
         let (reference_s, tracker_from_reference) = self.tracking.latest(&self.tools.reference)?;
-        if self.expiry.signal(now - glasses_s.min(reference_s)) == Signal::Lost {
+        let age = now - glasses_s.min(reference_s);
+        if self.expiry.signal(age) == Signal::Lost {
             return None;
         }
         let reference_from_patient = self.registration?.patient_from_reference.inverse();
         let glasses_from_reference = tracker_from_glasses.inverse().after(&tracker_from_reference);
-        Some(self.display_from_glasses?.after(&glasses_from_reference.after(&reference_from_patient)))
+        Some((age, self.display_from_glasses?.after(&glasses_from_reference.after(&reference_from_patient))))
     }
 
     /// When the calibrated tip was seen (s), and where, in the frame of the reference body; `None` unless it is live.
@@ -328,7 +329,11 @@ pub(crate) mod tests {
         let mut s = navigating(&script);
         assert_eq!(s.display_from_patient(0.0), None);
         script.observations(1.0).iter().for_each(|o| assert!(s.observe(o)));
-        let seen = s.display_from_patient(1.2).expect("seen");
+        // Its age is its own: the catheter may be out of sight meanwhile.
+        let catheter = s.tools().catheter.clone();
+        script.observations(1.1).iter().filter(|o| o.name != catheter).for_each(|o| assert!(s.observe(o)));
+        let (age, seen) = s.display_from_patient(1.2).expect("seen");
+        assert!((age - 0.1).abs() < 1e-12 && (s.age(1.2).expect("seen") - 0.2).abs() < 1e-12, "{age}");
         // The script's wearer looks along the path, half a metre from the entry.
         assert!(seen.point(plan().entry()).distance(Point::new(0.0, 0.0, -500.0)) < 1e-9);
         assert!((seen.vector(plan().direction()) - Vector::new(0.0, 0.0, -1.0)).norm() < 1e-9);

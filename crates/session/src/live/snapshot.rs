@@ -83,8 +83,8 @@ pub struct Snapshot {
     pub numbers: Option<Numbers>,
     /// Predicted target registration error, mm, while there is a registration that knows it.
     pub predicted_tre_mm: Option<f64>,
-    /// The patient as the wearer of calibrated glasses sees them.
-    pub display_from_patient: Option<Rigid<Display, Patient>>,
+    /// The patient as the wearer of calibrated glasses sees them, and the age (s) of the older of the two poses used.
+    pub display_from_patient: Option<(f64, Rigid<Display, Patient>)>,
     /// The alarm that the patient's reference has moved.
     pub reference_alarm: Option<Bump>,
     /// The soft body.
