@@ -2,7 +2,7 @@
 
 use monro_anatomy::landmarks::{self, LandmarkError};
 use monro_anatomy::phantom::{HeadOptions, head};
-use monro_anatomy::segment::{SegmentError, Segmentation, from_labels, segment};
+use monro_anatomy::segment::{SegmentError, Segmentation, from_labels, outside_head, segment};
 use monro_geometry::{Affine, Grid, Matrix3, Patient, Point, Rigid, Vector, Volume};
 use monro_scan::ReadOptions;
 use std::path::PathBuf;
@@ -223,11 +223,20 @@ fn what_is_no_head_is_refused_by_name() {
     assert!(refused.to_string().contains("--labels FILE"), "{refused}");
 }
 
+/// The labels moved through the patient, mm, as from a program that lost the origin.
+fn shifted(labels: &Volume<u8>, by: [f64; 3]) -> Volume<u8> {
+    let mut place = *labels.grid().patient_from_voxel();
+    place.offset.iter_mut().zip(by).for_each(|(o, b)| *o += b);
+    let grid = Grid::new(labels.grid().dims(), place).expect("grid");
+    Volume::new(grid, labels.data().to_vec()).expect("count")
+}
+
 #[test]
 fn given_labels_are_checked_and_resampled() {
     let made = head(&HeadOptions { spacing_mm: [2.0, 2.0, 2.5], ..HeadOptions::default() }).expect("phantom");
     let taken = from_labels(&made.ct, made.labels.clone()).expect("own labels");
     assert_eq!(taken.labels, made.labels);
+    assert!(!taken.findings.iter().any(|f| f.contains("outside the head")), "{:?}", taken.findings);
     let turn = taken.midsagittal.normal.angle(segment(&made.ct).expect("segmentation").midsagittal.normal);
     assert!(turn.to_degrees() < 2.0, "{turn}");
 
@@ -242,6 +251,9 @@ fn given_labels_are_checked_and_resampled() {
     );
     let strange = made.labels.map(|l| if l == 3 { 77 } else { l });
     assert!(matches!(from_labels(&made.ct, strange), Err(SegmentError::UnknownLabel { label: 77, .. })));
+    let outside = outside_head(&made.ct, &shifted(&made.labels, [30.0, 0.0, 0.0]));
+    assert!(["scalp", "skull"].iter().all(|s| outside.iter().any(|f| f.contains(s))), "{outside:?}");
+    assert!(outside.iter().all(|f| f.contains("outside the head")), "{outside:?}");
     let far = Grid::axis_aligned([9, 9, 9], [1.0; 3], [5000.0, 0.0, 0.0]).expect("grid");
     assert!(matches!(from_labels(&made.ct, Volume::filled(far, 4)), Err(SegmentError::LabelsElsewhere { .. })));
 }

@@ -178,6 +178,13 @@ pub(crate) enum LabelsCommand {
         /// Put the labels on the grid of this scan.
         #[arg(long, value_name = "SCAN")]
         like: Option<PathBuf>,
+        /// For a .dcm: put the labels on the planes of these DICOM images and refer to them. Patient and study are those
+        /// of the images; without this the file names nobody and refers to nothing.
+        #[arg(long, value_name = "FOLDER", conflicts_with = "like")]
+        images: Option<PathBuf>,
+        /// Take this series of the images (see "monro inspect") instead of the best one.
+        #[arg(long, value_name = "ID", requires = "images")]
+        series: Option<String>,
         /// Overwrite an existing file.
         #[arg(long)]
         force: bool,

@@ -6,23 +6,38 @@ use anyhow::{Context, Result, bail};
 use monro_anatomy::segment;
 use monro_geometry::{Structure, Volume};
 use monro_scan::ReadOptions;
+use monro_scan::dicom::seg;
 use serde_json::{Value, json};
 use std::path::Path;
 
 /// Runs one of the commands.
 pub(crate) fn run(command: &LabelsCommand, console: &Console) -> Result<()> {
-    let LabelsCommand::Convert { from, out, like, force } = command;
+    let LabelsCommand::Convert { from, out, like, images, series, force } = command;
     if out.exists() && !force {
         bail!("{} exists already; give --force to overwrite it, or another name", out.display());
     }
     let format = format_of(out)?;
+    if images.is_some() && format != "dicom" {
+        bail!("{}: only a DICOM segmentation (.dcm) refers to images; leave --images away", out.display());
+    }
     let labels = console.stage("read", || read(from, like.as_deref(), console))?;
-    let bytes = console.stage("encode", || monro_server::edit::export(&labels, format))?;
+    let bytes = console.stage("encode", || match images {
+        Some(images) => on_images(&labels, images, series.clone(), console),
+        None => Ok(monro_server::edit::export(&labels, format)?),
+    })?;
     std::fs::write(out, bytes).with_context(|| format!("cannot write {}", out.display()))?;
     let volumes = volumes(&labels);
     let text = format!("{}: {} structures", out.display(), volumes.as_object().map_or(0, serde_json::Map::len));
     console.result(&json!({ "out": out.display().to_string(), "format": format, "volumes_ml": volumes }), &text);
     Ok(())
+}
+
+/// A DICOM segmentation that refers to the images of a folder.
+fn on_images(labels: &Volume<u8>, folder: &Path, series_uid: Option<String>, console: &Console) -> Result<Vec<u8>> {
+    let images = seg::Images::of(folder, &ReadOptions { series_uid, any_size: true })?;
+    let (bytes, remark) = seg::encode_on(labels, &images)?;
+    remark.iter().for_each(|r| console.warn(r));
+    Ok(bytes)
 }
 
 /// The format that a name asks for.
@@ -44,7 +59,7 @@ fn read(from: &Path, like: Option<&Path>, console: &Console) -> Result<Volume<u8
     let Some(like) = like else { return Ok(labels) };
     let scan = monro_scan::read(like, &ReadOptions { any_size: true, ..ReadOptions::default() })?;
     let (labels, remark) = segment::onto_grid(scan.volume.grid(), labels)?;
-    remark.iter().for_each(|r| console.warn(r));
+    remark.into_iter().chain(segment::outside_head(&scan.volume, &labels)).for_each(|r| console.warn(&r));
     Ok(labels)
 }
 

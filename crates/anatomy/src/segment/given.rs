@@ -2,12 +2,19 @@
 
 use super::Segmentation;
 use super::error::SegmentError;
+use super::head::fill_slices;
 use super::lattice::Lattice;
 use super::midplane::midplane;
 use super::remarks::volumes_ml;
-use super::working::{any_in_block, block_mean, working};
-use crate::image::fill_holes;
+use super::working::{AIR, Working, any_in_block, block_mean, working};
+use crate::image::{Raster, distance_to, fill_holes, largest};
 use monro_geometry::{Grid, Point, Structure, Volume};
+
+/// A voxel further than this from the head is outside it, mm; smoothed and coarse labels stand out by less.
+const BEYOND_MM: f32 = 3.0;
+/// Less than this of a structure outside the head is not worth a word.
+const BEYOND_ML: f64 = 0.1;
+const BEYOND_PERCENT: f64 = 1.0;
 
 /// Takes labels from the editor or from another program. On another grid they are resampled (nearest voxel), and a
 /// finding says so.
@@ -20,8 +27,13 @@ pub fn from_labels(ct: &Volume<i16>, labels: Volume<u8>) -> Result<Segmentation,
     let mut findings: Vec<String> = resampled.into_iter().collect();
     check_numbers(&labels)?;
     findings.extend(check_structures(&labels)?);
-    findings.extend(in_air(ct, &labels));
-    let midsagittal = plane_of(ct, &labels)?;
+    let working = working(ct);
+    let outside = beyond_the_head(&working, &labels);
+    if outside.is_empty() {
+        findings.extend(in_air(ct, &labels));
+    }
+    findings.extend(outside);
+    let midsagittal = plane_of(&working, &labels)?;
     // Nothing is known about how they were made.
     Ok(Segmentation { labels, midsagittal, findings, confidence: Vec::new(), doubts: Vec::new() })
 }
@@ -104,12 +116,48 @@ fn in_air(ct: &Volume<i16>, labels: &Volume<u8>) -> Option<String> {
     })
 }
 
+/// Sentences about structures that are labelled beyond the head: in the air around it, or where the scan shows nothing.
+pub fn outside_head(ct: &Volume<i16>, labels: &Volume<u8>) -> Vec<String> {
+    beyond_the_head(&working(ct), labels)
+}
+
+fn beyond_the_head(working: &Working, labels: &Volume<u8>) -> Vec<String> {
+    if working.masked_with.is_some() {
+        // A masked image does not show where the head ends.
+        return Vec::new();
+    }
+    let mut body = working.hu.zip(&working.nodata, |v, n| v > AIR && !n);
+    fill_slices(&mut body);
+    let far = distance_to(&largest(&body));
+    let (mut all, mut beyond) = ([0usize; 256], [0usize; 256]);
+    let grid = labels.grid();
+    for (n, &label) in labels.data().iter().enumerate().filter(|(_, l)| **l > 0) {
+        let [i, j, k] = grid.voxel(n);
+        let at = working.lattice.index(grid.centre(i, j, k));
+        all[usize::from(label)] += 1;
+        beyond[usize::from(label)] += usize::from(is_far(&far, at));
+    }
+    let said = |s: &Structure| {
+        let [all, beyond] = [all, beyond].map(|counts| counts[usize::from(s.label())]);
+        let ml = beyond as f64 * grid.voxel_volume() / 1000.0;
+        let share = 100.0 * beyond as f64 / all.max(1) as f64;
+        (ml > BEYOND_ML && share > BEYOND_PERCENT)
+            .then(|| format!("{ml:.1} mL ({share:.0} %) of {} lie outside the head: are the labels shifted?", s.name()))
+    };
+    Structure::ALL[1..].iter().filter_map(said).collect()
+}
+
+/// Whether a place on the working raster is beyond the head. Below the raster, which ends in the neck, nothing is known.
+fn is_far(far: &Raster<f32>, at: [f64; 3]) -> bool {
+    let within = (0..3).all(|a| at[a] >= -0.5 && at[a] <= far.dims[a] as f64 - 0.5);
+    if within { far.linear(at) > BEYOND_MM } else { at[2] >= -0.5 }
+}
+
 /// The midplane from the labelled intracranial space.
 fn plane_of(
-    ct: &Volume<i16>,
+    working: &Working,
     labels: &Volume<u8>,
 ) -> Result<monro_geometry::Plane<monro_geometry::Patient>, SegmentError> {
-    let working = working(ct);
     let lattice: Lattice = working.lattice;
     let mut space = working.nodata.map(|_| false);
     for n in 0..space.data.len() {

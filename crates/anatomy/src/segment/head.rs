@@ -30,7 +30,7 @@ pub(crate) fn bare_top(head: &Mask, cavity: &Mask, bone: impl Fn(usize) -> bool)
 }
 
 /// Fills, in each axial slice, what does not reach the slice's rim.
-fn fill_slices(mask: &mut Mask) {
+pub(super) fn fill_slices(mask: &mut Mask) {
     let [nx, ny, _] = mask.dims;
     for sheet in mask.data.chunks_mut(nx * ny) {
         let mut outer = vec![false; nx * ny];

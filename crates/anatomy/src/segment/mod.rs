@@ -15,6 +15,7 @@ pub(crate) mod lattice;
 mod midplane;
 pub(crate) mod model;
 mod paint;
+mod part;
 mod remarks;
 mod tissue;
 mod ventricles;
@@ -22,7 +23,8 @@ mod working;
 
 pub use confidence::Doubt;
 pub use error::SegmentError;
-pub use given::{from_labels, onto_grid};
+pub use given::{from_labels, onto_grid, outside_head};
+pub use part::Part;
 
 use crate::image::{Mask, Raster, gaussian};
 use lattice::Lattice;
@@ -54,19 +56,32 @@ pub struct Segmentation {
 /// # Errors
 /// [`SegmentError`] names what is missing.
 pub fn segment(ct: &Volume<i16>) -> Result<Segmentation, SegmentError> {
+    segment_by_parts(ct, &mut |_| ())
+}
+
+/// The same; tells `done` about each [`Part`] when it is done.
+///
+/// # Errors
+/// As [`segment`].
+pub fn segment_by_parts(ct: &Volume<i16>, done: &mut dyn FnMut(Part)) -> Result<Segmentation, SegmentError> {
     let working = working(ct);
     let tissue = Tissue::of(&working)?;
     let sharp = gaussian(&working.hu, 0.7);
+    done(Part::Resampling);
     let walls = tissue::wall(&working, &sharp, tissue);
     let bone = |n: usize| sharp.data[n] > tissue.bone || sharp.data[n] < 0.0;
     let cavity = cavity::cavity(&walls, &working.nodata, bone)?;
+    done(Part::Cavity);
     let head = head::head(&working, &sharp, &cavity.mask, tissue);
+    done(Part::Head);
     let smooth = gaussian(&working.hu, 1.0);
     let (plane, pose, brain) = pose(&working, &smooth, &cavity.mask)?;
     let scene =
         Scene { lattice: working.lattice, raw: &working.hu, smooth: &smooth, cavity: &cavity.mask, pose, brain };
     let ventricles = ventricles(&scene)?;
+    done(Part::Ventricles);
     let csf = csf::csf(&working.hu, &cavity.mask, (ventricles.fluid, ventricles.edge));
+    done(Part::Fluid);
     let labels = paint::paint(
         ct.grid(),
         &paint::Layers {
@@ -81,6 +96,7 @@ pub fn segment(ct: &Volume<i16>) -> Result<Segmentation, SegmentError> {
             ventricles: &ventricles,
         },
     )?;
+    done(Part::Painting);
     let evidence = remarks::Evidence {
         working: &working,
         cavity: &cavity,

@@ -11,7 +11,7 @@ pub(crate) const STEP: f64 = 1.0;
 /// HU outside the scan.
 const OUTSIDE: f32 = -1024.0;
 /// Anything below is air in every scan.
-const AIR: f32 = -300.0;
+pub(super) const AIR: f32 = -300.0;
 /// Tallest part of a scan, from the top of the head down, that can matter here, mm.
 const TALLEST: f64 = 260.0;
 

@@ -6,7 +6,7 @@ use crate::console::Console;
 use crate::phantom;
 use anyhow::{Context, Result, bail};
 use monro_anatomy::compare::{Agreement, agreement};
-use monro_anatomy::segment;
+use monro_anatomy::segment::{self, Part, SegmentError, Segmentation};
 use monro_geometry::{Grid, Structure, Volume};
 use monro_scan::ReadOptions;
 use serde_json::{Map, Value, json};
@@ -53,9 +53,8 @@ fn parse(map: &str) -> Result<Vec<Match>> {
 }
 
 fn row(name: &str, ct: &Volume<i16>, reference: &Volume<u16>, map: &[Match], console: &Console) -> Result<Value> {
-    let begin = Instant::now();
-    let found = segment::segment(ct).with_context(|| format!("{name} cannot be segmented"))?;
-    let seconds = begin.elapsed().as_secs_f64();
+    let (found, times) = timed(ct).with_context(|| format!("{name} cannot be segmented"))?;
+    let seconds: f64 = times.iter().map(|(_, s)| s).sum();
     console.note(&format!("{name}: {seconds:.2} s"));
     // On the coarser grid: where the centre of a fine voxel lies between two coarse ones, the nearest is a coin's toss that
     // shifts the coarse labels by half a fine voxel.
@@ -71,7 +70,7 @@ fn row(name: &str, ct: &Volume<i16>, reference: &Volume<u16>, map: &[Match], con
     let mut structures = Map::new();
     for (s, theirs) in map {
         let trust = found.confidence.iter().find(|(t, _)| t == s).map(|(_, c)| *c);
-        structures.insert(s.name().into(), described(&compare(&|l| l == s.label(), theirs), trust));
+        structures.insert(s.name().into(), described(&compare(&|l| l == s.label(), theirs), trust, until(&times, *s)));
     }
     for (name, wanted) in [
         ("lateral_ventricles", &[Structure::LeftLateralVentricle, Structure::RightLateralVentricle][..]),
@@ -81,10 +80,28 @@ fn row(name: &str, ct: &Volume<i16>, reference: &Volume<u16>, map: &[Match], con
         if parts.len() == wanted.len() {
             let theirs: Vec<u16> = parts.iter().flat_map(|(_, t)| t.clone()).collect();
             let is = |l: u8| wanted.iter().any(|s| s.label() == l);
-            structures.insert(name.into(), described(&compare(&is, &theirs), None));
+            structures.insert(name.into(), described(&compare(&is, &theirs), None, until(&times, wanted[0])));
         }
     }
     Ok(json!({ "scan": name, "seconds": seconds, "structures": structures }))
+}
+
+/// Seconds of each part.
+type Times = Vec<(Part, f64)>;
+
+fn timed(ct: &Volume<i16>) -> Result<(Segmentation, Times), SegmentError> {
+    let mut times = Times::new();
+    let mut begin = Instant::now();
+    let found = segment::segment_by_parts(ct, &mut |part| {
+        times.push((part, begin.elapsed().as_secs_f64()));
+        begin = Instant::now();
+    })?;
+    Ok((found, times))
+}
+
+/// Seconds of the parts that a structure needs; those that several structures need count for each of them.
+fn until(times: &Times, structure: Structure) -> f64 {
+    times.iter().filter(|(part, _)| part.leads_to(structure)).map(|(_, s)| s).sum()
 }
 
 /// The nearest label at each voxel centre of a grid; 0 outside.
@@ -96,9 +113,9 @@ fn sampled<T: Copy + Default>(labels: &Volume<T>, grid: &Grid) -> Vec<T> {
     (0..grid.len()).map(|n| labels.nearest(centre(n)).unwrap_or_default()).collect()
 }
 
-fn described(a: &Agreement, confidence: Option<f64>) -> Value {
+fn described(a: &Agreement, confidence: Option<f64>, seconds: f64) -> Value {
     json!({
         "dice": a.dice, "hausdorff95_mm": a.hausdorff95_mm, "mean_mm": a.mean_mm, "found_ml": a.found_ml,
-        "reference_ml": a.reference_ml, "confidence": confidence,
+        "reference_ml": a.reference_ml, "confidence": confidence, "seconds": seconds,
     })
 }

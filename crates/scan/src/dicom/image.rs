@@ -121,7 +121,7 @@ pub(crate) fn describe(path: &Path, bytes: &[u8]) -> Result<Found, Problem> {
 }
 
 /// All elements before the pixel data.
-fn parse_header(bytes: &[u8]) -> Result<InMemDicomObject, Problem> {
+pub(crate) fn parse_header(bytes: &[u8]) -> Result<InMemDicomObject, Problem> {
     let options = OpenFileOptions::new().read_until(tags::PIXEL_DATA);
     let object = options.from_reader(&bytes[128..]);
     object.map(|o| o.into_inner()).map_err(|e| header("DICOM elements", chain(&e)))

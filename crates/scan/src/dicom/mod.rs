@@ -23,6 +23,7 @@ use crate::error::ScanError;
 use crate::types::{Inspection, Scan};
 use crate::{ReadOptions, check, file, hash, resample};
 use folder::Survey;
+use series::Series;
 use std::path::Path;
 
 /// Whether a path is to be read by this module: a folder, or a DICOM file.
@@ -31,14 +32,7 @@ pub(crate) fn is_dicom(path: &Path) -> bool {
 }
 
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
-    let mut survey = survey(path)?;
-    if let Some((file, problem)) = survey.broken.drain(..).next() {
-        return Err(ScanError::File { file, problem });
-    }
-    let images = survey.images.clone();
-    let series = choose::choose(path, &survey, series::sort(images), options)?;
-    let mut warnings = survey.skipped();
-    warnings.extend(series.warnings.iter().cloned());
+    let (series, mut warnings) = select(path, options)?;
     let (data, notes) = pixels::decode(&series.images)?;
     warnings.extend(notes.warnings());
     let first = &series.images[0].file;
@@ -47,6 +41,19 @@ pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError
         resample::onto_even_grid(stack, data).map_err(|problem| ScanError::file(first, problem))?;
     warnings.extend(file::doubts(&volume));
     Ok(Scan { pseudonym: hash::pseudonym(&volume), source: series.source(), volume, warnings, resampled })
+}
+
+/// The series to take, and what should be known about it and the files beside it.
+fn select(path: &Path, options: &ReadOptions) -> Result<(Series, Vec<String>), ScanError> {
+    let mut survey = survey(path)?;
+    if let Some((file, problem)) = survey.broken.drain(..).next() {
+        return Err(ScanError::File { file, problem });
+    }
+    let images = survey.images.clone();
+    let series = choose::choose(path, &survey, series::sort(images), options)?;
+    let mut warnings = survey.skipped();
+    warnings.extend(series.warnings.iter().cloned());
+    Ok((series, warnings))
 }
 
 /// Looks at all files; refuses a folder without images.
@@ -88,5 +95,5 @@ pub(crate) fn inspect(path: &Path) -> Result<Inspection, ScanError> {
         warnings.extend(check::foresee(&series[n].source()).map(|s| format!("will be refused: {s}")));
         warnings.extend(series[n].cut_short().map(|s| format!("will be refused: {s}")));
     }
-    Ok(Inspection { series: series.iter().map(series::Series::summary).collect(), chosen, reason, warnings })
+    Ok(Inspection { series: series.iter().map(Series::summary).collect(), chosen, reason, warnings })
 }

@@ -46,20 +46,20 @@ fn labels(o: &InMemDicomObject) -> Result<(Volume<u16>, Vec<Segment>), Problem> 
     }
     let frames = (0..count).map(|n| frame(&root.frame(n))).collect::<Result<Vec<_>, _>>()?;
     let stack = Stack::of(&root.frame(0), &frames)?;
-    let grid = grid([columns, rows, stack.slices as u64], stack.placement)?;
+    let [wide, tall] = [columns.saturating_add(stack.wider[0]), rows.saturating_add(stack.wider[1])];
+    let grid = grid([wide, tall, stack.slices as u64], stack.placement)?;
     let pixels = o.get(tags::PIXEL_DATA).and_then(|e| e.to_bytes().ok()).unwrap_or_default();
-    let plane = (columns * rows) as usize;
+    let (columns, plane) = (columns as usize, (columns * rows) as usize);
     let (expected, found) = ((count * plane).div_ceil(8) as u64, pixels.len() as u64);
     if found < expected {
         return Err(Problem::Truncated { expected, found });
     }
     let mut data = vec![0u16; grid.len()];
-    for (n, (f, k)) in frames.iter().zip(&stack.places).enumerate() {
-        let slice = &mut data[k * plane..(k + 1) * plane];
-        for (m, voxel) in slice.iter_mut().enumerate() {
+    for (n, (f, place)) in frames.iter().zip(&stack.places).enumerate() {
+        for m in 0..plane {
             let bit = n * plane + m;
             if pixels[bit / 8] >> (bit % 8) & 1 == 1 {
-                *voxel = f.segment;
+                data[grid.index(m % columns + place[0], m / columns + place[1], place[2])] = f.segment;
             }
         }
     }
@@ -86,12 +86,15 @@ fn vectors<const N: usize>(a: &Attributes<'_>, group: Tag, tag: Tag) -> Option<[
     values.iter().all(|v| v.is_finite()).then_some(values)
 }
 
-/// The even stack of planes that the frames lie in.
+/// The even stack of planes that the frames lie in. Planes of a tilted gantry are shifted against each other; they come
+/// onto one rectangular grid by whole pixels, the nearest.
 struct Stack {
     placement: Affine<Patient, monro_geometry::Voxel>,
     slices: usize,
-    /// Slice of each frame.
-    places: Vec<usize>,
+    /// Columns and rows that the grid has more than a frame.
+    wider: [u64; 2],
+    /// First column and row, and slice, of each frame in the grid.
+    places: Vec<[usize; 3]>,
 }
 
 impl Stack {
@@ -101,6 +104,7 @@ impl Stack {
             .ok_or_else(|| none("no ImageOrientationPatient"))?;
         let [between_rows, between_columns]: [f64; 2] =
             vectors(first, tags::PIXEL_MEASURES_SEQUENCE, tags::PIXEL_SPACING)
+                .filter(|s: &[f64; 2]| s.iter().all(|&s| s > 0.0))
                 .ok_or_else(|| none("no PixelSpacing"))?;
         let u = Vector::<Patient>::new(d[0], d[1], d[2]);
         let v = Vector::<Patient>::new(d[3], d[4], d[5]);
@@ -117,11 +121,15 @@ impl Stack {
                 Ok(exact.round() as usize)
             }
         };
-        let places = along.iter().map(place).collect::<Result<Vec<_>, _>>()?;
-        let slices = places.iter().max().map_or(1, |m| m + 1);
+        let slice = along.iter().map(place).collect::<Result<Vec<_>, _>>()?;
+        let slices = slice.iter().max().map_or(1, |m| m + 1);
+        let corner = frames[lowest].position;
+        let [(left, wider, i), (top, taller, j)] = [(u, between_columns), (v, between_rows)]
+            .map(|(axis, pixel)| shifts(frames.iter().map(|f| (f.position - corner).dot(axis) / pixel)));
+        let places = slice.into_iter().zip(i).zip(j).map(|((k, i), j)| [i, j, k]).collect();
         let linear = Matrix3::from_columns(u * between_columns, v * between_rows, normal * step);
-        let placement = Affine::new(linear, frames[lowest].position.to_array());
-        Ok(Self { placement, slices, places })
+        let origin = corner + u * (between_columns * left) + v * (between_rows * top);
+        Ok(Self { placement: Affine::new(linear, origin.to_array()), slices, wider: [wider, taller], places })
     }
 
     /// Distance of neighbouring planes: as the header says, else the smallest between two frames.
@@ -134,6 +142,15 @@ impl Stack {
         let step = if step.is_finite() { step } else { said(tags::SLICE_THICKNESS).unwrap_or(f64::NAN) };
         if step > 0.0 { Ok(step) } else { Err(header("SpacingBetweenSlices", format!("is {step}"))) }
     }
+}
+
+/// Of shifts in pixels: the least as a whole number, how much wider the grid gets, and each as an index from the least.
+fn shifts(exact: impl Iterator<Item = f64>) -> (f64, u64, Vec<usize>) {
+    let whole: Vec<f64> = exact.map(f64::round).collect();
+    let least = whole.iter().copied().fold(f64::INFINITY, f64::min);
+    let from_least: Vec<usize> = whole.iter().map(|s| (s - least) as usize).collect();
+    let most = from_least.iter().copied().max().unwrap_or(0);
+    (least, most as u64, from_least)
 }
 
 fn segments(o: &InMemDicomObject) -> Vec<Segment> {

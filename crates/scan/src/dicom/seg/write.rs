@@ -1,13 +1,17 @@
 //! Labels as a binary DICOM segmentation.
 
 use super::super::write::{decimal, text};
+use super::images::Images;
+use super::references;
 use crate::hash;
 use crate::labels::{Term, terms};
+use crate::resample::Stack;
 use dicom_core::value::{DataSetSequence, PrimitiveValue};
 use dicom_core::{DataElement, Tag, VR};
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::{FileMetaTableBuilder, InMemDicomObject};
 use monro_geometry::{Patient, Structure, Vector, Volume};
+use std::borrow::Cow;
 use thiserror::Error;
 
 /// Columns and rows may miss the right angle by this much, as a cosine.
@@ -29,6 +33,20 @@ pub enum SegError {
         /// Largest cosine between two axes.
         cosine: f64,
     },
+    /// The labels lie beyond the images that they should refer to.
+    #[error(
+        "none of the labels lie within the images: labels of {label_dims:?} voxels from {label_origin:.1?}, images of {image_dims:?} pixels from {image_origin:.1?} (LPS mm); were they drawn on this series?"
+    )]
+    Elsewhere {
+        /// Columns, rows, slices of the labels.
+        label_dims: [usize; 3],
+        /// Centre of their first voxel, LPS mm.
+        label_origin: [f64; 3],
+        /// Columns, rows, images of the series.
+        image_dims: [usize; 3],
+        /// Centre of its first pixel, LPS mm.
+        image_origin: [f64; 3],
+    },
     /// The encoder refused.
     #[error("the segmentation cannot be encoded: {0}")]
     Encode(String),
@@ -41,64 +59,121 @@ pub enum SegError {
 /// # Errors
 /// No structure has a voxel; a grid that is no stack of planes.
 pub fn encode(labels: &Volume<u8>, subject: &str) -> Result<Vec<u8>, SegError> {
-    let writer = Writer::new(labels, subject)?;
-    let table = FileMetaTableBuilder::new()
-        .media_storage_sop_class_uid(uids::SEGMENTATION_STORAGE)
-        .media_storage_sop_instance_uid(writer.uid("instance"))
-        .transfer_syntax(uids::EXPLICIT_VR_LITTLE_ENDIAN);
-    let failed = |e: &dyn std::error::Error| SegError::Encode(crate::dicom::image::chain(e));
-    let object = writer.object().with_meta(table).map_err(|e| failed(&e))?;
-    let mut out = Vec::new();
-    object.write_all(&mut out).map_err(|e| failed(&e))?;
-    Ok(out)
+    let grid = labels.grid();
+    let axes = [0, 1, 2].map(|a| Vector::<Patient>::from_array(grid.patient_from_voxel().linear.column(a)));
+    let cosine = |a: usize, b: usize| (axes[a].dot(axes[b]) / (axes[a].norm() * axes[b].norm())).abs();
+    let (dims, worst) = (grid.dims(), cosine(0, 1).max(cosine(0, 2)).max(cosine(1, 2)));
+    if worst > SKEW || dims[0] > 65535 || dims[1] > 65535 {
+        return Err(SegError::Grid { dims, cosine: worst });
+    }
+    let planes = Planes { stack: Stack::of_grid(grid), step: axes[2].norm(), data: Cow::Borrowed(labels.data()) };
+    Writer::new(planes, Subject::Named(subject))?.bytes()
 }
 
-/// A frame: which segment (from 1) on which slice.
+/// The same on the planes of the images that the labels belong to, whatever their own grid (nearest voxel): patient,
+/// study and frame of reference are the images', and every frame names its image. Besides, a remark when labels lie
+/// beyond the images and are left out.
+///
+/// # Errors
+/// No structure has a voxel; none of them lies within the images.
+pub fn encode_on(labels: &Volume<u8>, images: &Images) -> Result<(Vec<u8>, Option<String>), SegError> {
+    if labels.data().iter().all(|&l| l == 0) {
+        return Err(SegError::Empty);
+    }
+    let (data, held) = images.sample(labels);
+    if data.iter().all(|&l| l == 0) {
+        return Err(images.elsewhere(labels));
+    }
+    let mut steps = images.stack.steps();
+    steps.sort_by(f64::total_cmp);
+    let step = steps.get(steps.len() / 2).copied().unwrap_or(1.0);
+    let planes = Planes { stack: images.stack.clone(), step, data: Cow::Owned(data) };
+    let lost = 100.0 * (1.0 - held);
+    let remark = format!("{lost:.1} % of the labelled voxels lie beyond the images and were left out");
+    Ok((Writer::new(planes, Subject::Shown(images))?.bytes()?, (lost >= 0.05).then_some(remark)))
+}
+
+/// Labels plane by plane.
+struct Planes<'a> {
+    stack: Stack,
+    /// Distance of neighbouring planes, mm; of uneven ones the commonest.
+    step: f64,
+    data: Cow<'a, [u8]>,
+}
+
+impl Planes<'_> {
+    fn count(&self) -> usize {
+        self.stack.origins.len()
+    }
+
+    fn plane(&self, k: usize) -> &[u8] {
+        let size = self.stack.size[0] * self.stack.size[1];
+        &self.data[k * size..(k + 1) * size]
+    }
+
+    /// Index of a plane along `u x v`, which may run against the order of the planes.
+    fn place(&self, k: usize) -> usize {
+        let along = self.stack.u.cross(self.stack.v).dot(self.stack.normal()) > 0.0;
+        if along { k } else { self.count() - 1 - k }
+    }
+}
+
+/// Whose labels they are.
+#[derive(Clone, Copy)]
+enum Subject<'a> {
+    /// Somebody, by a name; no images.
+    Named(&'a str),
+    /// Whom these images show.
+    Shown(&'a Images),
+}
+
+/// A frame: which segment (from 1) on which plane.
 type Frame = (usize, usize);
 
 struct Writer<'a> {
-    labels: &'a Volume<u8>,
-    subject: &'a str,
-    axes: [Vector<Patient>; 3],
+    planes: Planes<'a>,
+    subject: Subject<'a>,
     segments: Vec<Structure>,
     frames: Vec<Frame>,
     content: String,
 }
 
 impl<'a> Writer<'a> {
-    fn new(labels: &'a Volume<u8>, subject: &'a str) -> Result<Self, SegError> {
-        let grid = labels.grid();
-        let axes = [0, 1, 2].map(|a| Vector::from_array(grid.patient_from_voxel().linear.column(a)));
-        let cosine = |a: usize, b: usize| (axes[a].dot(axes[b]) / (axes[a].norm() * axes[b].norm())).abs();
-        let (dims, worst) = (grid.dims(), cosine(0, 1).max(cosine(0, 2)).max(cosine(1, 2)));
-        if worst > SKEW || dims[0] > 65535 || dims[1] > 65535 {
-            return Err(SegError::Grid { dims, cosine: worst });
-        }
-        let has = |s: &Structure| labels.data().contains(&s.label());
+    fn new(planes: Planes<'a>, subject: Subject<'a>) -> Result<Self, SegError> {
+        let has = |s: &Structure| planes.data.contains(&s.label());
         let segments: Vec<Structure> = Structure::ALL.into_iter().skip(1).filter(has).collect();
         if segments.is_empty() {
             return Err(SegError::Empty);
         }
-        let content = format!("{} {:?}", hash::of_bytes(labels.data()), grid.patient_from_voxel());
-        let mut out = Self { labels, subject, axes, segments, frames: Vec::new(), content };
+        let Stack { size, u, v, origins } = &planes.stack;
+        let series = if let Subject::Shown(images) = subject { &images.series_uid } else { "" };
+        let content = format!("{} {size:?} {u:?} {v:?} {origins:?} {series}", hash::of_bytes(&planes.data));
+        let mut out = Self { planes, subject, segments, frames: Vec::new(), content };
         out.frames = out.frames();
         Ok(out)
     }
 
-    /// Frames with voxels, and the first and last slice in any case, so that a reader finds the whole grid.
-    fn frames(&self) -> Vec<Frame> {
-        let slices = self.labels.grid().dims()[2];
+    fn bytes(&self) -> Result<Vec<u8>, SegError> {
+        let table = FileMetaTableBuilder::new()
+            .media_storage_sop_class_uid(uids::SEGMENTATION_STORAGE)
+            .media_storage_sop_instance_uid(self.uid("instance"))
+            .transfer_syntax(uids::EXPLICIT_VR_LITTLE_ENDIAN);
+        let failed = |e: &dyn std::error::Error| SegError::Encode(crate::dicom::image::chain(e));
+        let object = self.object().with_meta(table).map_err(|e| failed(&e))?;
         let mut out = Vec::new();
-        for (n, s) in self.segments.iter().enumerate() {
-            let shown = |&k: &usize| n == 0 && (k == 0 || k + 1 == slices) || self.slice(k).contains(&s.label());
-            out.extend((0..slices).filter(shown).map(|k| (n + 1, k)));
-        }
-        out
+        object.write_all(&mut out).map_err(|e| failed(&e))?;
+        Ok(out)
     }
 
-    fn slice(&self, k: usize) -> &[u8] {
-        let [w, h, _] = self.labels.grid().dims();
-        &self.labels.data()[k * w * h..(k + 1) * w * h]
+    /// Frames with voxels, and the first and last plane in any case, so that a reader finds the whole grid.
+    fn frames(&self) -> Vec<Frame> {
+        let planes = self.planes.count();
+        let mut out = Vec::new();
+        for (n, s) in self.segments.iter().enumerate() {
+            let shown = |&k: &usize| n == 0 && (k == 0 || k + 1 == planes) || self.planes.plane(k).contains(&s.label());
+            out.extend((0..planes).filter(shown).map(|k| (n + 1, k)));
+        }
+        out
     }
 
     /// A UID under 2.25, always the same for the same labels and role.
@@ -122,6 +197,9 @@ impl<'a> Writer<'a> {
             tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE,
             self.frames.iter().map(|f| self.frame(*f)).collect(),
         );
+        if let Subject::Shown(images) = self.subject {
+            sequence(&mut o, tags::REFERENCED_SERIES_SEQUENCE, vec![references::series(images)]);
+        }
         o.put(DataElement::new(tags::PIXEL_DATA, VR::OB, PrimitiveValue::U8(self.bits().into())));
         o
     }
@@ -132,11 +210,7 @@ impl<'a> Writer<'a> {
         for (tag, vr, value) in [
             (tags::SOP_CLASS_UID, VR::UI, uids::SEGMENTATION_STORAGE),
             (tags::SOP_INSTANCE_UID, VR::UI, &uid("instance")),
-            (tags::STUDY_INSTANCE_UID, VR::UI, &uid("study")),
             (tags::SERIES_INSTANCE_UID, VR::UI, &uid("series")),
-            (tags::FRAME_OF_REFERENCE_UID, VR::UI, &uid("frame")),
-            (tags::PATIENT_NAME, VR::PN, self.subject),
-            (tags::PATIENT_ID, VR::LO, self.subject),
             (tags::MODALITY, VR::CS, "SEG"),
             (tags::SERIES_NUMBER, VR::IS, "1"),
             (tags::INSTANCE_NUMBER, VR::IS, "1"),
@@ -153,23 +227,21 @@ impl<'a> Writer<'a> {
         ] {
             text(o, tag, vr, value);
         }
-        for (tag, vr) in [
-            (tags::PATIENT_BIRTH_DATE, VR::DA),
-            (tags::PATIENT_SEX, VR::CS),
-            (tags::STUDY_DATE, VR::DA),
-            (tags::STUDY_TIME, VR::TM),
-            (tags::STUDY_ID, VR::SH),
-            (tags::ACCESSION_NUMBER, VR::SH),
-            (tags::REFERRING_PHYSICIAN_NAME, VR::PN),
-            (tags::POSITION_REFERENCE_INDICATOR, VR::LO),
-            (tags::CONTENT_CREATOR_NAME, VR::PN),
-        ] {
-            text(o, tag, vr, "");
+        text(o, tags::CONTENT_CREATOR_NAME, VR::PN, "");
+        match self.subject {
+            Subject::Named(name) => self.stand_alone(name, o),
+            Subject::Shown(images) => references::identity(images, o),
         }
     }
 
+    fn stand_alone(&self, name: &str, o: &mut InMemDicomObject) {
+        references::shared(o, |tag| if [tags::PATIENT_NAME, tags::PATIENT_ID].contains(&tag) { name } else { "" });
+        text(o, tags::STUDY_INSTANCE_UID, VR::UI, &self.uid("study"));
+        text(o, tags::FRAME_OF_REFERENCE_UID, VR::UI, &self.uid("frame"));
+    }
+
     fn image(&self, o: &mut InMemDicomObject) {
-        let [columns, rows, _] = self.labels.grid().dims();
+        let [columns, rows] = self.planes.stack.size;
         for (tag, value) in [
             (tags::SAMPLES_PER_PIXEL, 1),
             (tags::ROWS, rows),
@@ -215,7 +287,7 @@ impl<'a> Writer<'a> {
     }
 
     fn shared(&self) -> InMemDicomObject {
-        let [u, v, w] = self.axes;
+        let Stack { u, v, .. } = self.planes.stack;
         let direction = |a: Vector<Patient>| (a / a.norm()).to_array();
         let mut orientation = InMemDicomObject::new_empty();
         let both = [direction(u), direction(v)].concat();
@@ -223,8 +295,8 @@ impl<'a> Writer<'a> {
         let mut measures = InMemDicomObject::new_empty();
         // Distance between rows first.
         text(&mut measures, tags::PIXEL_SPACING, VR::DS, &list(&[v.norm(), u.norm()]));
-        text(&mut measures, tags::SLICE_THICKNESS, VR::DS, &decimal(w.norm()));
-        text(&mut measures, tags::SPACING_BETWEEN_SLICES, VR::DS, &decimal(w.norm()));
+        text(&mut measures, tags::SLICE_THICKNESS, VR::DS, &decimal(self.planes.step));
+        text(&mut measures, tags::SPACING_BETWEEN_SLICES, VR::DS, &decimal(self.planes.step));
         let mut out = InMemDicomObject::new_empty();
         sequence(&mut out, tags::PLANE_ORIENTATION_SEQUENCE, vec![orientation]);
         sequence(&mut out, tags::PIXEL_MEASURES_SEQUENCE, vec![measures]);
@@ -232,15 +304,11 @@ impl<'a> Writer<'a> {
     }
 
     fn frame(&self, (segment, k): Frame) -> InMemDicomObject {
-        let slices = self.labels.grid().dims()[2];
-        // Places count along the planes' normal, which may run against the slices.
-        let [u, v, w] = self.axes;
-        let place = if u.cross(v).dot(w) > 0.0 { k } else { slices - 1 - k };
         let mut content = InMemDicomObject::new_empty();
-        let values = PrimitiveValue::U32([segment as u32, place as u32 + 1].as_slice().into());
+        let values = PrimitiveValue::U32([segment as u32, self.planes.place(k) as u32 + 1].as_slice().into());
         content.put(DataElement::new(tags::DIMENSION_INDEX_VALUES, VR::UL, values));
         let mut position = InMemDicomObject::new_empty();
-        let corner = self.labels.grid().centre(0, 0, k).to_array();
+        let corner = self.planes.stack.origins[k].to_array();
         text(&mut position, tags::IMAGE_POSITION_PATIENT, VR::DS, &list(&corner));
         let mut which = InMemDicomObject::new_empty();
         short(&mut which, tags::REFERENCED_SEGMENT_NUMBER, segment);
@@ -248,16 +316,19 @@ impl<'a> Writer<'a> {
         sequence(&mut out, tags::FRAME_CONTENT_SEQUENCE, vec![content]);
         sequence(&mut out, tags::PLANE_POSITION_SEQUENCE, vec![position]);
         sequence(&mut out, tags::SEGMENT_IDENTIFICATION_SEQUENCE, vec![which]);
+        if let Subject::Shown(images) = self.subject {
+            sequence(&mut out, tags::DERIVATION_IMAGE_SEQUENCE, vec![references::derivation(&images.instances[k])]);
+        }
         out
     }
 
     /// One bit per pixel, lowest bit first, frames without gaps between them (PS3.5 8.1.1), an even number of bytes.
     fn bits(&self) -> Vec<u8> {
-        let [w, h, _] = self.labels.grid().dims();
+        let [w, h] = self.planes.stack.size;
         let mut out = vec![0u8; (self.frames.len() * w * h).div_ceil(8).next_multiple_of(2)];
         for (n, &(segment, k)) in self.frames.iter().enumerate() {
             let label = self.segments[segment - 1].label();
-            for (m, _) in self.slice(k).iter().enumerate().filter(|(_, l)| **l == label) {
+            for (m, _) in self.planes.plane(k).iter().enumerate().filter(|(_, l)| **l == label) {
                 let bit = n * w * h + m;
                 out[bit / 8] |= 1 << (bit % 8);
             }
@@ -286,10 +357,15 @@ fn segment(number: usize, s: Structure) -> InMemDicomObject {
 }
 
 fn coded(t: Term) -> InMemDicomObject {
+    code("SCT", t.code, t.meaning)
+}
+
+/// A coded term of any scheme.
+pub(super) fn code(scheme: &str, value: &str, meaning: &str) -> InMemDicomObject {
     let mut o = InMemDicomObject::new_empty();
-    text(&mut o, tags::CODE_VALUE, VR::SH, t.code);
-    text(&mut o, tags::CODING_SCHEME_DESIGNATOR, VR::SH, "SCT");
-    text(&mut o, tags::CODE_MEANING, VR::LO, t.meaning);
+    text(&mut o, tags::CODE_VALUE, VR::SH, value);
+    text(&mut o, tags::CODING_SCHEME_DESIGNATOR, VR::SH, scheme);
+    text(&mut o, tags::CODE_MEANING, VR::LO, meaning);
     o
 }
 
@@ -310,7 +386,7 @@ fn cie_lab(colour: [u8; 3]) -> [u16; 3] {
     [l / 100.0, (a + 128.0) / 255.0, (b + 128.0) / 255.0].map(|v| (v.clamp(0.0, 1.0) * 65535.0).round() as u16)
 }
 
-fn sequence(o: &mut InMemDicomObject, tag: Tag, items: Vec<InMemDicomObject>) {
+pub(super) fn sequence(o: &mut InMemDicomObject, tag: Tag, items: Vec<InMemDicomObject>) {
     o.put(DataElement::new(tag, VR::SQ, DataSetSequence::from(items)));
 }
 

@@ -1,0 +1,122 @@
+//! A DICOM segmentation that refers to its images. `scripts/oracle_labels.py` reads the same with highdicom.
+
+mod common;
+
+use dicom_dictionary_std::tags;
+use dicom_object::{InMemDicomObject, open_file};
+use monro_geometry::{Grid, Structure, Volume};
+use monro_scan::dicom::seg::{Images, SegError, encode, encode_on};
+use monro_scan::dicom::{SeriesMeta, write_series};
+use monro_scan::{ReadOptions, labels};
+use std::path::Path;
+
+const BRAIN: u8 = Structure::Brain.label();
+const THIRD: u8 = Structure::ThirdVentricle.label();
+
+/// A turned series of 7 slices; labels on the same grid.
+fn series(folder: &Path) -> (Images, Grid) {
+    let grid = common::grid([9, 8, 7], [0.7, 0.9, 2.5], [0.1, -0.2, 0.3], [-4.0, 12.0, 33.0], false);
+    write_series(&common::sampled(grid), folder, &SeriesMeta::default()).expect("series");
+    let options = ReadOptions { any_size: true, ..ReadOptions::default() };
+    (Images::of(folder, &options).expect("images"), grid)
+}
+
+/// Brain with a third ventricle in the middle slices.
+fn drawn(grid: Grid) -> Volume<u8> {
+    let label = |n: usize| match grid.voxel(n) {
+        [3..6, 3..6, 2..5] => THIRD,
+        [1..8, 1..7, 1..6] => BRAIN,
+        _ => 0,
+    };
+    Volume::new(grid, (0..grid.len()).map(label).collect()).expect("labels")
+}
+
+fn items(o: &InMemDicomObject, tag: dicom_core::Tag) -> Vec<InMemDicomObject> {
+    o.get(tag).and_then(|e| e.items()).unwrap_or_default().to_vec()
+}
+
+fn text(o: &InMemDicomObject, tag: dicom_core::Tag) -> String {
+    let value = o.get(tag).unwrap_or_else(|| panic!("{tag} is missing")).to_str().expect("text");
+    value.trim_end_matches(['\0', ' ']).to_owned()
+}
+
+#[test]
+fn every_frame_names_the_image_at_its_place() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (images, grid) = series(&dir.path().join("series"));
+    let (bytes, remark) = encode_on(&drawn(grid), &images).expect("encoded");
+    assert_eq!(remark, None);
+    let file = dir.path().join("labels.dcm");
+    std::fs::write(&file, bytes).expect("write");
+    let seg = open_file(&file).expect("DICOM").into_inner();
+    let slice = |n: usize| open_file(dir.path().join(format!("series/{n:04}.dcm"))).expect("slice").into_inner();
+    for tag in [tags::STUDY_INSTANCE_UID, tags::FRAME_OF_REFERENCE_UID, tags::PATIENT_NAME, tags::PATIENT_ID] {
+        assert_eq!(text(&seg, tag), text(&slice(1), tag));
+    }
+    let referenced = items(&seg, tags::REFERENCED_SERIES_SEQUENCE);
+    assert_eq!(text(&referenced[0], tags::SERIES_INSTANCE_UID), text(&slice(1), tags::SERIES_INSTANCE_UID));
+    assert_eq!(items(&referenced[0], tags::REFERENCED_INSTANCE_SEQUENCE).len(), 7);
+    let frames = items(&seg, tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE);
+    // Brain in five slices and, so that a reader finds the whole grid, in the first and last; the ventricle in three.
+    assert_eq!(frames.len(), 10);
+    for frame in frames {
+        let source = &items(&items(&frame, tags::DERIVATION_IMAGE_SEQUENCE)[0], tags::SOURCE_IMAGE_SEQUENCE)[0];
+        let uid = text(source, tags::REFERENCED_SOP_INSTANCE_UID);
+        let image = (1..=7).map(slice).find(|s| text(s, tags::SOP_INSTANCE_UID) == uid).expect("a slice of the series");
+        let place = text(&items(&frame, tags::PLANE_POSITION_SEQUENCE)[0], tags::IMAGE_POSITION_PATIENT);
+        assert_eq!(place, text(&image, tags::IMAGE_POSITION_PATIENT));
+    }
+}
+
+#[test]
+fn labels_on_another_grid_come_onto_the_images_and_what_lies_beyond_is_told() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (images, grid) = series(&dir.path().join("series"));
+    // Twice the slices, beginning 3.75 mm below the first image: each image lies half way between the centres of two.
+    let mut place = *grid.patient_from_voxel();
+    let up = place.linear.column(2).map(|c| c / 2.0);
+    place.linear = monro_geometry::Matrix3::from_columns(
+        monro_geometry::Vector::<monro_geometry::Patient>::from_array(place.linear.column(0)),
+        monro_geometry::Vector::from_array(place.linear.column(1)),
+        monro_geometry::Vector::from_array(up),
+    );
+    for (offset, c) in place.offset.iter_mut().zip(up) {
+        *offset -= 3.2 * c;
+    }
+    let fine = Grid::new([9, 8, 17], place).expect("grid");
+    let labels = Volume::new(fine, (0..fine.len()).map(|n| if fine.voxel(n)[0] < 4 { BRAIN } else { THIRD }).collect());
+    let (bytes, remark) = encode_on(&labels.expect("labels"), &images).expect("encoded");
+    // Slices lie at -3.2, -2.2, .. 12.8 half steps; the images reach from -1 to 13: the first three are beyond.
+    assert_eq!(remark.as_deref(), Some("17.6 % of the labelled voxels lie beyond the images and were left out"));
+    let file = dir.path().join("labels.dcm");
+    std::fs::write(&file, bytes).expect("write");
+    let back = labels::read(&file).expect("labels").volume;
+    assert!(common::corner_distance(back.grid(), &grid) < 1e-4);
+    for n in 0..grid.len() {
+        let wanted = if grid.voxel(n)[0] < 4 { BRAIN } else { THIRD };
+        assert_eq!(back.data()[n], u16::from(wanted), "{:?}", grid.voxel(n));
+    }
+}
+
+#[test]
+fn labels_of_another_head_are_refused_with_both_geometries() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (images, _) = series(&dir.path().join("series"));
+    let far = Grid::axis_aligned([5, 6, 4], [1.0; 3], [900.0, 0.0, 0.0]).expect("grid");
+    let said = encode_on(&Volume::filled(far, BRAIN), &images).expect_err("far away").to_string();
+    for part in ["[5, 6, 4]", "[900.0, 0.0, 0.0]", "[9, 8, 7]", "[-4.0, 12.0, 33.0]"] {
+        assert!(said.contains(part), "{part}: {said}");
+    }
+    assert_eq!(encode_on(&Volume::filled(far, 0), &images), Err(SegError::Empty));
+}
+
+#[test]
+fn without_images_nobody_and_nothing_is_named() {
+    let grid = Grid::axis_aligned([5, 6, 4], [1.0; 3], [0.0; 3]).expect("grid");
+    let dir = tempfile::tempdir().expect("temp");
+    let file = dir.path().join("labels.dcm");
+    std::fs::write(&file, encode(&Volume::filled(grid, BRAIN), "anonymous").expect("encoded")).expect("write");
+    let seg = open_file(&file).expect("DICOM").into_inner();
+    assert_eq!(text(&seg, tags::PATIENT_NAME), "anonymous");
+    assert!(seg.get(tags::REFERENCED_SERIES_SEQUENCE).is_none());
+}
