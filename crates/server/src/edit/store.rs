@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! CASE.edit/base.nii.gz   labels at the start
-//!           journal       every edit since, appended as it happens
+//!           journal       every edit since, appended as it happens; locked while it is open
 //!           edit.json     which scan and which labels of the case this belongs to; written last
 //! ```
 
@@ -13,7 +13,7 @@ use monro_case::Confidence;
 use monro_geometry::{Grid, Volume};
 use monro_scan::{ScanError, nifti};
 use serde::{Deserialize, Serialize};
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -57,6 +57,12 @@ pub enum StoreError {
         /// The reason.
         reason: String,
     },
+    /// Two editors would write into each other's journal.
+    #[error("{folder} is being edited by another program: end that one, or go on in the page that it opened")]
+    InUse {
+        /// The folder.
+        folder: PathBuf,
+    },
     /// The journal cannot be replayed.
     #[error("{path}: {error}")]
     Journal {
@@ -80,11 +86,15 @@ pub struct Subject {
     pub confidence: Vec<Confidence>,
 }
 
-/// The folder, open for appending.
+/// The folder, open for appending. Its journal is locked against other programs for as long as this lives.
 #[derive(Debug)]
 pub(crate) struct Store {
     folder: PathBuf,
     journal: File,
+    /// Bytes of the journal that are whole.
+    whole: u64,
+    /// Edits that found no room yet.
+    waiting: Vec<u8>,
 }
 
 fn at(path: &Path) -> impl FnOnce(io::Error) -> StoreError + '_ {
@@ -103,6 +113,8 @@ impl Store {
         subject: &mut Subject,
         start: impl FnOnce() -> Result<Start, String>,
     ) -> Result<(Self, Editor, Vec<String>), StoreError> {
+        let fresh = !folder.exists();
+        let journal = journal_of(folder)?;
         let description = folder.join("edit.json");
         let mut notes = Vec::new();
         if description.is_file() {
@@ -115,7 +127,7 @@ impl Store {
             }
             if found.origin == subject.origin {
                 subject.confidence = found.confidence;
-                return Self::resume(folder, grid);
+                return Self::resume(folder, grid, journal);
             }
             let aside = put_aside(folder)?;
             notes.push(format!(
@@ -123,34 +135,39 @@ impl Store {
                 aside.display()
             ));
         }
-        let Start { labels: base, confidence } =
-            start().map_err(|reason| StoreError::Base { folder: folder.to_owned(), reason })?;
+        let Start { labels: base, confidence } = start().map_err(|reason| {
+            if fresh {
+                // Nothing began; a folder that cannot be removed does no harm.
+                let _ = fs::remove_dir_all(folder);
+            }
+            StoreError::Base { folder: folder.to_owned(), reason }
+        })?;
         subject.confidence = confidence;
-        let (store, editor) = Self::begin(folder, base, subject)?;
+        let journal = if folder.exists() { journal } else { journal_of(folder)? };
+        let (store, editor) = Self::begin(folder, base, subject, journal)?;
         Ok((store, editor, notes))
     }
 
-    fn begin(folder: &Path, base: Volume<u8>, subject: &Subject) -> Result<(Self, Editor), StoreError> {
-        fs::create_dir_all(folder).map_err(at(folder))?;
-        let [labels, journal] = ["base.nii.gz", "journal"].map(|n| folder.join(n));
+    fn begin(folder: &Path, base: Volume<u8>, subject: &Subject, journal: File) -> Result<(Self, Editor), StoreError> {
+        let labels = folder.join("base.nii.gz");
         fs::write(&labels, nifti::encode_u8(&base)).map_err(at(&labels))?;
-        let file = File::create(&journal).map_err(at(&journal))?;
+        journal.set_len(0).map_err(at(&folder.join("journal")))?;
         let mut editor = Editor::new(base);
-        let mut store = Self { folder: folder.to_owned(), journal: file };
+        let mut store = Self { folder: folder.to_owned(), journal, whole: 0, waiting: Vec::new() };
         store.append(&editor.take_journal())?;
         store.describe(subject)?;
         Ok((store, editor))
     }
 
-    fn resume(folder: &Path, grid: &Grid) -> Result<(Self, Editor, Vec<String>), StoreError> {
-        let [labels, journal] = ["base.nii.gz", "journal"].map(|n| folder.join(n));
+    fn resume(folder: &Path, grid: &Grid, journal: File) -> Result<(Self, Editor, Vec<String>), StoreError> {
+        let [labels, path] = ["base.nii.gz", "journal"].map(|n| folder.join(n));
         let base = base(&labels, grid).map_err(|reason| StoreError::Base { folder: folder.to_owned(), reason })?;
-        let bytes = fs::read(&journal).map_err(at(&journal))?;
+        let bytes = fs::read(&path).map_err(at(&path))?;
         let (mut editor, recovery) =
-            Editor::replay(base, &bytes).map_err(|error| StoreError::Journal { path: journal.clone(), error })?;
-        let file = OpenOptions::new().append(true).open(&journal).map_err(at(&journal))?;
-        file.set_len(recovery.valid_bytes as u64).map_err(at(&journal))?;
-        let mut store = Self { folder: folder.to_owned(), journal: file };
+            Editor::replay(base, &bytes).map_err(|error| StoreError::Journal { path: path.clone(), error })?;
+        let whole = recovery.valid_bytes as u64;
+        journal.set_len(whole).map_err(at(&path))?;
+        let mut store = Self { folder: folder.to_owned(), journal, whole, waiting: Vec::new() };
         store.append(&editor.take_journal())?;
         let mut notes = vec![format!("{} edits of an earlier session were restored", recovery.events)];
         if recovery.torn_bytes > 0 {
@@ -159,13 +176,23 @@ impl Store {
         Ok((store, editor, notes))
     }
 
-    /// Appends to the journal; on return the system has the bytes, so that a killed process loses nothing.
+    /// Appends to the journal; on return the system has the bytes, so that a killed process loses nothing. What finds
+    /// no room is kept and written before the next edit, for a torn record may only be the last.
     ///
     /// # Errors
     /// When the file system refuses.
     pub(crate) fn append(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
-        let path = self.folder.join("journal");
-        self.journal.write_all(bytes).and_then(|()| self.journal.flush()).map_err(at(&path))
+        let torn = !self.waiting.is_empty();
+        self.waiting.extend_from_slice(bytes);
+        if self.waiting.is_empty() {
+            return Ok(());
+        }
+        let cut = if torn { self.journal.set_len(self.whole) } else { Ok(()) };
+        let written = cut.and_then(|()| self.journal.write_all(&self.waiting)).and_then(|()| self.journal.flush());
+        written.map_err(at(&self.folder.join("journal")))?;
+        self.whole += self.waiting.len() as u64;
+        self.waiting.clear();
+        Ok(())
     }
 
     /// Says what the work belongs to, whole or not at all.
@@ -177,6 +204,20 @@ impl Store {
         let text = serde_json::to_string_pretty(subject).unwrap_or_default();
         fs::write(&aside, text).map_err(at(&aside))?;
         fs::rename(&aside, &target).map_err(at(&target))
+    }
+}
+
+/// The journal of a folder, made if there is none, locked until it is closed or the process ends, however it ends.
+fn journal_of(folder: &Path) -> Result<File, StoreError> {
+    fs::create_dir_all(folder).map_err(at(folder))?;
+    let path = folder.join("journal");
+    let file = OpenOptions::new().append(true).create(true).open(&path).map_err(at(&path))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(StoreError::InUse { folder: folder.to_owned() }),
+        // Some network file systems know no locks.
+        Err(TryLockError::Error(e)) if e.kind() == io::ErrorKind::Unsupported => Ok(file),
+        Err(TryLockError::Error(e)) => Err(at(&path)(e)),
     }
 }
 
@@ -204,3 +245,6 @@ fn put_aside(folder: &Path) -> Result<PathBuf, StoreError> {
         number += 1;
     }
 }
+
+#[cfg(test)]
+mod tests;
