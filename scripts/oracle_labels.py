@@ -142,6 +142,26 @@ def check_tilted(folder, labels, affine):
         require((back[i : i + columns, j : j + rows, k].T == plane).all(), "a tilted plane does not come back")
 
 
+def check_uneven(folder, labels):
+    """Two spacings in one series: each plane keeps its labels, in all files that are written and read."""
+    uneven = folder / "uneven"
+    uneven.mkdir()
+    files = sorted((folder / "phantom" / "dicom").iterdir())
+    kept = [*range(0, 80, 2), *range(80, len(files), 3)]
+    for n in kept:
+        (uneven / f"{n}.dcm").write_bytes(files[n].read_bytes())
+    file = folder / "uneven.dcm"
+    run("labels", "convert", folder / "phantom" / "labels.nii.gz", file, "--images", uneven)
+    images = [pydicom.dcmread(files[n]) for n in kept]
+    found = by_images(file, images)
+    require((found == np.stack([labels[:, :, k].T for k in kept])).all(), "labels by image differ")
+    run("labels", "convert", file, folder / "uneven.nii.gz")
+    back, place = truth(folder / "uneven.nii.gz")
+    for image, plane in zip(images, found):
+        i, j, k = np.rint((np.linalg.inv(place) @ np.append(np.array(image.ImagePositionPatient, float), 1.0))[:3]).astype(int)
+        require((i, j) == (0, 0) and (back[:, :, k].T == plane).all(), "an uneven plane does not come back")
+
+
 def check_nrrd(folder, labels, affine):
     file = folder / "labels.seg.nrrd"
     run("labels", "convert", folder / "phantom" / "labels.nii.gz", file)
@@ -228,6 +248,7 @@ def main():
         check_foreign(folder, labels)
         check_references(folder, labels)
         check_tilted(folder, labels, affine)
+        check_uneven(folder, labels)
         check_remarks(folder, labels)
         check_refusals(folder)
     print("labels: highdicom, pynrrd and nibabel agree")

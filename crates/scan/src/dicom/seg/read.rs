@@ -8,10 +8,15 @@ use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::{InMemDicomObject, open_file};
 use monro_geometry::{Affine, Matrix3, Patient, Vector, Volume};
+use std::ops::Range;
 use std::path::Path;
 
 /// Part of the slice distance by which a frame may miss its place.
 const OFF_PLACE: f64 = 0.05;
+/// Frames nearer than this lie in the same plane, mm.
+const SAME_PLANE_MM: f64 = 0.01;
+/// Uneven planes come onto slices of the smallest distance between them, but not finer than this, mm.
+const FINEST_MM: f64 = 0.5;
 
 /// Reads a segmentation and its segments.
 ///
@@ -45,7 +50,7 @@ fn labels(o: &InMemDicomObject) -> Result<(Volume<u16>, Vec<Segment>), Problem> 
         return Err(header("PerFrameFunctionalGroupsSequence", format!("has no {count} items")));
     }
     let frames = (0..count).map(|n| frame(&root.frame(n))).collect::<Result<Vec<_>, _>>()?;
-    let stack = Stack::of(&root.frame(0), &frames)?;
+    let stack = Stack::of(&root.frame(0), &frames, images_referred_to(o))?;
     let [wide, tall] = [columns.saturating_add(stack.wider[0]), rows.saturating_add(stack.wider[1])];
     let grid = grid([wide, tall, stack.slices as u64], stack.placement)?;
     let pixels = o.get(tags::PIXEL_DATA).and_then(|e| e.to_bytes().ok()).unwrap_or_default();
@@ -55,11 +60,13 @@ fn labels(o: &InMemDicomObject) -> Result<(Volume<u16>, Vec<Segment>), Problem> 
         return Err(Problem::Truncated { expected, found });
     }
     let mut data = vec![0u16; grid.len()];
-    for (n, (f, place)) in frames.iter().zip(&stack.places).enumerate() {
+    for (n, (f, (corner, slices))) in frames.iter().zip(&stack.places).enumerate() {
         for m in 0..plane {
             let bit = n * plane + m;
             if pixels[bit / 8] >> (bit % 8) & 1 == 1 {
-                data[grid.index(m % columns + place[0], m / columns + place[1], place[2])] = f.segment;
+                for k in slices.clone() {
+                    data[grid.index(m % columns + corner[0], m / columns + corner[1], k)] = f.segment;
+                }
             }
         }
     }
@@ -86,19 +93,19 @@ fn vectors<const N: usize>(a: &Attributes<'_>, group: Tag, tag: Tag) -> Option<[
     values.iter().all(|v| v.is_finite()).then_some(values)
 }
 
-/// The even stack of planes that the frames lie in. Planes of a tilted gantry are shifted against each other; they come
-/// onto one rectangular grid by whole pixels, the nearest.
+/// The even stack of slices that the frames come into. Planes of a tilted gantry are shifted against each other; they
+/// come onto one rectangular grid by whole pixels, the nearest.
 struct Stack {
     placement: Affine<Patient, monro_geometry::Voxel>,
     slices: usize,
     /// Columns and rows that the grid has more than a frame.
     wider: [u64; 2],
-    /// First column and row, and slice, of each frame in the grid.
-    places: Vec<[usize; 3]>,
+    /// First column and row, and slices, of each frame in the grid.
+    places: Vec<([usize; 2], Range<usize>)>,
 }
 
 impl Stack {
-    fn of(first: &Attributes<'_>, frames: &[Frame]) -> Result<Self, Problem> {
+    fn of(first: &Attributes<'_>, frames: &[Frame], images: usize) -> Result<Self, Problem> {
         let none = |what: &str| Problem::NoOrientation(what.into());
         let d: [f64; 6] = vectors(first, tags::PLANE_ORIENTATION_SEQUENCE, tags::IMAGE_ORIENTATION_PATIENT)
             .ok_or_else(|| none("no ImageOrientationPatient"))?;
@@ -111,25 +118,20 @@ impl Stack {
         let normal = u.cross(v).normalized().ok_or_else(|| none("ImageOrientationPatient spans no plane"))?;
         let along: Vec<f64> = frames.iter().map(|f| f.position.dot(normal)).collect();
         let lowest = (0..along.len()).fold(0, |best, n| if along[n] < along[best] { n } else { best });
-        let step = Self::step(first, &along)?;
-        let place = |s: &f64| {
-            let exact = (s - along[lowest]) / step;
-            let off = (exact - exact.round()).abs();
-            if off > OFF_PLACE {
-                Err(header("ImagePositionPatient", format!("frames are not multiples of {step} mm apart")))
-            } else {
-                Ok(exact.round() as usize)
-            }
-        };
-        let slice = along.iter().map(place).collect::<Result<Vec<_>, _>>()?;
-        let slices = slice.iter().max().map_or(1, |m| m + 1);
+        let from_lowest: Vec<f64> = along.iter().map(|s| s - along[lowest]).collect();
+        let layers = Layers::of(Self::step(first, &along)?, &from_lowest, images)?;
         let corner = frames[lowest].position;
         let [(left, wider, i), (top, taller, j)] = [(u, between_columns), (v, between_rows)]
             .map(|(axis, pixel)| shifts(frames.iter().map(|f| (f.position - corner).dot(axis) / pixel)));
-        let places = slice.into_iter().zip(i).zip(j).map(|((k, i), j)| [i, j, k]).collect();
-        let linear = Matrix3::from_columns(u * between_columns, v * between_rows, normal * step);
+        let places = layers.slices.into_iter().zip(i).zip(j).map(|((k, i), j)| ([i, j], k)).collect();
+        let linear = Matrix3::from_columns(u * between_columns, v * between_rows, normal * layers.step);
         let origin = corner + u * (between_columns * left) + v * (between_rows * top);
-        Ok(Self { placement: Affine::new(linear, origin.to_array()), slices, wider: [wider, taller], places })
+        Ok(Self {
+            placement: Affine::new(linear, origin.to_array()),
+            slices: layers.count,
+            wider: [wider, taller],
+            places,
+        })
     }
 
     /// Distance of neighbouring planes: as the header says, else the smallest between two frames.
@@ -142,6 +144,52 @@ impl Stack {
         let step = if step.is_finite() { step } else { said(tags::SLICE_THICKNESS).unwrap_or(f64::NAN) };
         if step > 0.0 { Ok(step) } else { Err(header("SpacingBetweenSlices", format!("is {step}"))) }
     }
+}
+
+/// The slices of an even grid that each frame fills.
+struct Layers {
+    step: f64,
+    count: usize,
+    slices: Vec<Range<usize>>,
+}
+
+impl Layers {
+    /// From the places of the frames above the lowest, mm. Frames at multiples of `step` fill a slice each. Others fill
+    /// the slices that they are nearest to, if there is one for each of the `images`: a plane that was left out for being
+    /// empty would be filled by its neighbours.
+    fn of(step: f64, places: &[f64], images: usize) -> Result<Self, Problem> {
+        let even = |s: &f64| ((s / step - (s / step).round()).abs() <= OFF_PLACE).then(|| (s / step).round() as usize);
+        if let Some(slices) = places.iter().map(even).collect::<Option<Vec<usize>>>() {
+            let count = slices.iter().max().map_or(1, |m| m.saturating_add(1));
+            return Ok(Self { step, count, slices: slices.into_iter().map(|k| k..k.saturating_add(1)).collect() });
+        }
+        let mut planes = places.to_vec();
+        planes.sort_by(f64::total_cmp);
+        planes.dedup_by(|a, b| *a - *b < SAME_PLANE_MM);
+        if planes.len() != images {
+            let found = format!("frames are not multiples of {step} mm apart, and there is not one for each image");
+            return Err(header("ImagePositionPatient", found));
+        }
+        let least = planes.windows(2).map(|w| w[1] - w[0]).fold(f64::INFINITY, f64::min);
+        let step = least.max(FINEST_MM);
+        let last = planes[planes.len() - 1];
+        let count = ((last / step).round() as usize).saturating_add(1);
+        let middle = |n: usize| (0.5 * (planes[n - 1] + planes[n]) / step).ceil() as usize;
+        let slices = places.iter().map(|s| {
+            let n = planes.partition_point(|p| *p <= s - SAME_PLANE_MM).min(planes.len() - 1);
+            let end = if n + 1 < planes.len() { middle(n + 1) } else { count };
+            (if n > 0 { middle(n) } else { 0 })..end.min(count)
+        });
+        Ok(Self { step, count, slices: slices.collect() })
+    }
+}
+
+/// Number of images that the segmentation says it was drawn on.
+fn images_referred_to(o: &InMemDicomObject) -> usize {
+    let items =
+        |o: &InMemDicomObject, tag: Tag| o.get(tag).and_then(|e| e.items()).map(<[_]>::to_vec).unwrap_or_default();
+    let series = items(o, tags::REFERENCED_SERIES_SEQUENCE);
+    series.iter().map(|s| items(s, tags::REFERENCED_INSTANCE_SEQUENCE).len()).sum()
 }
 
 /// Of shifts in pixels: the least as a whole number, how much wider the grid gets, and each as an index from the least.

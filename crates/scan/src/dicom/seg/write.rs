@@ -16,6 +16,8 @@ use thiserror::Error;
 
 /// Columns and rows may miss the right angle by this much, as a cosine.
 const SKEW: f64 = 1e-6;
+/// Steps between planes that differ by more than this part are uneven.
+const UNEVEN: f64 = 0.01;
 
 /// Why labels are no DICOM segmentation.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -66,7 +68,8 @@ pub fn encode(labels: &Volume<u8>, subject: &str) -> Result<Vec<u8>, SegError> {
     if worst > SKEW || dims[0] > 65535 || dims[1] > 65535 {
         return Err(SegError::Grid { dims, cosine: worst });
     }
-    let planes = Planes { stack: Stack::of_grid(grid), step: axes[2].norm(), data: Cow::Borrowed(labels.data()) };
+    let planes =
+        Planes { stack: Stack::of_grid(grid), step: axes[2].norm(), uneven: false, data: Cow::Borrowed(labels.data()) };
     Writer::new(planes, Subject::Named(subject))?.bytes()
 }
 
@@ -87,7 +90,8 @@ pub fn encode_on(labels: &Volume<u8>, images: &Images) -> Result<(Vec<u8>, Optio
     let mut steps = images.stack.steps();
     steps.sort_by(f64::total_cmp);
     let step = steps.get(steps.len() / 2).copied().unwrap_or(1.0);
-    let planes = Planes { stack: images.stack.clone(), step, data: Cow::Owned(data) };
+    let uneven = steps.iter().any(|s| (s - step).abs() > UNEVEN * step);
+    let planes = Planes { stack: images.stack.clone(), step, uneven, data: Cow::Owned(data) };
     let lost = 100.0 * (1.0 - held);
     let remark = format!("{lost:.1} % of the labelled voxels lie beyond the images and were left out");
     Ok((Writer::new(planes, Subject::Shown(images))?.bytes()?, (lost >= 0.05).then_some(remark)))
@@ -98,6 +102,7 @@ struct Planes<'a> {
     stack: Stack,
     /// Distance of neighbouring planes, mm; of uneven ones the commonest.
     step: f64,
+    uneven: bool,
     data: Cow<'a, [u8]>,
 }
 
@@ -165,12 +170,15 @@ impl<'a> Writer<'a> {
         Ok(out)
     }
 
-    /// Frames with voxels, and the first and last plane in any case, so that a reader finds the whole grid.
+    /// Frames with voxels, and the first and last plane in any case, so that a reader finds the whole grid; all planes
+    /// where nothing else tells how far each one reaches.
     fn frames(&self) -> Vec<Frame> {
         let planes = self.planes.count();
         let mut out = Vec::new();
         for (n, s) in self.segments.iter().enumerate() {
-            let shown = |&k: &usize| n == 0 && (k == 0 || k + 1 == planes) || self.planes.plane(k).contains(&s.label());
+            let shown = |&k: &usize| {
+                n == 0 && (self.planes.uneven || k == 0 || k + 1 == planes) || self.planes.plane(k).contains(&s.label())
+            };
             out.extend((0..planes).filter(shown).map(|k| (n + 1, k)));
         }
         out
@@ -296,7 +304,9 @@ impl<'a> Writer<'a> {
         // Distance between rows first.
         text(&mut measures, tags::PIXEL_SPACING, VR::DS, &list(&[v.norm(), u.norm()]));
         text(&mut measures, tags::SLICE_THICKNESS, VR::DS, &decimal(self.planes.step));
-        text(&mut measures, tags::SPACING_BETWEEN_SLICES, VR::DS, &decimal(self.planes.step));
+        if !self.planes.uneven {
+            text(&mut measures, tags::SPACING_BETWEEN_SLICES, VR::DS, &decimal(self.planes.step));
+        }
         let mut out = InMemDicomObject::new_empty();
         sequence(&mut out, tags::PLANE_ORIENTATION_SEQUENCE, vec![orientation]);
         sequence(&mut out, tags::PIXEL_MEASURES_SEQUENCE, vec![measures]);
