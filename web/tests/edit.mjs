@@ -222,7 +222,8 @@ const tests = {
     await p.mouse.up();
     await until("three steps", async () => (await steps()) === 3);
     S.last = await labels(S.view.axis, S.index);
-    S.volumes = (await describe()).state.volumes_ml;
+    ({ volumes_ml: S.volumes, drawn: S.slices } = (await describe()).state);
+    assert.ok(S.slices.some((d) => d.label === RIGHT && d.slices.includes(S.index)), JSON.stringify(S.slices));
     assert.deepEqual(p.faults, []);
   },
 
@@ -233,6 +234,8 @@ const tests = {
     const now = await describe();
     assert.ok(now.findings.some((f) => /restored/.test(f)), now.findings.join("; "));
     assert.deepEqual(now.state.volumes_ml, S.volumes);
+    // The slices drawn by hand too, so that the space between them can be filled.
+    assert.deepEqual(now.state.drawn, S.slices);
     assert.deepEqual(percent(now), S.sure);
     assert.deepEqual(await labels(S.view.axis, S.index), S.last);
     await p.locator("#undo").click();
