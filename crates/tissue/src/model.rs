@@ -81,7 +81,9 @@ impl Model {
             return Err(ModelError::Dense { vertices });
         }
         let number = inverse(&order);
-        let tet_order = spatial_order((0..mesh.tets.len()).map(|t| centroid(mesh, t, origin)));
+        let mut tet_order = spatial_order((0..mesh.tets.len()).map(|t| centroid(mesh, t, origin)));
+        // As the vertices: what a slab works on lies together, however thin it is and however long the curve.
+        tet_order.sort_by_key(|&t| mesh.tets[t as usize].map(|v| slab_of[v as usize]).into_iter().min());
         let tets: Vec<[u32; 4]> =
             tet_order.iter().map(|&t| mesh.tets[t as usize].map(|v| number[v as usize])).collect();
         let regions: Vec<Region> =
