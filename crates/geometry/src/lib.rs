@@ -25,7 +25,7 @@ mod volume;
 
 pub use affine::Affine;
 pub use bvh::{Bvh, Hit, Nearest, nearest_on_triangle};
-pub use embedding::{Embedding, EmbeddingError, Located, NearestFace, TetLocator};
+pub use embedding::{Binder, BoundChunk, Embedding, EmbeddingError, Located, NearestFace, TetLocator};
 pub use frame::{Display, Frame, Patient, Tool, Tracker, Voxel};
 pub use grid::{Grid, GridError};
 pub use incidence::Incidence;

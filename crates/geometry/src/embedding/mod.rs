@@ -1,7 +1,9 @@
 //! Binding of surface points to tetrahedra (the hybrid model).
 
+mod binder;
 mod locator;
 
+pub use binder::{Binder, BoundChunk};
 pub use locator::{Located, NearestFace, TetLocator};
 
 use crate::{Patient, Point, TetMesh, TetMeshError};
@@ -33,6 +35,12 @@ pub enum EmbeddingError {
 struct Binding {
     nodes: [u32; 4],
     weights: [f32; 4],
+}
+
+impl Binding {
+    fn new(nodes: [u32; 4], weights: [f64; 4]) -> Self {
+        Self { nodes, weights: weights.map(|w| w as f32) }
+    }
 }
 
 /// A point too far outside to be extrapolated: it rides on a boundary face, at a fixed offset in the face's own frame.
@@ -78,54 +86,9 @@ impl Embedding {
         tets: &TetMesh,
         points: &[Point<Patient>],
     ) -> Result<Self, EmbeddingError> {
-        if let Some(bad) = points.iter().position(|p| !p.is_finite()) {
-            return Err(EmbeddingError::NotFinite(bad));
-        }
-        let mut out = Self {
-            bindings: vec![Binding { nodes: [0; 4], weights: [0.0; 4] }; points.len()],
-            riders: Vec::new(),
-            nodes: tets.vertices.len(),
-            outside: 0,
-            farthest: 0.0,
-        };
-        let mut near = 0;
-        for i in locator.coherent_order(points) {
-            let p = points[i as usize];
-            near = match locator.locate_or_nearest(near, p).ok_or(EmbeddingError::NotFinite(i as usize))? {
-                Ok(found) => {
-                    out.bind(i, locator.nodes(found.tet), found.weights);
-                    found.tet
-                }
-                Err(face) => {
-                    out.bind_outside(locator, tets, i, p, &face);
-                    face.tet
-                }
-            };
-        }
-        out.riders.sort_unstable_by_key(|r| r.point);
-        Ok(out)
-    }
-
-    fn bind(&mut self, i: u32, nodes: [u32; 4], weights: [f64; 4]) {
-        self.bindings[i as usize] = Binding { nodes, weights: weights.map(|w| w as f32) };
-    }
-
-    fn bind_outside(&mut self, locator: &TetLocator, tets: &TetMesh, i: u32, p: Point<Patient>, face: &NearestFace) {
-        self.outside += 1;
-        self.farthest = self.farthest.max(face.distance);
-        let nodes = locator.nodes(face.tet);
-        let weights = locator.weights(face.tet, p);
-        if weights.iter().all(|&w| w >= LINEAR) {
-            return self.bind(i, nodes, weights);
-        }
-        self.bind(i, nodes, locator.weights(face.tet, face.point));
-        let mut corners = (0..4).filter(|&c| c != face.opposite).map(|c| nodes[c]);
-        let triangle: [u32; 3] = core::array::from_fn(|_| corners.next().unwrap_or(nodes[0]));
-        let at = triangle.map(|v| tets.vertices[v as usize].to_array());
-        let frame = face_frame(at).unwrap_or([[0.0; 3]; 3]);
-        let offset = (p - face.point).to_array();
-        let offset = frame.map(|axis| dot(axis, offset) as f32);
-        self.riders.push(Rider { point: i, face: triangle, offset });
+        let binder = Binder::new(locator, tets, points)?;
+        let chunks = (0..binder.chunks()).map(|c| binder.bind(c)).collect::<Result<_, _>>()?;
+        Ok(binder.join(chunks))
     }
 
     /// Number of bound points.

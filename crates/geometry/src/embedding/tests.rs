@@ -120,6 +120,36 @@ fn chunks_give_the_same_bits_as_the_whole() {
 }
 
 #[test]
+fn chunks_bound_by_several_threads_in_any_order_give_the_same_bits() {
+    let mesh = block(4);
+    let points: Vec<_> = [0.0, 0.3, 2.0].into_iter().flat_map(shell).collect();
+    let locator = TetLocator::new(&mesh).expect("valid");
+    let binder = Binder::new(&locator, &mesh, &points).expect("finite");
+    assert!(binder.chunks() > 4);
+    let parts: Vec<Vec<BoundChunk>> = std::thread::scope(|scope| {
+        let run = |turn: usize| {
+            let binder = &binder;
+            let mine = (0..binder.chunks()).rev().filter(move |c| c % 3 == turn);
+            scope.spawn(move || mine.map(|c| binder.bind(c).expect("finite")).collect())
+        };
+        let threads: Vec<_> = (0..3).map(run).collect();
+        threads.into_iter().map(|t| t.join().expect("no panic")).collect()
+    });
+    let whole = Embedding::new(&mesh, &points).expect("bound");
+    assert_eq!(binder.join(parts.into_iter().flatten().collect()), whole);
+    assert!(whole.riders.len() > 100 && whole.outside < points.len());
+}
+
+#[test]
+#[should_panic(expected = "each chunk once")]
+fn a_missing_chunk_is_noticed() {
+    let (mesh, points) = (block(1), shell(0.1));
+    let locator = TetLocator::new(&mesh).expect("valid");
+    let binder = Binder::new(&locator, &mesh, &points).expect("finite");
+    binder.join(vec![binder.bind(0).expect("finite")]);
+}
+
+#[test]
 fn a_squeezed_mesh_gives_finite_points() {
     let mesh = block(2);
     let e = Embedding::new(&mesh, &[Point::new(9.0, 1.0, 1.0), Point::new(1.0, 1.0, 1.0)]).expect("bound");

@@ -2,7 +2,9 @@
 
 use anyhow::Result;
 use monro_anatomy::surface::{SurfaceOptions, decimate, label_surface};
-use monro_geometry::{Embedding, Patient, Point, SurfaceNormals, TetMesh, TriangleMesh, Vector, Volume};
+use monro_geometry::{
+    Binder, Embedding, Patient, Point, SurfaceNormals, TetLocator, TetMesh, TriangleMesh, Vector, Volume,
+};
 use monro_guidance::simulation::quantile;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -26,7 +28,7 @@ pub(super) fn measure(tets: &TetMesh, labels: &Volume<u16>, keep: &[u16]) -> Res
     let mut bind = Vec::new();
     for _ in 0..BINDINGS {
         let begin = Instant::now();
-        Embedding::new(tets, &fine.vertices)?;
+        bound(tets, &fine.vertices)?;
         bind.push(begin.elapsed().as_secs_f64() * 1e3);
     }
     let moved = with_points(&surface, MOVED);
@@ -46,6 +48,14 @@ pub(super) fn measure(tets: &TetMesh, labels: &Volume<u16>, keep: &[u16]) -> Res
     }))
 }
 
+/// Binds on the present threads.
+fn bound(tets: &TetMesh, points: &[Point<Patient>]) -> Result<Embedding> {
+    let locator = TetLocator::new(tets)?;
+    let binder = Binder::new(&locator, tets, points)?;
+    let chunks = (0..binder.chunks()).into_par_iter().map(|c| binder.bind(c)).collect::<Result<_, _>>()?;
+    Ok(binder.join(chunks))
+}
+
 /// A bound surface and the buffers of a frame.
 struct Live {
     embedding: Embedding,
@@ -60,7 +70,7 @@ impl Live {
         let count = surface.vertices.len();
         let normals = SurfaceNormals::new(&surface.triangles, count);
         Ok(Self {
-            embedding: Embedding::new(tets, &surface.vertices)?,
+            embedding: bound(tets, &surface.vertices)?,
             points: vec![[0.0; 4]; count],
             areas: vec![[0.0; 4]; normals.triangles()],
             directions: vec![[0.0; 4]; count],
