@@ -42,11 +42,15 @@ function shown(page, id) {
     for (const e of pane.children) e.style.visibility = "hidden";
     const box = pane.getBoundingClientRect();
     const size = [pane.clientWidth, pane.clientHeight];
+    // Where the renderer puts it: whole pixels from the canvas's lower edge.
+    const stage = document.querySelector("#stage").getBoundingClientRect();
+    const x = stage.left + Math.round(box.left + pane.clientLeft - stage.left);
+    const y = stage.bottom - Math.round(stage.bottom - box.top - pane.clientTop - size[1]) - size[1];
     const { centre, right, up } = slice.plane;
     const mm = slice.mmPerPixel(...size);
     const at = slice.crosshair.clone().sub(centre);
     return {
-      clip: { x: box.left + pane.clientLeft, y: box.top + pane.clientTop, width: size[0], height: size[1] },
+      clip: { x, y, width: size[0], height: size[1] },
       cross: [size[0] / 2 + at.dot(right) / mm, size[1] / 2 - at.dot(up) / mm],
       request: {
         nodes: [...tissue.displacement.nodes], centre: centre.toArray(), right: right.toArray(), up: up.toArray(),
