@@ -7,6 +7,7 @@ use super::vec3::{V3, sub};
 use crate::surface::even::{Even, Extent, even, even_step, extents};
 use monro_geometry::{Affine, Patient, Point, Volume, Voxel};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Most cells of the common even grid over everything kept.
 const MOST_CELLS: usize = 6_000_000;
@@ -144,9 +145,10 @@ impl LabelFields {
         let rest = present.remove(largest);
         present.push(rest);
         let union = even(labels, &all, &whole, step, MARGIN)?;
-        let (at_border, union) = (union.at_border, smoothed(union));
+        let (at_border, union) = (union.at_border, smoothed(union, false));
         let parts = present[..present.len() - 1].iter();
-        let parts = parts.map(|(k, e)| even(labels, &|l: T| l.into() == *k, e, step, MARGIN).map(smoothed));
+        let parts =
+            parts.map(|(k, e)| even(labels, &|l: T| l.into() == *k, e, step, MARGIN).map(|e| smoothed(e, true)));
         let parts: Vec<Field> = parts.collect::<Option<_>>()?;
         let fronts = parts.iter().map(|own| front(own, &rest_on(own, &union, &parts))).collect();
         Some(Self {
@@ -258,16 +260,45 @@ fn front(own: &Field, rest: &Field) -> Field {
     Field { outside: -1.0, ..front }
 }
 
-/// `2 G - G G`: a Gaussian made to keep second moments, so that it takes the steps off without shrinking the round.
-fn smoothed(even: Even) -> Field {
+/// `2 G - G G`: a Gaussian made to keep second moments, so that it takes the steps off without shrinking the round. With
+/// `thin`, thin parts stay as the voxels have them.
+fn smoothed(even: Even, thin: bool) -> Field {
     let dims = even.field.grid().dims();
     let grid = *even.field.grid();
     let mut data = even.field.into_data();
+    let raw = if thin { data.clone() } else { Vec::new() };
     gauss(&mut data, dims);
     let once = data.clone();
     gauss(&mut data, dims);
     data.par_iter_mut().zip(&once).for_each(|(two, one)| *two = 2.0 * one - *two);
+    if !raw.is_empty() {
+        keep_thin(&raw, &mut data, dims);
+    }
     Field::new(Volume::new(grid, data).unwrap_or_else(|_| Volume::filled(grid, 0.0)))
+}
+
+/// A part is thin where the smoothed field comes no nearer to 0 or 1 than this in a cell and those around it.
+const FAINT: f32 = 0.25;
+
+/// Takes the field as the voxels give it, `raw`, in and next to thin parts and thin gaps: smoothing would break them up.
+fn keep_thin(raw: &[f32], data: &mut [f32], dims: [usize; 3]) {
+    let around = |at: usize| {
+        let shift = |n: usize| n % 3 + dims[0] * (n / 3 % 3 + dims[1] * (n / 9));
+        (0..27).map(move |n| at + shift(n) - shift(13))
+    };
+    let (first, last) = (1 + dims[0] * (1 + dims[1]), data.len() - 1 - dims[0] * (1 + dims[1]));
+    let thin = |at: &usize| {
+        let (v, s) = (raw[*at], data[*at]);
+        match v >= 0.5 {
+            true => s < 1.0 - FAINT && around(*at).all(|n| data[n] < 1.0 - FAINT),
+            false => s > FAINT && around(*at).all(|n| data[n] > FAINT),
+        }
+    };
+    let found: Vec<usize> = (first..last).filter(thin).collect();
+    let mut near: Vec<usize> = found.iter().flat_map(|&at| around(at)).collect();
+    near.sort_unstable();
+    near.dedup();
+    near.into_iter().for_each(|at| data[at] = raw[at]);
 }
 
 fn kernel() -> Vec<f32> {
@@ -277,47 +308,56 @@ fn kernel() -> Vec<f32> {
     raw.into_iter().map(|w| (w / sum) as f32).collect()
 }
 
-/// Separable Gaussian; zero outside (the fields have a margin of zeros).
-fn gauss(data: &mut [f32], dims: [usize; 3]) {
+/// Separable Gaussian; zero outside (the fields have a margin of zeros). Rows are only looked at where they are not zero.
+fn gauss(data: &mut Vec<f32>, dims: [usize; 3]) {
     let w = kernel();
-    let plane = dims[0] * dims[1];
-    data.par_chunks_mut(plane).for_each(|p| {
-        let mut line = vec![0f32; dims[0]];
-        for row in p.chunks_mut(dims[0]) {
-            convolve(row, 1, &w, &mut line);
-        }
-        let mut out = vec![0f32; plane];
-        convolve(p, dims[0], &w, &mut out);
-    });
-    // Along z over bands of rows: the same loop with a stride of one plane.
-    let mut out = vec![0f32; data.len()];
     let reach = w.len() / 2;
-    out.par_chunks_mut(plane).enumerate().for_each(|(k, to)| {
-        for (i, &weight) in w.iter().enumerate() {
-            let Some(from) = (k + i).checked_sub(reach).filter(|&f| f < dims[2]) else { continue };
-            to.iter_mut().zip(&data[from * plane..]).for_each(|(o, &v)| *o += weight * v);
+    data.par_chunks_mut(dims[0] * dims[1]).for_each(|plane| {
+        let mut line = vec![0f32; dims[0]];
+        for row in plane.chunks_mut(dims[0]) {
+            let used = used(row);
+            let wide = used.start.saturating_sub(reach)..(used.end + reach).min(dims[0]);
+            convolve(&mut row[wide.clone()], &w, &mut line[..wide.len()]);
         }
     });
-    data.copy_from_slice(&out);
+    let along_y = across(data, dims, 1, &w);
+    *data = across(&along_y, dims, 2, &w);
 }
 
-/// Convolves along an axis with the given stride; `out` is scratch of the same length.
-fn convolve(data: &mut [f32], stride: usize, w: &[f32], out: &mut [f32]) {
+/// The part of a row from its first value that is not zero to its last; empty at its start if there is none.
+fn used(row: &[f32]) -> Range<usize> {
+    let Some(first) = row.iter().position(|&v| v != 0.0) else { return 0..0 };
+    first..row.iter().rposition(|&v| v != 0.0).map_or(first, |last| last + 1)
+}
+
+/// Convolves along y (axis 1) or z (axis 2), whole rows at a time.
+fn across(data: &[f32], dims: [usize; 3], axis: usize, w: &[f32]) -> Vec<f32> {
+    let [nx, ny, _] = dims;
+    let parts: Vec<Range<usize>> = data.par_chunks(nx).map(used).collect();
+    let mut out = vec![0f32; data.len()];
+    out.par_chunks_mut(nx * ny).enumerate().for_each(|(k, plane)| {
+        for (j, to) in plane.chunks_mut(nx).enumerate() {
+            let place = [j, k][axis - 1];
+            for (i, &weight) in w.iter().enumerate() {
+                let Some(from) = (place + i).checked_sub(w.len() / 2).filter(|&f| f < dims[axis]) else { continue };
+                let row = if axis == 1 { k * ny + from } else { from * ny + j };
+                let part = parts[row].clone();
+                let from = &data[row * nx..][part.clone()];
+                to[part].iter_mut().zip(from).for_each(|(o, &v)| *o += weight * v);
+            }
+        }
+    });
+    out
+}
+
+/// Convolves a row; `out` is scratch of the same length.
+fn convolve(data: &mut [f32], w: &[f32], out: &mut [f32]) {
     let n = data.len();
     let reach = w.len() / 2;
     out.fill(0.0);
     for (i, &weight) in w.iter().enumerate() {
-        if i >= reach {
-            let shift = (i - reach) * stride;
-            if shift < n {
-                out[..n - shift].iter_mut().zip(&data[shift..]).for_each(|(o, &v)| *o += weight * v);
-            }
-        } else {
-            let shift = (reach - i) * stride;
-            if shift < n {
-                out[shift..].iter_mut().zip(&data[..n - shift]).for_each(|(o, &v)| *o += weight * v);
-            }
-        }
+        let (to, from) = (reach.saturating_sub(i).min(n), i.saturating_sub(reach).min(n));
+        out[to..].iter_mut().zip(&data[from..]).for_each(|(o, &v)| *o += weight * v);
     }
     data.copy_from_slice(out);
 }
@@ -347,8 +387,32 @@ mod tests {
             sum += (0..600).map(|r| f64::from(r) * 0.01).find(|&r| at(r) < 0.0).expect("ends");
         }
         let radius = sum / f64::from(n);
-        // A plain Gaussian of this width would take sigma^2 / r = 0.18 cells.
+        // A plain Gaussian of this width would take SIGMA^2 / r = 0.18 cells.
         assert!((radius - 4.0).abs() < 0.09, "{radius}");
+    }
+
+    #[test]
+    fn a_rod_two_voxels_thick_is_kept_and_a_bump_of_one_is_smoothed() {
+        // Half a space below z = 0, a rod on it and, apart, a bump; all on the voxels' lattice.
+        let grid = Grid::axis_aligned([40, 30, 40], [1.0; 3], [-19.5, -14.5, -19.5]).expect("grid");
+        let data = (0..grid.len()).map(|at| {
+            let [i, j, k] = grid.voxel(at);
+            let [x, y, z] = grid.centre(i, j, k).to_array();
+            let rod = x.abs() < 1.0 && y.abs() < 1.0 && z < 10.0;
+            let bump = x > 9.0 && x < 10.0 && y.abs() < 1.0 && y > 0.0 && z < 1.0;
+            u16::from((z < 0.0 && z > -10.0) || ((rod || bump) && z > 0.0)) + 1
+        });
+        let labels = Volume::new(grid, data.collect()).expect("count");
+        let f = LabelFields::new(&labels, &[1, 2]).expect("fields");
+        let of = f.labels.iter().position(|&l| l == 2).expect("there");
+        let height = |x: f64, y: f64| {
+            let inside = |z: &f64| f.label_at([x, y, *z]) == Some(of);
+            (0..150).map(|z| f64::from(z) * 0.1).filter(inside).fold(0.0, f64::max)
+        };
+        // Smoothing alone breaks the rod up or shortens it by two cells.
+        assert!((height(0.0, 0.0) - 10.0).abs() < 0.6, "{}", height(0.0, 0.0));
+        assert!((0..90).all(|z| f.label_at([0.0, 0.0, f64::from(z) * 0.1]) == Some(of)));
+        assert!(height(9.5, 0.5) < 0.6, "{}", height(9.5, 0.5));
     }
 
     #[test]

@@ -27,7 +27,9 @@ use monro_geometry::{Patient, Point, TetMesh, Volume};
 use octree::Octree;
 use repair::Crumb;
 use size::SizeField;
+use std::cell::RefCell;
 use thiserror::Error;
+use vec3::V3;
 
 /// Cell edge of a body-centred lattice over its mean tetrahedron edge (six long edges and eight of sqrt(3)/2 at a point).
 const CELL_PER_EDGE: f64 = 1.083;
@@ -223,6 +225,8 @@ pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
 struct Made {
     raw: RawMesh,
     crumbs: Vec<Crumb>,
+    /// Volume of each label before it was restored, mm3.
+    found: Vec<f64>,
     /// Whether the inner labels are regions without surfaces of their own.
     regions: bool,
 }
@@ -253,8 +257,7 @@ impl Made {
     ) -> Result<Self, MeshError> {
         let start = to_count(fields, size, aim)?;
         done(Stage::Cut);
-        let (raw, crumbs) = improved(start, fields, size, aim, done);
-        Ok(Self { raw, crumbs, regions: false })
+        Ok(improved(start, fields, size, aim, done))
     }
 
     /// With faces along the outer surface only.
@@ -280,7 +283,8 @@ impl Made {
     }
 
     fn is_good(&self, fields: &LabelFields, wanted: usize) -> bool {
-        fields.parts.is_empty() || (self.has_count(wanted, ACCEPTED) && !coarse::is_lost(&self.raw, fields))
+        fields.parts.is_empty()
+            || (self.has_count(wanted, ACCEPTED) && !coarse::is_lost(&self.found, self.raw.tets.len(), fields))
     }
 }
 
@@ -343,9 +347,10 @@ const MOST_TRIES: usize = 8;
 /// than the lattice's own.
 const CUT: f64 = 20.0;
 /// Elements a lattice should have at least so that it does not miss thin parts; below, surfaces are coarsened too,
-const LEAST_LATTICE: f64 = 40_000.0;
-/// but not by more than this factor.
-const MOST_COARSER: f64 = 8.0;
+const LEAST_LATTICE: f64 = 80_000.0;
+/// but not by more than this factor, or that one where there is no inner label.
+const MOST_COARSER: f64 = 14.0;
+const MOST_COARSER_OUTSIDE: f64 = 8.0;
 /// The count should be met within this part; a mesh that misses it is made again,
 const COUNT: f64 = 0.02;
 /// and refused where it still misses by this part.
@@ -354,23 +359,42 @@ const ACCEPTED: f64 = 0.05;
 /// A cut lattice and the finest edges wanted in it and in the mesh to be made of it.
 struct Start {
     raw: RawMesh,
+    /// Where its cells are smaller than wanted elsewhere because of thin parts, and the edges there.
+    bounds: Vec<(V3, f64)>,
     lattice_edge: f64,
     finest: f64,
 }
 
+/// Elements that the cut lattice for so many should have.
+fn lattice_aim(wanted: usize, fields: &LabelFields) -> f64 {
+    let coarser = if fields.parts.is_empty() { MOST_COARSER_OUTSIDE } else { MOST_COARSER };
+    (wanted as f64 * SURPLUS).max(LEAST_LATTICE.min(coarser * wanted as f64))
+}
+
+/// How many times as many elements a lattice has after cutting, at a guess.
+fn cut_ratio(aim: f64) -> f64 {
+    1.0 + CUT / aim.cbrt()
+}
+
+/// Elements of the lattice before cutting, at a guess.
+fn first_guess(wanted: usize, fields: &LabelFields) -> f64 {
+    let aim = lattice_aim(wanted, fields);
+    aim / cut_ratio(aim)
+}
+
 /// Finds the finest edge that gives the count with its surplus; a mesh that cannot have it is left as near as it comes.
 fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<Start, MeshError> {
-    let aim = (wanted as f64 * SURPLUS).max(LEAST_LATTICE.min(MOST_COARSER * wanted as f64));
-    let mut ratio = 1.0 + CUT / aim.cbrt();
+    let aim = lattice_aim(wanted, fields);
+    let mut ratio = cut_ratio(aim);
     let mut best: Option<Start> = None;
     let mut last: Option<(f64, f64)> = None;
     let miss = |n: usize| (n as f64 / aim).ln();
     for _ in 0..MOST_TRIES {
         let lattice_edge = finest_for(size, aim / ratio);
-        let raw = build(fields, size, lattice_edge);
+        let (raw, bounds) = build(fields, size, lattice_edge);
         let now = miss(raw.tets.len());
         if best.as_ref().is_none_or(|b| now.abs() < miss(b.raw.tets.len()).abs()) {
-            best = Some(Start { raw, lattice_edge, finest: lattice_edge });
+            best = Some(Start { raw, bounds, lattice_edge, finest: lattice_edge });
         }
         if now.is_infinite() || now.abs() < NEAR {
             break;
@@ -394,15 +418,12 @@ fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<Sta
 }
 
 /// Coarsens to the count and improves the shapes.
-fn improved(
-    start: Start,
-    fields: &LabelFields,
-    size: &SizeField,
-    wanted: usize,
-    done: &mut impl FnMut(Stage),
-) -> (RawMesh, Vec<Crumb>) {
-    let Start { mut raw, lattice_edge, finest } = start;
-    let crumbs = repair::repair(&mut raw, fields.labels.len() as u8, 0.5 * lattice_edge.powi(3));
+fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize, done: &mut impl FnMut(Stage)) -> Made {
+    let Start { mut raw, bounds, lattice_edge, finest } = start;
+    let size = &size.with_bounds(&bounds);
+    let crumbs = repair::repair(&mut raw, fields.labels.len() as u8, 0.5 * lattice_edge.powi(3), |corners, l| {
+        coarse::holds(corners, l, fields)
+    });
     let mut work = Work::new(raw, fields);
     // Points almost in one place, where surfaces meet.
     let close = Coarse { finest: lattice_edge, target: wanted, limit: 0.3, sag: 0.08, floor: 0.3 };
@@ -423,13 +444,14 @@ fn improved(
             work.improve();
         }
     }
-    work.restore_volumes(&fields.volumes, 3, 0.40);
+    let found = work.volumes(fields.labels.len());
+    work.restore_volumes(&fields.volumes, 0.40);
     work.finish();
-    work.restore_volumes(&fields.volumes, 3, 0.47);
+    work.restore_volumes(&fields.volumes, 0.47);
     let mut raw = work.into_raw();
     // Changes of surfaces are checked one by one above, but not everything where three labels meet.
-    repair::repair(&mut raw, fields.labels.len() as u8, 0.0);
-    (raw, crumbs)
+    repair::repair(&mut raw, fields.labels.len() as u8, 0.0, |corners, l| coarse::holds(corners, l, fields));
+    Made { raw, crumbs, found, regions: false }
 }
 
 /// Bisects for the finest edge whose estimated count is `count`.
@@ -439,7 +461,7 @@ fn finest_for(size: &SizeField, count: f64) -> f64 {
         let middle = (low * high).sqrt();
         let cell = |edge: f64| {
             let finest = CELL_PER_EDGE * middle;
-            finest * (SPLIT * edge / finest).log2().floor().max(-1.0).exp2()
+            finest * (SPLIT * edge / finest).log2().floor().max(0.0).exp2()
         };
         if size.estimate(middle, cell) > count { low = middle } else { high = middle }
     }
@@ -447,28 +469,38 @@ fn finest_for(size: &SizeField, count: f64) -> f64 {
 }
 
 /// Octree, lattice and cuts for one finest edge.
-fn build(fields: &LabelFields, size: &SizeField, finest: f64) -> RawMesh {
+fn build(fields: &LabelFields, size: &SizeField, finest: f64) -> (RawMesh, Vec<(V3, f64)>) {
     let cell = CELL_PER_EDGE * finest;
     let (low, high) = size.bounds();
     let extent = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max) + 2.0 * cell;
     let levels = (extent / cell).log2().ceil().clamp(1.0, f64::from(MOST_LEVELS)) as u32;
-    // One level below the finest cell, for thin places.
-    let levels = levels + 1;
-    let unit = 0.25 * cell;
+    // Levels below the finest cell, for thin places and dense labels.
+    let thin = (cell / fields.step).log2().ceil().clamp(1.0, f64::from(MOST_LEVELS + 1 - levels)) as u32;
+    let levels = levels + thin;
+    let unit = 0.5 * cell / f64::from(1u32 << thin);
     let span = f64::from(2u32 << levels) * unit;
     let origin: [f64; 3] = std::array::from_fn(|a| 0.5 * (low[a] + high[a] - span));
     let place = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| origin[a] + p[a] * unit) };
+    let bounds = RefCell::new(Vec::new());
     let tree = Octree::new(levels, |corner, edge| {
         let (from, to) = (place(corner.map(f64::from)), place(corner.map(|c| f64::from(c + edge))));
         if (0..3).any(|a| to[a] < low[a] || from[a] > high[a]) {
             return false;
         }
         let centre = place(corner.map(|c| f64::from(c) + 0.5 * f64::from(edge)));
-        f64::from(edge) * unit > SPLIT * size.edge(centre, finest)
+        let length = f64::from(edge) * unit;
+        if length > SPLIT * size.edge(centre, finest) {
+            return true;
+        }
+        let unseen = size.thin.is_unseen(fields, centre, length);
+        if unseen {
+            bounds.borrow_mut().push((centre, length / CELL_PER_EDGE));
+        }
+        unseen
     });
     let lattice = lattice::lattice(&tree);
     let points = lattice.points.iter().map(|p| place(p.map(f64::from))).collect();
-    cut_all(points, lattice.tets, fields)
+    (cut_all(points, lattice.tets, fields), bounds.into_inner())
 }
 
 fn finish(raw: RawMesh, fields: &LabelFields) -> TetMesh {

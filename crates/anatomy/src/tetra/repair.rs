@@ -2,13 +2,16 @@
 
 use super::adjacency::{Incidence, OUT, neighbours};
 use super::cut::{OUTSIDE, RawMesh, drop_outside};
-use super::vec3::volume6;
+use super::vec3::{V3, volume6};
+use std::collections::BTreeMap;
 
 /// Rounds at most; each may uncover a few new places.
 const ROUNDS: usize = 24;
 /// Rounds in which as little as possible is relabelled. Two labels may then pass elements to and fro for ever; later rounds
 /// give all that is around such a point to one of them.
 const GENTLE: usize = 6;
+/// Elements at most between pieces of a label that are joined.
+const LONGEST_WAY: usize = 8;
 
 /// A separate piece of a label that was too small to keep.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,11 +26,13 @@ pub(super) struct Crumb {
 /// of a label too small to matter: below `crumb` mm3 and a hundredth of the label.
 ///
 /// Returns the pieces given away.
-pub(super) fn repair(mesh: &mut RawMesh, labels: u8, crumb: f64) -> Vec<Crumb> {
+pub(super) fn repair(mesh: &mut RawMesh, labels: u8, crumb: f64, holds: impl Fn([V3; 4], u8) -> bool) -> Vec<Crumb> {
     let mut r = Repair::new(mesh);
     let mut given = Vec::new();
     let mut points: Vec<u32> = (0..r.mesh.points.len() as u32).collect();
     for round in 0..ROUNDS {
+        // Two pieces may join each other first, and the rest of their label next; mending pinches may part them again.
+        (0..GENTLE).take_while(|_| round < GENTLE && r.bridge(labels, &holds)).for_each(drop);
         r.crumbs(labels, crumb, if round == 0 { Some(&mut given) } else { None });
         if round > 0 {
             points.extend(r.changed.iter().flat_map(|&t| r.mesh.tets[t as usize]));
@@ -74,8 +79,8 @@ impl<'a> Repair<'a> {
         self.changed.push(t);
     }
 
-    /// Gives small separate pieces of a label to their neighbours, and lists them.
-    fn crumbs(&mut self, labels: u8, crumb: f64, list: Option<&mut Vec<Crumb>>) {
+    /// For each element the first one of its connected piece.
+    fn roots(&self) -> Vec<u32> {
         let count = self.mesh.tets.len() as u32;
         let mut sets = Sets::new(count as usize);
         for t in 0..count {
@@ -86,9 +91,66 @@ impl<'a> Repair<'a> {
                 }
             }
         }
+        (0..count).map(|t| sets.root(t)).collect()
+    }
+
+    /// Joins pieces of a label, but the largest, to another of it through a few elements that `holds` some of the label: a
+    /// thin part of which the cuts have left beads. Whether there were any.
+    fn bridge(&mut self, labels: u8, holds: impl Fn([V3; 4], u8) -> bool) -> bool {
+        let mut any = false;
+        let roots = self.roots();
+        let mut pieces: BTreeMap<u32, (f64, Vec<u32>)> = BTreeMap::new();
+        for (t, &root) in (0u32..).zip(&roots).filter(|(t, _)| self.label(*t) != OUTSIDE) {
+            let piece = pieces.entry(root).or_default();
+            piece.0 += self.volumes[t as usize];
+            piece.1.push(t);
+        }
+        for l in 0..labels {
+            let mut of_label: Vec<&(f64, Vec<u32>)> =
+                pieces.iter().filter(|p| self.label(*p.0) == l).map(|p| p.1).collect();
+            of_label.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            for (_, piece) in of_label.into_iter().skip(1) {
+                let way = self.way(piece, &roots, l, &holds);
+                any |= !way.is_empty();
+                way.into_iter().for_each(|t| self.relabel(t, l));
+            }
+        }
+        any
+    }
+
+    /// The elements between a piece and another of its label, none where there is no short way.
+    fn way(&self, piece: &[u32], roots: &[u32], l: u8, holds: impl Fn([V3; 4], u8) -> bool) -> Vec<u32> {
+        let own = roots[piece[0] as usize];
+        let mut before: BTreeMap<u32, u32> = piece.iter().map(|&t| (t, t)).collect();
+        let mut edge = piece.to_vec();
+        for _ in 0..=LONGEST_WAY {
+            let mut next = Vec::new();
+            for &t in &edge {
+                for b in self.behind[t as usize].into_iter().filter(|&b| b != OUT) {
+                    if before.contains_key(&b) {
+                        continue;
+                    }
+                    if self.label(b) == l && roots[b as usize] != own {
+                        let step = |&x: &u32| Some(before[&x]).filter(|&y| y != x);
+                        return std::iter::successors(Some(t), step).filter(|&x| self.label(x) != l).collect();
+                    }
+                    if holds(self.mesh.corners(self.mesh.tets[b as usize]), l) {
+                        before.insert(b, t);
+                        next.push(b);
+                    }
+                }
+            }
+            edge = next;
+        }
+        Vec::new()
+    }
+
+    /// Gives small separate pieces of a label to their neighbours, and lists them.
+    fn crumbs(&mut self, labels: u8, crumb: f64, list: Option<&mut Vec<Crumb>>) {
+        let count = self.mesh.tets.len() as u32;
         let mut size = vec![0.0; count as usize];
         let mut whole = vec![0.0; usize::from(labels)];
-        let roots: Vec<u32> = (0..count).map(|t| sets.root(t)).collect();
+        let roots = self.roots();
         for t in (0..count).filter(|&t| self.label(t) != OUTSIDE) {
             size[roots[t as usize] as usize] += self.volumes[t as usize];
             whole[usize::from(self.label(t))] += self.volumes[t as usize];
@@ -303,10 +365,25 @@ mod tests {
     }
 
     #[test]
+    fn beads_of_a_thin_part_are_joined_through_what_holds_some_of_it() {
+        // Four elements in a row, each sharing a face with the next; the first and the last carry label 1.
+        let points = (0..7).map(|i| {
+            let a = f64::from(i) * 2.0;
+            [a.cos(), a.sin(), 0.4 * f64::from(i)]
+        });
+        let mut mesh = RawMesh { points: points.collect(), tets: Vec::new(), labels: vec![1, 0, 0, 1] };
+        mesh.tets = (0..4u32).map(|i| [i, i + 1, i + 2, i + 3]).collect();
+        assert!(!Repair::new(&mut mesh).bridge(2, |_, _| false));
+        assert_eq!(mesh.labels, [1, 0, 0, 1]);
+        assert!(Repair::new(&mut mesh).bridge(2, |_, l| l == 1));
+        assert_eq!(mesh.labels, [1, 1, 1, 1]);
+    }
+
+    #[test]
     fn an_outer_surface_that_meets_itself_in_a_point_is_opened() {
         let mut mesh = hollow_cone();
         assert!(!topology(&mesh).is_manifold());
-        repair(&mut mesh, 1, 0.0);
+        repair(&mut mesh, 1, 0.0, |_, _| false);
         let after = topology(&mesh);
         assert!(after.is_closed() && after.is_manifold() && after.euler() == 2, "{after:?}");
         assert_eq!(mesh.tets.len(), 4);

@@ -2,7 +2,8 @@
 
 use super::MeshOptions;
 use super::fields::LabelFields;
-use super::thickness::{spread, thickness_cap};
+use super::thickness::{Thin, spread};
+use super::{finest_for, first_guess};
 use crate::surface::distance::squared_distance;
 use monro_geometry::{Grid, Patient, Point, Volume};
 use rayon::prelude::*;
@@ -11,8 +12,10 @@ use rayon::prelude::*;
 const STEP: f64 = 1.8;
 /// Full resolution reaches this far from the fine labels and the path, mm.
 const CORE: f64 = 1.0;
-/// Thin places may ask for edges down to this part of the finest elsewhere.
-const THINNEST: f64 = 0.5;
+/// Growth of edges away from thin places, over the growth elsewhere.
+const STEEPER: f64 = 2.0;
+/// No bound.
+const FREE: f32 = 1e3;
 /// Edge length, mm, for which relative lengths change by the growth of lengths.
 const USUAL: f64 = 3.0;
 
@@ -20,12 +23,14 @@ const USUAL: f64 = 3.0;
 #[derive(Debug, Clone)]
 pub(super) struct SizeField {
     distance: super::fields::Field,
-    /// Longest edge that thin places allow.
+    /// Longest edges next to thin places.
     cap: super::fields::Field,
+    /// Thin places.
+    pub(super) thin: Thin,
     /// Relative lengths of edges that densities ask for.
     scale: Option<super::fields::Field>,
-    /// Distances and caps inside the meshed region with the number of lattice cells that have them, for estimates.
-    inside: Vec<(f32, f32, f32)>,
+    /// Distances inside the meshed region with the number of lattice cells that have them, for estimates.
+    inside: Vec<(f32, f32)>,
     growth: f64,
     coarsest: f64,
     low: [f64; 3],
@@ -56,16 +61,40 @@ impl SizeField {
             let [i, j, k] = grid.voxel(at);
             grid.centre(i, j, k).to_array()
         };
-        let cap = thickness_cap(fields, fine, 2.0 * growth, &grid);
         let scale = density_scale(fields, &options.density, growth, &grid);
         let elements = |at: usize| scale.as_ref().map_or(1.0, |s| s[at].powi(-3));
         let inside = (0..grid.len()).filter(|&at| fields.union.at(centre(at)) >= 0.5);
-        let mut inside = census(inside.map(|at| (distance[at], cap[at], elements(at))));
+        let mut inside = census(inside.map(|at| (distance[at], elements(at))));
         to_volume(&mut inside, fields.volumes.iter().sum());
-        let distance = super::fields::Field::new(Volume::new(grid, distance).ok()?);
-        let cap = super::fields::Field::new(Volume::new(grid, cap).ok()?);
-        let scale = scale.and_then(|s| Volume::new(grid, s).ok()).map(super::fields::Field::new);
-        Some(Self { distance, cap, scale, inside, growth, coarsest, low, high })
+        let field = |values: Vec<f32>| Some(super::fields::Field::new(Volume::new(grid, values).ok()?));
+        let mut size = Self {
+            cap: field(vec![FREE; grid.len()])?,
+            thin: Thin::none(),
+            scale: scale.and_then(field),
+            distance: field(distance)?,
+            inside,
+            growth,
+            coarsest,
+            low,
+            high,
+        };
+        size.thin = Thin::new(fields, fine, finest_for(&size, first_guess(options.elements, fields)));
+        Some(size)
+    }
+
+    /// With edges of `edge` mm around places, growing from there.
+    pub(super) fn with_bounds(&self, places: &[([f64; 3], f64)]) -> Self {
+        let grid = *self.cap.volume().grid();
+        let mut cap = vec![FREE; grid.len()];
+        for &(p, edge) in places {
+            if let Some([i, j, k]) = grid.containing(Point::from_array(p)) {
+                let cell = &mut cap[grid.index(i, j, k)];
+                *cell = cell.min(edge as f32);
+            }
+        }
+        spread(&mut cap, grid.dims(), STEP, STEEPER * self.growth);
+        let cap = Volume::new(grid, cap).map_or_else(|_| self.cap.clone(), super::fields::Field::new);
+        Self { cap, ..self.clone() }
     }
 
     /// Box of the region, mm.
@@ -83,56 +112,47 @@ impl SizeField {
         std::array::from_fn(|a| p[a].clamp(self.low[a], self.high[a]))
     }
 
-    /// Wanted edge length at `p` when the finest is `finest`; down to half of that in thin places.
+    /// Wanted edge length at `p` when the finest is `finest`, but for thin places.
     pub(super) fn edge(&self, p: [f64; 3], finest: f64) -> f64 {
         let p = self.clamped(p);
-        self.edge_at(self.distance.at(p), self.cap.at(p), finest) * self.scale.as_ref().map_or(1.0, |s| s.at(p))
+        let free = self.edge_at(self.distance.at(p), finest) * self.scale.as_ref().map_or(1.0, |s| s.at(p));
+        free.min(self.cap.at(p))
     }
 
-    fn edge_at(&self, distance: f64, cap: f64, finest: f64) -> f64 {
-        let free = (finest + self.growth * (distance - CORE).max(0.0)).min(finest * self.coarsest);
-        free.min(cap.max(THINNEST * finest))
+    fn edge_at(&self, distance: f64, finest: f64) -> f64 {
+        (finest + self.growth * (distance - CORE).max(0.0)).min(finest * self.coarsest)
     }
 
     /// Elements that a lattice with this finest edge would have, before cutting: 12 to each cell.
     pub(super) fn estimate(&self, finest: f64, cell: impl Fn(f64) -> f64) -> f64 {
-        let per = |&(d, cap, cells): &(f32, f32, f32)| {
-            f64::from(cells) * 12.0 / cell(self.edge_at(f64::from(d), f64::from(cap), finest)).powi(3)
-        };
+        let per = |&(d, cells): &(f32, f32)| f64::from(cells) * 12.0 / cell(self.edge_at(f64::from(d), finest)).powi(3);
         self.inside.iter().map(per).sum::<f64>() * STEP.powi(3)
     }
 }
 
-/// How many cells (each with a weight) have about the same distance (to a quarter of a cell) and the same cap (to 0.2 mm, up to 40).
-fn census(cells: impl Iterator<Item = (f32, f32, f32)>) -> Vec<(f32, f32, f32)> {
-    const CAPS: usize = 200;
-    let (far, thick) = (STEP as f32 / 4.0, 0.2f32);
-    let mut counts: Vec<[f32; CAPS + 1]> = Vec::new();
-    for (distance, cap, weight) in cells {
-        let (d, c) = ((distance / far) as usize, ((cap / thick) as usize).min(CAPS));
+/// How many cells (each with a weight) have about the same distance (to a quarter of a cell).
+fn census(cells: impl Iterator<Item = (f32, f32)>) -> Vec<(f32, f32)> {
+    let far = STEP as f32 / 4.0;
+    let mut counts: Vec<f32> = Vec::new();
+    for (distance, weight) in cells {
+        let d = (distance / far) as usize;
         if d >= counts.len() {
-            counts.resize(d + 1, [0.0; CAPS + 1]);
+            counts.resize(d + 1, 0.0);
         }
-        counts[d][c] += weight;
+        counts[d] += weight;
     }
-    let mut out = Vec::new();
-    for (d, row) in counts.iter().enumerate() {
-        for (c, &n) in row.iter().enumerate().filter(|(_, n)| **n > 0.0) {
-            let cap = if c == CAPS { super::thickness::THICK } else { (c as f32 + 0.5) * thick };
-            out.push(((d as f32 + if d == 0 { 0.0 } else { 0.5 }) * far, cap, n));
-        }
-    }
-    out
+    let middle = |d: usize| (d as f32 + if d == 0 { 0.0 } else { 0.5 }) * far;
+    counts.into_iter().enumerate().filter(|c| c.1 > 0.0).map(|(d, n)| (middle(d), n)).collect()
 }
 
 /// Scales the numbers of cells to a volume in mm3: parts smaller than a cell may have been missed.
-fn to_volume(inside: &mut Vec<(f32, f32, f32)>, volume: f64) {
+fn to_volume(inside: &mut Vec<(f32, f32)>, volume: f64) {
     if inside.is_empty() {
-        inside.push((0.0, super::thickness::THICK, 1.0));
+        inside.push((0.0, 1.0));
     }
-    let cells: f64 = inside.iter().map(|c| f64::from(c.2)).sum();
+    let cells: f64 = inside.iter().map(|c| f64::from(c.1)).sum();
     let scale = (volume / STEP.powi(3) / cells) as f32;
-    inside.iter_mut().for_each(|c| c.2 *= scale);
+    inside.iter_mut().for_each(|c| c.1 *= scale);
 }
 
 /// Relative lengths of edges on a lattice: the inverse cube roots of the labels' densities, shorter ones reaching into

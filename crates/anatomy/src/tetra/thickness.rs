@@ -1,49 +1,115 @@
 //! Where labels are thin: a lattice sees nothing thinner than its cells.
 
 use super::fields::LabelFields;
+use super::vec3::V3;
 use crate::surface::distance::squared_distance;
-use monro_geometry::{Grid, Volume};
+use monro_geometry::Volume;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
-/// Part of the thickness an edge may have. A ball of radius 0.56 a always holds a point of the body-centred lattice of
-/// cell edge a; with 0.8 no thin part can be lost, but rough labels are full of small ridges that would take the elements.
-const EDGE_PER_THICKNESS: f64 = 1.0;
+/// What is thinner than this many of the finest edges may fall through a lattice, whose cells are up to 1.41 of them.
+const SEEN: f64 = 1.5;
+/// What stands out of a thick part by less than this part of the finest edge, or a cell of the fields, is a ridge, which a
+/// coarser surface may cut off; rough labels are full of them.
+const RIDGE: f64 = 0.25;
 /// Growth of the distance per mm towards a neighbour above which a cell belongs to the neighbour's ball.
 const COVERED: f32 = 0.5;
-/// No thin place.
-pub(super) const THICK: f32 = 1e3;
+/// Cells of the lattice of less than this many cells of the fields are not split; of those above `EASY` times that one
+/// element must have an edge in a thin part, of smaller ones a corner.
+const LEAST: f64 = 1.5;
+const EASY: f64 = 1.4;
+/// Middles are kept by cubes of this size, mm; larger cells of a lattice are not asked for.
+const BLOCK: f64 = 8.0;
 
-/// For each cell of `grid` the longest edge that the thin places of the labels in `fine` allow, grown by `growth` mm a mm
-/// away from them.
-pub(super) fn thickness_cap(fields: &LabelFields, fine: &[usize], growth: f64, grid: &Grid) -> Vec<f32> {
-    let mut cap = vec![THICK; grid.len()];
-    for &l in fine {
-        if let Some(part) = fields.parts.get(l) {
-            mark_thin(part.volume(), fields.step, grid, &mut cap);
-        }
-    }
-    if cap.iter().any(|&c| c < THICK) {
-        spread(&mut cap, grid.dims(), grid.spacing()[0], growth);
-    }
-    cap
+/// The middles of thin parts of labels.
+#[derive(Debug, Clone)]
+pub(super) struct Thin {
+    middles: BTreeMap<[i32; 3], Vec<(u8, V3)>>,
+    least: f64,
 }
 
-/// Medial cells by the maximal-ball test: no neighbour's inscribed ball holds theirs.
-fn mark_thin(field: &Volume<f32>, step: f64, grid: &Grid, cap: &mut [f32]) {
+impl Thin {
+    /// Thin parts of the labels in `fine` where edges are `finest` mm.
+    pub(super) fn new(fields: &LabelFields, fine: &[usize], finest: f64) -> Self {
+        let mut middles: BTreeMap<[i32; 3], Vec<(u8, V3)>> = BTreeMap::new();
+        for &l in fine {
+            if let Some(part) = fields.parts.get(l) {
+                each_middle(part.volume(), fields.step, finest, |p| {
+                    middles.entry(block(p)).or_default().push((l as u8, p));
+                });
+            }
+        }
+        Self { middles, least: LEAST * fields.step }
+    }
+
+    /// Nothing thin.
+    pub(super) const fn none() -> Self {
+        Self { middles: BTreeMap::new(), least: 0.0 }
+    }
+
+    /// Whether a lattice with a cell of edge `cube` around `centre` would not see a thin part there: of the corners of the
+    /// element around one of its middles too few lie in the part.
+    pub(super) fn is_unseen(&self, fields: &LabelFields, centre: V3, cube: f64) -> bool {
+        if !(self.least..=2.0 * BLOCK).contains(&cube) {
+            return false;
+        }
+        let corners = if cube > EASY * self.least { 2 } else { 1 };
+        let is_seen = |l: u8, p: V3| {
+            let part = fields.parts.get(usize::from(l));
+            part.is_none_or(|part| {
+                element(p, centre, cube).into_iter().filter(|&c| part.at(c) >= 0.5).count() >= corners
+            })
+        };
+        let holds = |p: V3| (0..3).all(|a| (p[a] - centre[a]).abs() <= 0.5 * cube);
+        let (low, high) = (block(centre.map(|x| x - 0.5 * cube)), block(centre.map(|x| x + 0.5 * cube)));
+        (low[0]..=high[0]).any(|i| {
+            (low[1]..=high[1]).any(|j| {
+                let row = self.middles.range([i, j, low[2]]..=[i, j, high[2]]);
+                row.flat_map(|b| b.1).any(|&(l, p)| holds(p) && !is_seen(l, p))
+            })
+        })
+    }
+}
+
+fn block(p: V3) -> [i32; 3] {
+    p.map(|x| (x / BLOCK).floor() as i32)
+}
+
+/// The corners of the element around a point of a cell, in an even body-centred lattice: the centres of the cell and of the
+/// one behind the nearest face, and the ends of the face's nearest edge.
+fn element(p: V3, centre: V3, cube: f64) -> [V3; 4] {
+    let d: V3 = std::array::from_fn(|a| p[a] - centre[a]);
+    let mut axes = [0, 1, 2];
+    axes.sort_by(|&a, &b| d[b].abs().total_cmp(&d[a].abs()));
+    let [face, edge, along] = axes;
+    let at = |f: f64, e: f64, l: f64| {
+        let mut q = centre;
+        q[face] += f * cube * d[face].signum();
+        q[edge] += e * cube * d[edge].signum();
+        q[along] += l * cube;
+        q
+    };
+    [centre, at(1.0, 0.0, 0.0), at(0.5, 0.5, -0.5), at(0.5, 0.5, 0.5)]
+}
+
+/// Medial cells by the maximal-ball test (no neighbour's inscribed ball holds theirs) that stand out of what is thick enough.
+fn each_middle(field: &Volume<f32>, step: f64, finest: f64, mut found: impl FnMut(V3)) {
     let dims = field.grid().dims();
-    let outside: Vec<bool> = field.data().iter().map(|&v| v < 0.5).collect();
-    let mut d = squared_distance(&outside, dims, [step; 3]);
-    d.par_iter_mut().for_each(|x| *x = x.sqrt());
+    let depth = |sites: &[bool]| {
+        let mut d = squared_distance(sites, dims, [step; 3]);
+        d.par_iter_mut().for_each(|x| *x = x.sqrt());
+        d
+    };
+    let d = depth(&field.data().iter().map(|&v| v < 0.5).collect::<Vec<_>>());
+    let thick = (0.5 * SEEN * finest + 0.5 * step) as f32;
+    let to_core = depth(&d.iter().map(|&d| d >= thick).collect::<Vec<_>>());
+    let ridge = thick + (RIDGE * finest).max(step) as f32;
     for k in 1..dims[2] - 1 {
         for j in 1..dims[1] - 1 {
             for i in 1..dims[0] - 1 {
                 let at = field.grid().index(i, j, k);
-                if d[at] > 0.0 && is_medial(&d, dims, at, step as f32) {
-                    let edge = (EDGE_PER_THICKNESS * (2.0 * f64::from(d[at]) - step)) as f32;
-                    if let Some([x, y, z]) = grid.containing(field.grid().centre(i, j, k)) {
-                        let cell = &mut cap[grid.index(x, y, z)];
-                        *cell = cell.min(edge);
-                    }
+                if d[at] > 0.0 && to_core[at] > ridge && is_medial(&d, dims, at, step as f32) {
+                    found(field.grid().centre(i, j, k).to_array());
                 }
             }
         }
@@ -96,5 +162,54 @@ fn sweep(row: &mut [f32], bound: &[f32], rise: f32, backwards: bool) {
     for i in 1..n - 1 {
         let (at, before) = if backwards { (n - 1 - i, n - i) } else { (i, i - 1) };
         row[at] = row[at].min(bound[at]).min(row[before] + rise);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tetra::vec3::volume6;
+    use monro_geometry::{Grid, Volume as Labels};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_element_around_a_point_holds_it(p in proptest::array::uniform3(-1.5..1.5f64)) {
+            let corners = element(p, [0.0; 3], 3.0);
+            let whole = volume6(corners).abs();
+            // Elements of a body-centred lattice are a twelfth of a cell.
+            prop_assert!((whole / 6.0 - 27.0 / 12.0).abs() < 1e-12);
+            let parts: f64 = (0..4).map(|i| {
+                let mut c = corners;
+                c[i] = p;
+                volume6(c).abs()
+            }).sum();
+            prop_assert!((parts - whole).abs() < 1e-9, "{parts} {whole}");
+        }
+    }
+
+    /// A ball of 9 mm with a rod along x, 2 mm thick, from 9 to 25 mm.
+    fn ball_with_rod() -> LabelFields {
+        let grid = Grid::axis_aligned([70, 40, 40], [1.0; 3], [-19.5; 3]).expect("grid");
+        let data = (0..grid.len()).map(|at| {
+            let [i, j, k] = grid.voxel(at);
+            let [x, y, z] = grid.centre(i, j, k).to_array();
+            let rod = x > 0.0 && x < 25.0 && y.abs() < 1.0 && z.abs() < 1.0;
+            if rod || (x * x + y * y + z * z).sqrt() < 9.0 { 2u16 } else { 1 }
+        });
+        LabelFields::new(&Labels::new(grid, data.collect()).expect("count"), &[1, 2]).expect("fields")
+    }
+
+    #[test]
+    fn a_lattice_must_split_where_a_rod_runs_between_its_points() {
+        let fields = ball_with_rod();
+        let fine = fields.labels.iter().position(|&l| l == 2).expect("there");
+        let thin = Thin::new(&fields, &[fine], 4.0);
+        // The rod runs half way between centre, corners and middles of faces of this cell, then through its centre.
+        assert!(thin.is_unseen(&fields, [18.0, 2.0, 1.0], 4.0));
+        assert!(!thin.is_unseen(&fields, [18.0, 0.0, 0.0], 2.2));
+        // The ball is thick, and nothing is elsewhere.
+        assert!(!thin.is_unseen(&fields, [0.0, 2.0, 1.0], 4.0) && !thin.is_unseen(&fields, [18.0, 9.0, 1.0], 4.0));
+        assert!(Thin::none().middles.is_empty());
     }
 }

@@ -30,6 +30,9 @@ impl Work<'_> {
     /// shorter than `aim.limit` wanted lengths. After the first round only edges at points where something has changed
     /// are looked at again.
     pub(in super::super) fn coarsen(&mut self, size: &SizeField, aim: &Coarse) {
+        if self.count() <= aim.target {
+            return;
+        }
         let wanted: Vec<f64> = self.points.iter().map(|&p| size.edge(p, aim.finest)).collect();
         let mut at: Vec<u32> = (0..self.points.len() as u32).collect();
         for _ in 0..ROUNDS {

@@ -23,7 +23,7 @@ const RESORT: f64 = 0.45;
 /// Their neighbours are bettered up to this.
 const ROOMY: f64 = 0.65;
 /// By how much of an edge they may leave the surface.
-const LOOSE: [f64; 8] = [0.04, 0.08, 0.12, 0.16, 0.2, 0.2, 0.25, 0.3];
+const LOOSE: [f64; 12] = [0.04, 0.08, 0.12, 0.16, 0.2, 0.2, 0.25, 0.3, 0.3, 0.3, 0.35, 0.4];
 
 /// Edges shorter than this part of an element's longest are merged first.
 const SHORT: f64 = 0.3;
@@ -42,6 +42,9 @@ impl Work<'_> {
     pub(super) fn finish(&mut self) {
         LAST_BARS.into_iter().for_each(|bar| self.pass(bar));
         for loose in LOOSE {
+            if self.below(RESORT).is_empty() {
+                break;
+            }
             self.loose = loose;
             self.pass(RESORT);
             self.relabel_worst(RESORT);

@@ -12,6 +12,10 @@ use super::work::{DEAD, Work};
 /// Largest part of the height over its neighbours that a point is moved by in one pass.
 const MOST: f64 = 0.5;
 
+/// Passes at most, and the part of a volume that it may be off by for another pass not to be worth it.
+const PASSES: usize = 16;
+const MET: f64 = 1e-4;
+
 /// Largest even shift in one pass, in cells of the fields.
 const MOST_SHIFT: f64 = 0.1;
 
@@ -28,11 +32,14 @@ struct Stand {
 impl Work<'_> {
     /// Moves the points of each surface so that labels have the volumes `wanted` (mm3, in the order of the labels). No
     /// element gets worse than `floor`, or than it was.
-    pub(in super::super) fn restore_volumes(&mut self, wanted: &[f64], passes: usize, floor: f64) {
+    pub(in super::super) fn restore_volumes(&mut self, wanted: &[f64], floor: f64) {
         let faces = self.surface_faces();
-        for _ in 0..passes {
-            let stands = self.stands(&faces);
+        for _ in 0..PASSES {
             let now = self.volumes(wanted.len());
+            if now.iter().zip(wanted).all(|(n, w)| (n - w).abs() <= MET * w) {
+                break;
+            }
+            let stands = self.stands(&faces);
             let missing = wanted.iter().sum::<f64>() - now.iter().sum::<f64>();
             self.inflate(&stands, missing, floor, |pair| pair.1.is_none());
             for l in 0..wanted.len() - 1 {
@@ -42,7 +49,8 @@ impl Work<'_> {
         }
     }
 
-    fn volumes(&self, labels: usize) -> Vec<f64> {
+    /// Volume of each label, mm3.
+    pub(in super::super) fn volumes(&self, labels: usize) -> Vec<f64> {
         let mut v = vec![0.0; labels];
         for (&t, &l) in self.tets.iter().zip(&self.labels).filter(|(_, l)| **l != DEAD) {
             v[usize::from(l)] += super::super::vec3::volume6(self.corners(t)) / 6.0;
