@@ -46,7 +46,7 @@ class View {
   constructor(api: Api, stage: Stage | null) {
     this.stage = stage;
     this.glasses = stage && new Glasses(stage, () => this.#advance());
-    this.#stream = new Stream(api, stage?.whole ?? false, (s) => (this.#waiting = s), () => this.#last && !this.#waiting && this.#show(this.#last), (error) => this.#gone(error));
+    this.#stream = new Stream(api, stage?.whole ?? false, (s) => (this.#waiting = s), () => void (this.#last && !this.#waiting && this.#show(this.#last)), (error) => this.#gone(error));
     const frame = (): void => {
       requestAnimationFrame(frame);
       // They have frames of their own.
@@ -63,17 +63,17 @@ class View {
     const start = performance.now();
     this.#last = this.#waiting;
     this.#waiting = undefined;
-    this.stage?.take(this.#last);
-    this.#show(this.#last);
+    this.stage?.take({ ...this.#last, guidance: this.#show(this.#last) });
     this.stages.take.tick(performance.now() - start);
     this.#stream.next();
   }
 
-  /** The numbers, as old as they are now. */
-  #show({ guidance, at }: Snapshot): void {
-    const now: Guidance = aged(guidance, performance.now() - at);
+  /** Shows the numbers, as old as they are now, and gives them. */
+  #show({ guidance, at }: Snapshot): Guidance {
+    const now = aged(guidance, performance.now() - at);
     this.glasses?.take(now);
     this.panel.show(now);
+    return now;
   }
 
   /** Nothing that was shown can be trusted. */
