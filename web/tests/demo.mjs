@@ -17,7 +17,7 @@ export async function demoInBrowser(start, open, { until, text, number, shot }) 
     const p = await open(`${url}/#token=${token}`);
     await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
     await numbersAgree(p, api, { until, number });
-    await dragSlice(p, text);
+    await dragSlice(p, { until, text });
     await shot(p, "demo");
     await reload(p, api, { until, text, number });
     assert.deepEqual(p.faults, []);
@@ -41,7 +41,7 @@ async function numbersAgree(p, api, { until, number }) {
   }
 }
 
-async function dragSlice(p, text) {
+async function dragSlice(p, { until, text }) {
   const before = await text(p, "#axial output");
   const box = await p.locator("#axial").boundingBox();
   const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
@@ -49,10 +49,10 @@ async function dragSlice(p, text) {
   await p.mouse.down();
   await p.mouse.move(x + 30, y + 20, { steps: 4 });
   await p.mouse.up();
-  assert.equal(await p.getByLabel("follows the tip").isChecked(), false);
+  await until("the end of the following", async () => !(await p.getByLabel("follows the tip").isChecked()));
   await p.locator("#axial").focus();
   await p.keyboard.press("PageUp");
-  assert.notEqual(await text(p, "#axial output"), before);
+  await until("another slice", async () => (await text(p, "#axial output")) !== before);
   await p.getByLabel("follows the tip").check();
 }
 

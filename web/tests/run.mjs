@@ -164,12 +164,13 @@ const tests = {
     await p.mouse.down();
     await p.mouse.move(box.x + box.width / 2 + 20, box.y + box.height / 2 - 40, { steps: 4 });
     await p.mouse.up();
+    // The browser hands motions on with its next frame.
+    await until("the end of the following", async () => !(await p.getByLabel("follows the tip").isChecked()));
+    await until("another slice", async () => (await label.textContent()) !== before);
     const after = await label.textContent();
-    assert.notEqual(after, before);
-    assert.equal(await p.getByLabel("follows the tip").isChecked(), false);
     await p.locator("#axial").focus();
     await p.keyboard.press("PageDown");
-    assert.notEqual(await label.textContent(), after);
+    await until("the next slice", async () => (await label.textContent()) !== after);
     await p.getByRole("button", { name: "Bone" }).click();
     await p.waitForTimeout(300);
     await shot(p, "bone");
@@ -185,9 +186,10 @@ const tests = {
     for (const { name, deformed, asScanned, compared } of await deformedSlices(p, browser, served.case)) {
       console.log(`      ${name}: ${compared} pixels; grey levels off, mean ${deformed.mean.toFixed(3)}, as scanned ${asScanned.mean.toFixed(3)}; more than 4 off ${deformed.beyond.toFixed(5)}, as scanned ${asScanned.beyond.toFixed(5)}`);
       assert.ok(compared > 20_000, `${name}: ${compared} pixels compared`);
-      // A grey level is 0.3 HU here; the GPU's filter weights have 8 bits, the CT's edges are 1000 HU in 2.6 mm.
-      assert.ok(deformed.beyond < 0.0015 && deformed.mean < 0.05, `${name}, deformed: ${JSON.stringify(deformed)}`);
-      assert.ok(asScanned.beyond > 3 * deformed.beyond, `${name}, as scanned: ${JSON.stringify(asScanned)}`);
+      // A grey level is 0.3 HU here; the GPU's filter weights have 8 bits, the CT's edges are 1000 HU in 2.6 mm, and pixels
+      // on the very border of the mesh, where the tissue's motion ends, may fall to either side.
+      assert.ok(deformed.beyond < 0.003 && deformed.mean < 0.1, `${name}, deformed: ${JSON.stringify(deformed)}`);
+      assert.ok(asScanned.beyond > 5 * deformed.beyond && asScanned.mean > 5 * deformed.mean, `${name}, as scanned: ${JSON.stringify(asScanned)}`);
     }
     await relax(p);
     await api("/api/tracker", { paused: false });
