@@ -9,14 +9,14 @@ import { join } from "node:path";
 const LONG_S = 600;
 
 /** `start(args)` runs the command and gives its first JSON line that has a `url`, with its process and its API. */
-export async function demoInBrowser(start, open, { until, text, number, shot }) {
+export async function demoInBrowser(start, open, { until, text, number, moves, shot }) {
   const dir = mkdtempSync(join(tmpdir(), "monro-demo-"));
   const out = join(dir, "demo");
   const { url, token, api, child } = await start(["demo", "--live", "--json", "--out", out], LONG_S);
   try {
     const p = await open(`${url}/#token=${token}`);
     await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
-    await numbersAgree(p, api, { until, number });
+    await numbersAgree(p, api, { until, number, moves });
     await dragSlice(p, { until, text });
     await shot(p, "demo");
     await reload(p, api, { until, text, number });
@@ -29,9 +29,8 @@ export async function demoInBrowser(start, open, { until, text, number, shot }) 
 }
 
 /** While the hand moves, and where it rests. */
-async function numbersAgree(p, api, { until, number }) {
-  const first = await number(p, "#n-depth");
-  await until("another depth", async () => Math.abs((await number(p, "#n-depth")) - first) > 1);
+async function numbersAgree(p, api, { until, number, moves }) {
+  await moves(p);
   for (const [id, name] of [["#n-distance", "distance_to_target_mm"], ["#n-rigid", "distance_to_target_rigid_mm"], ["#n-angle", "entry_angle_error_deg"], ["#n-depth", "depth_mm"]]) {
     await until(`${name} on the page as the API tells it`, async () => {
       const [a, shown, b] = [await api("/api/guidance"), await number(p, id), await api("/api/guidance")];

@@ -98,6 +98,13 @@ async function until(what, check, seconds = 60) {
   throw new Error(`waited ${seconds} s for: ${what}`);
 }
 
+/** Waits until the page shows a depth, and then another. */
+async function moves(p) {
+  let first = NaN;
+  await until("a depth", async () => Number.isFinite((first = await number(p, "#n-depth"))));
+  await until("another depth", async () => Math.abs((await number(p, "#n-depth")) - first) > 1);
+}
+
 /** Two fingers on the axial slice: apart to enlarge it, together downwards to leaf through it. */
 async function pinch(p) {
   const box = await p.locator("#axial").boundingBox();
@@ -139,8 +146,7 @@ const tests = {
     assert.equal(await text(p, "#patient"), served.pseudonym);
     assert.match(await text(p, "#side"), new RegExp(served.side, "i"));
     assert.match(await text(p, "#notice"), /research use only/i);
-    const first = await number(p, "#n-depth");
-    await until("another depth", async () => Math.abs((await number(p, "#n-depth")) - first) > 1);
+    await moves(p);
     // The page lags behind the API by what happens between the two questions: compare where the hand rests.
     await until("the hand at rest", async () => {
       const [a, shown, b] = [await api("/api/guidance"), await number(p, "#n-rigid"), await api("/api/guidance")];
@@ -215,8 +221,7 @@ const tests = {
     const second = await watched(`${url}/#token=${token}`);
     for (const shown of [second, p, second]) {
       await until("a live signal", async () => (await text(shown, "#signal span")) === "Live");
-      const from = await number(shown, "#n-depth");
-      await until("moving numbers", async () => Math.abs((await number(shown, "#n-depth")) - from) > 1);
+      await moves(shown);
     }
     assert.deepEqual(second.faults, []);
     stalled.destroy();
@@ -279,8 +284,7 @@ const tests = {
     }));
     await until("why there are no pictures", async () => /cannot draw/.test(await text(p, "#no-picture")));
     await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
-    const from = await number(p, "#n-depth");
-    await until("moving numbers", async () => Math.abs((await number(p, "#n-depth")) - from) > 1);
+    await moves(p);
     await shot(p, "no-pictures");
   },
 
@@ -335,7 +339,7 @@ const tests = {
   },
 
   async "the demo opens, agrees with the API, and goes on after a reload in mid-insertion"() {
-    await demoInBrowser((more, seconds) => started(monro(more), seconds), page, { until, text, number, shot });
+    await demoInBrowser((more, seconds) => started(monro(more), seconds), page, { until, text, number, moves, shot });
   },
 
   async "a server that falls silent without a word is lost, and live again when it goes on"() {
