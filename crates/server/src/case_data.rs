@@ -4,7 +4,7 @@
 use crate::bound::Bound;
 use crate::container::Arrays;
 use crate::{ServeError, half};
-use monro_anatomy::surface::decimate;
+use monro_anatomy::surface::thin;
 use monro_case::Case;
 use monro_geometry::{Embedding, Grid, Patient, Point, TetLocator, TriangleMesh, Volume};
 use monro_scan::ReadOptions;
@@ -58,7 +58,7 @@ fn shown(surfaces: [&TriangleMesh; 3], most: usize) -> [Cow<'_, TriangleMesh>; 3
     // A closed surface has twice as many triangles as vertices.
     core::array::from_fn(|i| match surfaces[i] {
         mesh if count[i] <= most[i] => Cow::Borrowed(mesh),
-        mesh => Cow::Owned(decimate(mesh, 2 * most[i])),
+        mesh => Cow::Owned(thin(mesh, 2 * most[i])),
     })
 }
 

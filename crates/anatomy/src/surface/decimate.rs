@@ -16,7 +16,7 @@ pub fn decimate(mesh: &TriangleMesh, target_triangles: usize) -> TriangleMesh {
     let before = (welded.topology(), welded.signed_volume());
     let mut target = target_triangles.max(4);
     while target < welded.triangles.len() {
-        let mut candidate = reduce(&welded, target);
+        let mut candidate = reduce(&welded, target, SimplifyOptions::RegularizeLight);
         if same_kind(&before.0, &candidate.topology())
             && (candidate.signed_volume() - before.1).abs() <= VOLUME_TOLERANCE * before.1.abs()
         {
@@ -28,6 +28,16 @@ pub fn decimate(mesh: &TriangleMesh, target_triangles: usize) -> TriangleMesh {
         target = target * 7 / 5;
     }
     welded
+}
+
+/// Reduces a mesh to about `target_triangles` for looking at: as [`decimate`] where that gets there, else small pieces and
+/// handles go, which [`decimate`] keeps at any price.
+pub fn thin(mesh: &TriangleMesh, target_triangles: usize) -> TriangleMesh {
+    let kept = decimate(mesh, target_triangles);
+    if kept.triangles.len() <= target_triangles * 11 / 10 {
+        return kept;
+    }
+    reduce(&kept, target_triangles, SimplifyOptions::RegularizeLight | SimplifyOptions::Prune)
 }
 
 fn same_kind(before: &Topology, after: &Topology) -> bool {
@@ -69,7 +79,7 @@ fn compact(mesh: &TriangleMesh, triangles: impl Iterator<Item = [u32; 3]>) -> Tr
     out
 }
 
-fn reduce(mesh: &TriangleMesh, target: usize) -> TriangleMesh {
+fn reduce(mesh: &TriangleMesh, target: usize, options: SimplifyOptions) -> TriangleMesh {
     // Single precision around the first vertex: the absolute position would cost digits.
     let origin = mesh.vertices[0];
     let positions: Vec<[f32; 3]> =
@@ -78,7 +88,7 @@ fn reduce(mesh: &TriangleMesh, target: usize) -> TriangleMesh {
         return mesh.clone();
     };
     let indices = mesh.triangles.as_flattened();
-    let kept = simplify(indices, &adapter, target * 3, f32::MAX, SimplifyOptions::RegularizeLight, None);
+    let kept = simplify(indices, &adapter, target * 3, f32::MAX, options, None);
     compact(mesh, kept.chunks_exact(3).map(|t| [t[0], t[1], t[2]]))
 }
 
@@ -113,6 +123,23 @@ mod tests {
         let m = torus(40);
         let t = decimate(&m, 4).topology();
         assert!(t.is_closed() && t.is_manifold() && t.euler() == 0, "{t:?}");
+    }
+
+    #[test]
+    fn what_is_for_looking_at_loses_its_crumbs_rather_than_stay_large() {
+        let (large, crumb) = (torus(40), torus(6));
+        let mut m = large.clone();
+        for n in 0..200 {
+            let first = m.vertices.len() as u32;
+            let away = Vector::new(60.0 * f64::from(n % 10), 60.0 * f64::from(n / 10), 200.0);
+            m.vertices.extend(crumb.vertices.iter().map(|p| Point::ORIGIN + (*p - Point::ORIGIN) * 0.1 + away));
+            m.triangles.extend(crumb.triangles.iter().map(|t| t.map(|v| v + first)));
+        }
+        let target = large.triangles.len() / 4;
+        assert!(decimate(&m, target).triangles.len() > 2 * target, "the crumbs are kept");
+        let t = thin(&m, target);
+        assert!(!t.triangles.is_empty() && t.triangles.len() <= target * 11 / 10, "{}", t.triangles.len());
+        assert!(t.vertices.iter().any(|p| p.z < 20.0), "the torus is still there");
     }
 
     #[test]

@@ -7,7 +7,7 @@ pub(crate) mod even;
 mod isosurface;
 mod smooth;
 
-pub use decimate::{decimate, weld};
+pub use decimate::{decimate, thin, weld};
 pub use isosurface::isosurface;
 pub use smooth::{Smoothing, smooth};
 
