@@ -1,43 +1,11 @@
 //! A case survives its own round trip, and every kind of damage is named.
 
-use monro_case::markups::NamedPoint;
-use monro_case::{Case, CaseError, CaseFiles, Confidence, DoubtfulSpot, Manifest, SCHEMA, Source, Staging};
-use monro_geometry::{Point, TetMesh, TriangleMesh};
-use monro_guidance::{Plan, Side};
+mod common;
+
+use common::case;
+use monro_case::{Case, CaseError, CaseFiles, Manifest, Staging};
 use std::fs;
 use std::path::{Path, PathBuf};
-
-fn surface() -> TriangleMesh {
-    let vertices = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0.25, 0.25, 1.5]].map(Point::from_array).to_vec();
-    TriangleMesh { vertices, triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]] }
-}
-
-fn case() -> Case {
-    let tets = TetMesh { vertices: surface().vertices, tets: vec![[0, 1, 2, 3]], labels: vec![4] };
-    let source = Source { format: "NIfTI".into(), series: "test".into(), dims: [2, 2, 2], spacing_mm: [1.0; 3] };
-    let manifest = Manifest {
-        schema: SCHEMA,
-        generator: "test".into(),
-        notice: "research".into(),
-        pseudonym: "P-1".into(),
-        side: "left".into(),
-        skull_angle_deg: Some(89.5),
-        source,
-        findings: vec!["vertex cut".into()],
-        confidence: vec![Confidence { structure: "brain".into(), expected_dice: 0.93 }],
-        doubts: vec![DoubtfulSpot { structure: "third_ventricle".into(), at_mm: [1.0, -2.0, 3.5], area_mm2: 42.0 }],
-        files: Vec::new(),
-    };
-    Case {
-        manifest,
-        plan: Plan::new(Side::Left, Point::new(30.0, -70.0, 100.0), Point::new(5.0, -20.0, 40.0)).expect("plan"),
-        landmarks: vec![NamedPoint { label: "nasion".into(), position: Point::new(0.0, -95.0, 0.0) }],
-        skin: surface(),
-        brain: surface(),
-        ventricles: surface(),
-        tets,
-    }
-}
 
 fn written(dir: &Path) -> PathBuf {
     let staging = Staging::begin(&dir.join("case"), false).expect("begin");

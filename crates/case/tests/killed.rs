@@ -1,10 +1,11 @@
 //! A program killed while it writes a case leaves the old case or the new one, and never neither.
 #![cfg(target_os = "linux")]
 
-use monro_case::markups::NamedPoint;
-use monro_case::{Case, CaseFiles, Manifest, SCHEMA, Source, Staging};
-use monro_geometry::{Point, TetMesh, TriangleMesh};
-use monro_guidance::{Plan, Side};
+mod common;
+
+use common::case;
+use monro_case::{Case, CaseFiles, Staging};
+use monro_geometry::Point;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
@@ -12,42 +13,19 @@ use std::time::Duration;
 
 const KILLS: u64 = 40;
 
-fn case(vertices: usize) -> Case {
-    let at = |i: usize| Point::new((i % 7) as f64, (i % 11) as f64, i as f64);
-    let corners = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0.25, 0.25, 1.5]].map(Point::from_array);
-    let surface = || {
-        let triangles = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
-        TriangleMesh { vertices: corners.into_iter().chain((4..vertices).map(at)).collect(), triangles }
-    };
-    let source = Source { format: "NIfTI".into(), series: "test".into(), dims: [2, 2, 2], spacing_mm: [1.0; 3] };
-    let manifest = Manifest {
-        schema: SCHEMA,
-        generator: "test".into(),
-        notice: "research".into(),
-        pseudonym: "P-1".into(),
-        side: "left".into(),
-        skull_angle_deg: None,
-        source,
-        findings: Vec::new(),
-        confidence: Vec::new(),
-        doubts: Vec::new(),
-        files: Vec::new(),
-    };
-    Case {
-        manifest,
-        plan: Plan::new(Side::Left, Point::new(30.0, -70.0, 100.0), Point::new(5.0, -20.0, 40.0)).expect("plan"),
-        landmarks: vec![NamedPoint { label: "nasion".into(), position: Point::new(0.0, -95.0, 0.0) }],
-        skin: surface(),
-        brain: surface(),
-        ventricles: surface(),
-        tets: TetMesh { vertices: corners.to_vec(), tets: vec![[0, 1, 2, 3]], labels: vec![4] },
+/// The case with surfaces that take a while to write.
+fn large() -> Case {
+    let mut case = case();
+    for surface in [&mut case.skin, &mut case.brain, &mut case.ventricles] {
+        surface.vertices.extend((4..3000).map(|i| Point::new((i % 7) as f64, (i % 11) as f64, i as f64)));
     }
+    case
 }
 
 fn write(dir: &Path, force: bool) {
     let staging = Staging::begin(dir, force).expect("begin");
     let images = CaseFiles { ct: Some(vec![7; 1 << 16]), labels: None };
-    case(3000).write(&staging, images).expect("write");
+    large().write(&staging, images).expect("write");
     staging.finish().expect("finish");
 }
 
