@@ -88,6 +88,15 @@ pub enum ModelError {
         /// The allowed range.
         wanted: &'static str,
     },
+    /// An attachment guides a node in physical mode.
+    #[error(
+        "attachment {attachment} holds only some components of a node, which stepping in physical mode cannot; hold all, \
+         or ask for the equilibrium or for paper mode"
+    )]
+    Guided {
+        /// Index of the attachment.
+        attachment: usize,
+    },
     /// An attachment names a vertex that does not exist.
     #[error("attachment {attachment} holds vertex {node}, but there are only {vertices}")]
     Attachment {

@@ -11,6 +11,7 @@ use crate::vec3::{six_volume, xyz};
 use crate::volumes::Volumes;
 use crate::{Material, ModelError, State, validate};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
+use std::collections::BTreeMap;
 
 /// A region: a label and what it is made of.
 #[derive(Debug, Clone, Copy)]
@@ -25,6 +26,14 @@ pub(crate) struct Tether {
     pub(crate) node: u32,
     /// mN/mm.
     pub(crate) stiffness: f32,
+}
+
+/// A node of which some components do not move.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Guide {
+    pub(crate) node: u32,
+    /// Which of them.
+    pub(crate) held: [bool; 3],
 }
 
 /// Constants of one mode.
@@ -49,6 +58,8 @@ pub struct Model {
     pub(crate) regions: Vec<Region>,
     pub(crate) membranes: Membranes,
     pub(crate) tethers: Vec<Tether>,
+    /// Nodes of which some components do not move, in their order.
+    pub(crate) guides: Vec<Guide>,
     pub(crate) tree: SphereTree,
     pub(crate) volumes: Volumes,
     pub(crate) solver: Solver,
@@ -94,7 +105,7 @@ impl Model {
         for (p, m) in rest.iter_mut().zip(&mass) {
             p[3] = 1.0 / m;
         }
-        let tethers = attach(&mut rest, options, &number);
+        let (tethers, guides) = attach(&mut rest, options, &number);
         let membranes = membrane::find(&tets, &region)?;
         let tree = SphereTree::new(&rest, &tets);
         let volumes = Volumes::new(&tets, &rest);
@@ -122,6 +133,7 @@ impl Model {
             regions,
             membranes,
             tethers,
+            guides,
             tree,
             volumes,
             solver,
@@ -207,15 +219,16 @@ impl Model {
         Vector::new(v[0].into(), v[1].into(), v[2].into())
     }
 
-    /// Moves a fixed vertex of the mesh to a place of the caller's choosing: how a node is driven from frame to frame.
-    /// Returns whether it is fixed; a free vertex is left alone, and so is one sent to a point that is not finite.
+    /// Moves a fixed vertex of the mesh to a place of the caller's choosing: how a node is driven from frame to frame. Of a
+    /// guided vertex only the held components are moved. Returns whether it is fixed or guided; a free vertex is left
+    /// alone, and so is one sent to a point that is not finite.
     pub fn place_fixed(&self, state: &mut State, vertex: usize, to: Point<Patient>) -> bool {
         let n = self.number[vertex] as usize;
-        let fixed = self.rest[n][3] == 0.0 && to.is_finite();
-        if fixed {
-            state.positions[n] = local(to, self.origin);
-        }
-        fixed
+        let guide = self.guides.binary_search_by_key(&n, |g| g.node as usize).ok();
+        let held = guide.map_or([self.rest[n][3] == 0.0; 3], |g| self.guides[g].held);
+        let to = Some(local(to, self.origin)).filter(|_| to.is_finite());
+        let axes = (0..3).filter(|&a| held[a]);
+        to.map(|to| axes.map(|a| state.positions[n][a] = to[a]).count()).is_some_and(|moved| moved > 0)
     }
 
     /// Current volume of the elements whose label `keep` accepts, mm3.
@@ -322,8 +335,9 @@ fn node_masses(rest: &[[f32; 4]], tets: &[[u32; 4]], region: &[u8], regions: &[R
     mass.into_iter().map(|m| m as f32).collect()
 }
 
-fn attach(rest: &mut [[f32; 4]], options: &ModelOptions, number: &[u32]) -> Vec<Tether> {
+fn attach(rest: &mut [[f32; 4]], options: &ModelOptions, number: &[u32]) -> (Vec<Tether>, Vec<Guide>) {
     let mut tethers = Vec::new();
+    let mut held_of = BTreeMap::<u32, [bool; 3]>::new();
     for a in &options.attachments {
         let node = number[a.node as usize];
         match a.kind {
@@ -331,16 +345,23 @@ fn attach(rest: &mut [[f32; 4]], options: &ModelOptions, number: &[u32]) -> Vec<
             AttachmentKind::Spring { stiffness_mn_per_mm } => {
                 tethers.push(Tether { node, stiffness: stiffness_mn_per_mm as f32 });
             }
+            AttachmentKind::Guided { held } => {
+                let all = held_of.entry(node).or_default();
+                (0..3).for_each(|a| all[a] |= held[a]);
+            }
         }
     }
-    tethers
+    // Held along every axis is fixed, and what is fixed needs no guide.
+    let mut guides: Vec<Guide> = held_of.into_iter().map(|(node, held)| Guide { node, held }).collect();
+    guides.iter().filter(|g| g.held == [true; 3]).for_each(|g| rest[g.node as usize][3] = 0.0);
+    guides.retain(|g| rest[g.node as usize][3] > 0.0);
+    (tethers, guides)
 }
 
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
     use crate::{Attachment, PaperOptions};
-    use std::collections::BTreeMap;
 
     /// A block of cubes of `size` mm, each cut into six tetrahedra around its diagonal.
     pub(crate) fn block(cells: [usize; 3], size: f64) -> TetMesh {

@@ -83,6 +83,12 @@ pub enum AttachmentKind {
         /// Stiffness, mN/mm.
         stiffness_mn_per_mm: f64,
     },
+    /// Some components do not move, the others are free, as on rollers. Paper mode only: in physical mode a support of
+    /// [`crate::equilibrium`] holds single components.
+    Guided {
+        /// Which of x, y and z (patient frame) do not move.
+        held: [bool; 3],
+    },
 }
 
 /// How one call of `step` goes through time.

@@ -300,6 +300,7 @@ impl Stepper {
                 self.space = self.paper.predict_space(k == 0);
             }
             self.pull_tethers(model, &mut state.positions, dt);
+            self.put_back_guided(model, &mut state.positions);
             contact::project(&mut self.couplings, &mut state.positions, dt);
         }
         self.residual = self.paper.residual();
@@ -313,6 +314,14 @@ impl Stepper {
             false => Extent::Whole,
             true if last || k.is_multiple_of(WHOLE_EVERY) => Extent::Measured,
             true => Extent::Predicted,
+        }
+    }
+
+    /// What does not move of a guided node is where it was at the start of the step.
+    fn put_back_guided(&self, model: &Model, positions: &mut [[f32; 4]]) {
+        for guide in &model.guides {
+            let n = guide.node as usize;
+            (0..3).filter(|&a| guide.held[a]).for_each(|a| positions[n][a] = self.previous[n][a]);
         }
     }
 

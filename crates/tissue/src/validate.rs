@@ -71,6 +71,9 @@ pub(crate) fn options(mesh: &TetMesh, options: &ModelOptions) -> Result<(), Mode
         if let AttachmentKind::Spring { stiffness_mn_per_mm } = a.kind {
             share("stiffness of an attachment", stiffness_mn_per_mm, 0.0, 1e9, "0 to 1e9 mN/mm")?;
         }
+        if matches!((a.kind, options.mode), (AttachmentKind::Guided { .. }, Mode::Physical(_))) {
+            return Err(ModelError::Guided { attachment });
+        }
     }
     match options.mode {
         Mode::Paper(p) => {

@@ -4,7 +4,9 @@ mod common;
 
 use common::{block, nodes, options, paper, rod};
 use monro_geometry::{Point, Vector};
-use monro_tissue::{CollisionResponse, Event, FrameSettings, Mode, Model, PaperOptions, State, Stepper};
+use monro_tissue::{
+    CollisionResponse, Event, FrameSettings, Mode, Model, ModelError, PaperOptions, PhysicalOptions, State, Stepper,
+};
 
 fn bits(model: &Model, state: &State) -> Vec<u64> {
     let mut p = Vec::new();
@@ -137,6 +139,34 @@ fn poses_that_are_not_poses_are_reported_and_change_nothing() {
     let bad: Vec<_> = report.events.iter().filter(|e| matches!(e, Event::BadPose { .. })).collect();
     assert_eq!(bad.len(), 2, "{report:?}");
     assert!(report.max_displacement_mm < 1e-4);
+}
+
+#[test]
+fn a_block_on_rollers_slides_in_their_plane_only() {
+    let mesh = block([2, 2, 2], 10.0, |_| 4);
+    let kind = monro_tissue::AttachmentKind::Guided { held: [false, false, true] };
+    let floor = |v: &u32| mesh.vertices[*v as usize].z == 0.0;
+    let mut o = options(paper(), &[]);
+    o.attachments = (0..27).filter(floor).map(|node| monro_tissue::Attachment { node, kind }).collect();
+    let model = Model::new(&mesh, &o).expect("model");
+    let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+    let settings = FrameSettings { gravity_mm_s2: [1000.0, 0.0, -1000.0], ..FrameSettings::default() };
+    for _ in 0..30 {
+        stepper.step(&model, &mut state, &[], &settings);
+    }
+    // Half a second of free sliding, x = g t^2 / 2 and half a step more (implicit Euler), while nothing sinks.
+    let expected = 0.5 * 1000.0 * 0.5 * (0.5 + 1.0 / 60.0);
+    for v in (0..27).filter(floor) {
+        let d = model.displacement(&state, v as usize);
+        assert!(d.z == 0.0, "{v}: {d:?}");
+        assert!((d.x / expected - 1.0).abs() < 0.05, "{v}: {} mm, expected {expected}", d.x);
+    }
+    let elsewhere = model.position(&state, 0) + Vector::new(5.0, 5.0, 1.0);
+    assert!(model.place_fixed(&mut state, 0, elsewhere));
+    assert_eq!(model.displacement(&state, 0).z, 1.0, "only what is held is put elsewhere");
+    let mut bad = options(Mode::Physical(PhysicalOptions::default()), &[]);
+    bad.attachments = o.attachments;
+    assert_eq!(Model::new(&mesh, &bad).err(), Some(ModelError::Guided { attachment: 0 }));
 }
 
 #[test]

@@ -23,7 +23,7 @@ const REST: f64 = 1e-6;
 pub(crate) struct Stepping<'a> {
     scene: &'a Scene,
     pub(crate) model: Model,
-    moved: BTreeMap<u32, Vector<Patient>>,
+    moved: BTreeMap<u32, [Option<f64>; 3]>,
     settings: FrameSettings,
     ramp: u32,
 }
@@ -54,7 +54,11 @@ impl<'a> Stepping<'a> {
         if !scene.problem.pressures.is_empty() {
             bail!("paper mode knows no pressure: its constraints have no unit of stress; use physical mode");
         }
-        let attachments = moved.keys().map(|&node| Attachment { node, kind: AttachmentKind::Fixed }).collect();
+        let kind = |way: &[Option<f64>; 3]| match way {
+            [Some(_), Some(_), Some(_)] => AttachmentKind::Fixed,
+            some => AttachmentKind::Guided { held: some.map(|d| d.is_some()) },
+        };
+        let attachments = moved.iter().map(|(&node, way)| Attachment { node, kind: kind(way) }).collect();
         let materials = scene.materials.clone();
         let options = ModelOptions { mode, materials, attachments, collision: CollisionResponse::Plain };
         let model = Model::new(&scene.mesh, &options)?;
@@ -79,7 +83,7 @@ impl<'a> Stepping<'a> {
         while go_on(&state, frame, still) {
             let share = |f: u32| (f64::from(f) / f64::from(self.ramp)).min(1.0);
             for (&node, &way) in &self.moved {
-                let to = scene.mesh.vertices[node as usize] + way * share(frame + 1);
+                let to = scene.mesh.vertices[node as usize] + full(way) * share(frame + 1);
                 model.place_fixed(&mut state, node as usize, to);
             }
             let spheres = scene.problem.contacts.iter();
@@ -109,17 +113,17 @@ fn size(scene: &Scene) -> f64 {
     scene.mesh.vertices.iter().map(|p| p.distance(first)).fold(0.0, f64::max)
 }
 
-/// Displacement of every node that is held.
-fn held(scene: &Scene) -> Result<BTreeMap<u32, Vector<Patient>>> {
-    let mut out = BTreeMap::new();
+/// The displacement, nothing along what is free.
+fn full(way: [Option<f64>; 3]) -> Vector<Patient> {
+    Vector::from_array(way.map(|d| d.unwrap_or(0.0)))
+}
+
+/// Displacement of every node that is held, along the axes along which it is.
+fn held(scene: &Scene) -> Result<BTreeMap<u32, [Option<f64>; 3]>> {
+    let mut out = BTreeMap::<u32, [Option<f64>; 3]>::new();
     for s in &scene.problem.supports {
-        let [Some(x), Some(y), Some(z)] = s.displacement_mm else {
-            let name = &scene.sets[s.set as usize].0;
-            bail!(
-                "paper mode holds a node in x, y and z or not at all, but the set \"{name}\" holds only some; use physical mode"
-            );
-        };
-        out.insert(s.node, Vector::new(x, y, z));
+        let all = out.entry(s.node).or_default();
+        (0..3).for_each(|a| all[a] = s.displacement_mm[a].or(all[a]));
     }
     for (i, rod) in scene.problem.rods.iter().enumerate() {
         let inside = nodes_in(scene, rod);
@@ -128,7 +132,9 @@ fn held(scene: &Scene) -> Result<BTreeMap<u32, Vector<Patient>>> {
             "no node lies inside rod {i}: paper mode does not refine the mesh; use physical mode"
         );
         for node in inside {
-            out.entry(node).or_insert(rod.displacement_mm);
+            let all = out.entry(node).or_default();
+            let way = rod.displacement_mm.to_array();
+            (0..3).for_each(|a| all[a] = all[a].or(Some(way[a])));
         }
     }
     Ok(out)
