@@ -2,7 +2,7 @@
 
 use monro_anatomy::landmarks::{self, LandmarkError};
 use monro_anatomy::phantom::{HeadOptions, head};
-use monro_anatomy::segment::{SegmentError, Segmentation, from_labels, outside_head, segment};
+use monro_anatomy::segment::{SegmentError, Segmentation, from_labels, onto_grid, outside_head, segment};
 use monro_geometry::{Affine, Grid, Matrix3, Patient, Point, Rigid, Vector, Volume};
 use monro_scan::ReadOptions;
 use std::path::PathBuf;
@@ -255,5 +255,42 @@ fn given_labels_are_checked_and_resampled() {
     assert!(["scalp", "skull"].iter().all(|s| outside.iter().any(|f| f.contains(s))), "{outside:?}");
     assert!(outside.iter().all(|f| f.contains("outside the head")), "{outside:?}");
     let far = Grid::axis_aligned([9, 9, 9], [1.0; 3], [5000.0, 0.0, 0.0]).expect("grid");
-    assert!(matches!(from_labels(&made.ct, Volume::filled(far, 4)), Err(SegmentError::LabelsElsewhere { .. })));
+    let refused = from_labels(&made.ct, Volume::filled(far, 4)).expect_err("elsewhere");
+    assert!(matches!(refused, SegmentError::LabelsElsewhere { .. }));
+    // Both geometries whole: the same voxels the other way round differ in their axes only.
+    let said = refused.to_string();
+    let wanted = "[9, 9, 9] voxels of 1.000 1.000 1.000 mm, first at (5000.00 0.00 0.00), axes (1.000 0.000 0.000) (0.000 1.000 0.000)";
+    assert!(said.contains(wanted) && said.matches("axes").count() == 2, "{said}");
+    let swapped = made.labels.map(|l| [l, 6, 5][usize::from(l == 5) + 2 * usize::from(l == 6)]);
+    let told = from_labels(&made.ct, swapped).expect("labels").findings;
+    assert_eq!(told.iter().filter(|f| f.contains("exchanged")).count(), 2, "{told:?}");
+    assert!(!taken.findings.iter().any(|f| f.contains("exchanged")), "{:?}", taken.findings);
+}
+
+#[test]
+fn labels_stored_otherwise_or_cropped_are_taken_voxel_by_voxel() {
+    let grid = Grid::axis_aligned([12, 10, 8], [1.0, 1.5, 2.0], [-5.0, 7.0, 30.0]).expect("grid");
+    let labels = Volume::new(grid, (0..grid.len()).map(|n| (n % 8) as u8).collect()).expect("count");
+    // A corner of it, and the x axis stored backwards: few per cent of the scan, but all of it is in the scan.
+    let place = *grid.patient_from_voxel();
+    let mut turned = place;
+    turned.linear.rows[0][0] = -1.0;
+    turned.offset = place.point(Point::new(4.0, 3.0, 2.0)).to_array();
+    let crop = Grid::new([3, 4, 2], turned).expect("grid");
+    let value = |n: usize| {
+        let [i, j, k] = crop.voxel(n);
+        labels.at(4 - i, 3 + j, 2 + k)
+    };
+    let part = Volume::new(crop, (0..crop.len()).map(value).collect()).expect("count");
+    let (taken, remark) = onto_grid(&grid, part).expect("in the scan");
+    assert_eq!(remark, None);
+    for n in 0..grid.len() {
+        let [i, j, k] = grid.voxel(n);
+        let inside = (2..=4).contains(&i) && (3..7).contains(&j) && (2..4).contains(&k);
+        assert_eq!(taken.data()[n], if inside { labels.data()[n] } else { 0 }, "{i} {j} {k}");
+    }
+    // Half a voxel off is resampled, and a part beyond the scan is told.
+    let (_, remark) = onto_grid(&grid, shifted(&labels, [3.5, 0.0, 0.0])).expect("overlaps");
+    let remark = remark.expect("told");
+    assert!(remark.contains("nearest neighbour") && remark.contains("beyond the scan"), "{remark}");
 }

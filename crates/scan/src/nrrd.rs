@@ -36,7 +36,9 @@ pub fn decode_header(bytes: &[u8]) -> Result<Header, Problem> {
     let (fields, end) = fields(bytes)?;
     if fields.get("dimension")? != "3" {
         let what = format!("a NRRD of dimension {}", fields.get("dimension")?);
-        return Err(unsupported(what, "give one three-dimensional volume"));
+        let way_out =
+            "give one three-dimensional volume; segments that overlap (layers) must be exported as one label map";
+        return Err(unsupported(what, way_out));
     }
     let element = fields.element()?;
     let layout = Layout { grid: fields.grid()?, element, endian: fields.endian(element)?, slope: 1.0, intercept: 0.0 };

@@ -1,5 +1,6 @@
 //! What can keep a scan from being segmented, and the way out.
 
+use super::regrid::Geometry;
 use monro_geometry::GridError;
 use thiserror::Error;
 
@@ -56,20 +57,18 @@ pub enum SegmentError {
     },
     /// A given label volume does not lie over the scan.
     #[error(
-        "the labels cover {covered:.0} % of the scan's grid: scan {scan_dims:?} voxels at {scan_origin:?} mm, labels \
-         {label_dims:?} voxels at {label_origin:?} mm (LPS); export them again in the scan's own space"
+        "the labels cover {covered:.0} % of the scan's grid, and {labelled:.0} % of what is labelled lie in it. Scan: {scan}. \
+         Labels: {labels} (LPS). Export them again in the scan's own space"
     )]
     LabelsElsewhere {
         /// Part of the scan's grid under the label volume, percent.
         covered: f64,
-        /// Dimensions of the scan.
-        scan_dims: [usize; 3],
-        /// First voxel of the scan, LPS mm.
-        scan_origin: [f64; 3],
-        /// Dimensions of the label volume.
-        label_dims: [usize; 3],
-        /// First voxel of the label volume, LPS mm.
-        label_origin: [f64; 3],
+        /// Part of what is labelled that lies in the scan, percent.
+        labelled: f64,
+        /// The scan's geometry.
+        scan: Geometry,
+        /// The label volume's geometry.
+        labels: Geometry,
     },
     /// A given label volume has a number that no structure has.
     #[error("label {label} ({voxels} voxels) names no structure; known are 0 outside to 7 third_ventricle")]

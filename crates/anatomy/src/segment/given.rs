@@ -5,16 +5,19 @@ use super::error::SegmentError;
 use super::head::fill_slices;
 use super::lattice::Lattice;
 use super::midplane::midplane;
+use super::regrid::onto_grid;
 use super::remarks::volumes_ml;
 use super::working::{AIR, Working, any_in_block, block_mean, working};
 use crate::image::{Raster, distance_to, fill_holes, largest};
-use monro_geometry::{Grid, Point, Structure, Volume};
+use monro_geometry::{Patient, Plane, Structure, Volume};
 
 /// A voxel further than this from the head is outside it, mm; smoothed and coarse labels stand out by less.
 const BEYOND_MM: f32 = 3.0;
 /// Less than this of a structure outside the head is not worth a word.
 const BEYOND_ML: f64 = 0.1;
 const BEYOND_PERCENT: f64 = 1.0;
+/// A lateral ventricle with more than this beyond the midplane is on the wrong side.
+const ACROSS_PERCENT: f64 = 60.0;
 
 /// Takes labels from the editor or from another program. On another grid they are resampled (nearest voxel), and a
 /// finding says so.
@@ -34,52 +37,9 @@ pub fn from_labels(ct: &Volume<i16>, labels: Volume<u8>) -> Result<Segmentation,
     }
     findings.extend(outside);
     let midsagittal = plane_of(&working, &labels)?;
+    findings.extend(sides(&labels, &midsagittal));
     // Nothing is known about how they were made.
     Ok(Segmentation { labels, midsagittal, findings, confidence: Vec::new(), doubts: Vec::new() })
-}
-
-fn same(a: &Grid, b: &Grid) -> bool {
-    let spacing = a.spacing().iter().copied().fold(f64::INFINITY, f64::min);
-    a.dims() == b.dims() && a.corners().iter().zip(b.corners()).all(|(p, q)| p.distance(q) < 0.05 * spacing)
-}
-
-/// Labels on another grid: resampled with nearest neighbour, with a remark that says so, unless they lie there already.
-///
-/// # Errors
-/// [`SegmentError::LabelsElsewhere`], with both geometries.
-pub fn onto_grid(to: &Grid, labels: Volume<u8>) -> Result<(Volume<u8>, Option<String>), SegmentError> {
-    let (to, from) = (*to, *labels.grid());
-    if same(&to, &from) {
-        return Ok((Volume::new(to, labels.into_data())?, None));
-    }
-    let [nx, ny, _] = to.dims();
-    let mut covered = 0usize;
-    let mut data = Vec::with_capacity(to.len());
-    for n in 0..to.len() {
-        let p =
-            to.patient_from_voxel().point(Point::new((n % nx) as f64, (n / nx % ny) as f64, (n / (nx * ny)) as f64));
-        let value = labels.nearest(p);
-        covered += usize::from(value.is_some());
-        data.push(value.unwrap_or(0));
-    }
-    let share = 100.0 * covered as f64 / to.len() as f64;
-    if share < 20.0 {
-        return Err(SegmentError::LabelsElsewhere {
-            covered: share,
-            scan_dims: to.dims(),
-            scan_origin: to.centre(0, 0, 0).to_array(),
-            label_dims: from.dims(),
-            label_origin: from.centre(0, 0, 0).to_array(),
-        });
-    }
-    let remark = format!(
-        "labels on another grid ({:?} voxels of {:.2?} mm; scan {:?} of {:.2?} mm) were resampled with nearest neighbour",
-        from.dims(),
-        from.spacing(),
-        to.dims(),
-        to.spacing()
-    );
-    Ok((Volume::new(to, data)?, Some(remark)))
 }
 
 fn check_numbers(labels: &Volume<u8>) -> Result<(), SegmentError> {
@@ -153,11 +113,30 @@ fn is_far(far: &Raster<f32>, at: [f64; 3]) -> bool {
     if within { far.linear(at) > BEYOND_MM } else { at[2] >= -0.5 }
 }
 
+/// Sentences about lateral ventricles most of which lie on the other side of the head. A midline shift moves a part of one
+/// across, not most of it.
+fn sides(labels: &Volume<u8>, midsagittal: &Plane<Patient>) -> Vec<String> {
+    let across = |s: Structure, side: f64| {
+        let own = (0..labels.data().len()).filter(|&n| labels.data()[n] == s.label());
+        let place = |n: usize| {
+            let [i, j, k] = labels.grid().voxel(n);
+            labels.grid().centre(i, j, k)
+        };
+        let (all, other) = own.fold((0usize, 0usize), |(all, other), n| {
+            (all + 1, other + usize::from(side * midsagittal.signed_distance(place(n)) < 0.0))
+        });
+        let share = 100.0 * other as f64 / all.max(1) as f64;
+        (share > ACROSS_PERCENT).then(|| {
+            let (name, wrong) = (s.name().replace('_', " "), if side > 0.0 { "right" } else { "left" });
+            format!("{share:.0} % of the {name} are labelled on the {wrong} side: are left and right exchanged?")
+        })
+    };
+    let pair = [(Structure::LeftLateralVentricle, 1.0), (Structure::RightLateralVentricle, -1.0)];
+    pair.into_iter().filter_map(|(s, side)| across(s, side)).collect()
+}
+
 /// The midplane from the labelled intracranial space.
-fn plane_of(
-    working: &Working,
-    labels: &Volume<u8>,
-) -> Result<monro_geometry::Plane<monro_geometry::Patient>, SegmentError> {
+fn plane_of(working: &Working, labels: &Volume<u8>) -> Result<Plane<Patient>, SegmentError> {
     let lattice: Lattice = working.lattice;
     let mut space = working.nodata.map(|_| false);
     for n in 0..space.data.len() {

@@ -16,6 +16,7 @@ mod midplane;
 pub(crate) mod model;
 mod paint;
 mod part;
+mod regrid;
 mod remarks;
 mod tissue;
 mod ventricles;
@@ -23,8 +24,9 @@ mod working;
 
 pub use confidence::Doubt;
 pub use error::SegmentError;
-pub use given::{from_labels, onto_grid, outside_head};
+pub use given::{from_labels, outside_head};
 pub use part::Part;
+pub use regrid::{Geometry, onto_grid};
 
 use crate::image::{Mask, Raster, gaussian};
 use lattice::Lattice;

@@ -11,6 +11,8 @@ use monro_geometry::{Affine, Matrix3, Patient, Vector, Volume};
 use std::ops::Range;
 use std::path::Path;
 
+/// Label Map Segmentation Storage (DICOM PS3.4, table B.5-1), which the dictionary in use does not name.
+const LABEL_MAP_STORAGE: &str = "1.2.840.10008.5.1.4.1.1.66.7";
 /// Part of the slice distance by which a frame may miss its place.
 const OFF_PLACE: f64 = 0.05;
 /// Frames nearer than this lie in the same plane, mm.
@@ -25,13 +27,16 @@ const FINEST_MM: f64 = 0.5;
 pub(crate) fn read(path: &Path) -> Result<(Volume<u16>, Vec<Segment>), ScanError> {
     let at = |problem| ScanError::file(path, problem);
     let object = open_file(path).map_err(|e| at(Problem::Corrupt(crate::dicom::image::chain(&e))))?;
-    if object.meta().media_storage_sop_class_uid().trim_end_matches(['\0', ' ']) != uids::SEGMENTATION_STORAGE {
-        return Err(at(unsupported(
+    match object.meta().media_storage_sop_class_uid().trim_end_matches(['\0', ' ']) {
+        uids::SEGMENTATION_STORAGE => labels(&object).map_err(at),
+        LABEL_MAP_STORAGE => {
+            Err(at(unsupported("a DICOM label map segmentation", "export it as a BINARY segmentation")))
+        }
+        _ => Err(at(unsupported(
             "a DICOM file that is no segmentation",
             "give a DICOM-SEG file, or NIfTI, NRRD or .seg.nrrd",
-        )));
+        ))),
     }
-    labels(&object).map_err(at)
 }
 
 fn labels(o: &InMemDicomObject) -> Result<(Volume<u16>, Vec<Segment>), Problem> {
