@@ -1,6 +1,7 @@
 //! Segmentation of heads as they come: any orientation and spacing, tilted, shifted, cut, with cysts. The phantom is the
 //! truth; what it cannot have (a shift, a cyst, a cut) is done to its voxels.
 
+use monro_anatomy::landmarks;
 use monro_anatomy::phantom::{HeadOptions, Phantom, head};
 use monro_anatomy::segment::{Segmentation, segment};
 use monro_geometry::{Affine, Grid, Matrix3, Patient, Point, Volume};
@@ -155,6 +156,19 @@ fn a_cut_vertex_is_told_and_the_ventricles_below_are_found() {
     let found = segment(&ct).expect("segmentation");
     assert!(found.findings.iter().any(|f| f.contains("vertex cut")), "{:?}", found.findings);
     agrees(&found, &labels, [0.93, 0.93, 0.85], "cut at the vertex");
+    // Kocher's points are cut off, too: entries come from lower on the forehead, and that is said.
+    let marks = landmarks::find(&ct, &found).expect("lower entries");
+    assert!(marks.findings.iter().any(|f| f.contains("below Kocher's points")), "{:?}", marks.findings);
+    for (entry, truth, side) in [
+        (marks.kocher_left, phantom.landmarks.kocher_left, 1.0),
+        (marks.kocher_right, phantom.landmarks.kocher_right, -1.0),
+    ] {
+        let aside = side * found.midsagittal.signed_distance(entry);
+        assert!(grid.containing(entry).is_some() && (20.0..35.0).contains(&aside), "{entry:?}, {aside} mm aside");
+        assert!(entry.z < truth.z && entry.distance(truth) < 45.0, "{entry:?}, Kocher's point is at {truth:?}");
+    }
+    let off = marks.monro_left.distance(phantom.landmarks.monro_left);
+    assert!(off < 4.0, "{off} mm");
 }
 
 /// Name, millimetres left, back and up of the middle of the foramina, and radius.

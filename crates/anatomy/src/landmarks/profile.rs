@@ -88,8 +88,9 @@ impl Profile {
         self.origin + self.direction(at) * (here + (next - here) * (at - n as f64))
     }
 
-    /// Sample of the nasion: the deepest dip of the profile below the chord from forehead to nose.
-    pub(crate) fn nasion(&self) -> Result<f64, LandmarkError> {
+    /// Sample of the nasion: the deepest dip of the profile below the chord from forehead to nose; its usual place, with a
+    /// finding, where there is skin but no dip.
+    pub(crate) fn nasion(&self, findings: &mut Vec<String>) -> Result<f64, LandmarkError> {
         let index = |angle: f64| ((angle - FIRST) / STEP) as usize;
         let mut best = (f64::NEG_INFINITY, 0usize, 0.0);
         for n in index(NASION[0])..=index(NASION[2]) {
@@ -102,7 +103,16 @@ impl Profile {
         }
         if best.2 < LEAST_DIP {
             let depth_mm = (index(NASION[0])..=index(NASION[2])).map(|n| self.dip(n)).fold(0.0, f64::max);
-            return Err(LandmarkError::NoNasion { depth_mm, needed_mm: LEAST_DIP });
+            let usual = index(NASION[1]);
+            if self.radius[usual].is_none() {
+                return Err(LandmarkError::NoNasion { depth_mm, needed_mm: LEAST_DIP });
+            }
+            findings.push(format!(
+                "nasion not found (the midline skin dips by only {depth_mm:.1} mm where it should lie): its usual place was \
+                 taken, so entry points may be off by 10 mm along the skin; look at the path, or give one with --plan \
+                 FILE.mrk.json"
+            ));
+            return Ok(usual as f64);
         }
         Ok(best.1 as f64)
     }
