@@ -143,7 +143,7 @@ impl Case {
         manifest.files.clear();
         for (name, bytes) in &files {
             staging.write(name, bytes)?;
-            let entry = FileEntry { name: (*name).to_owned(), bytes: bytes.len() as u64, sha256: hash(bytes) };
+            let entry = FileEntry { name: (*name).to_owned(), bytes: bytes.len() as u64, sha256: sha256(bytes) };
             manifest.files.push(entry);
         }
         let text = toml::to_string_pretty(&manifest)?;
@@ -230,7 +230,7 @@ fn read_files(dir: &Path, manifest: &Manifest) -> Result<BTreeMap<&'static str, 
 }
 
 fn check(path: &Path, bytes: &[u8], entry: &FileEntry) -> Result<(), CaseError> {
-    let found = hash(bytes);
+    let found = sha256(bytes);
     if found == entry.sha256 && bytes.len() as u64 == entry.bytes {
         return Ok(());
     }
@@ -243,6 +243,7 @@ fn check(path: &Path, bytes: &[u8], entry: &FileEntry) -> Result<(), CaseError> 
     })
 }
 
-fn hash(bytes: &[u8]) -> String {
+/// SHA-256, lower-case hexadecimal, as a manifest keeps it.
+pub fn sha256(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
 }

@@ -17,6 +17,6 @@ mod staging;
 pub mod stl;
 pub mod vtu;
 
-pub use case::{Case, CaseError, CaseFiles};
+pub use case::{Case, CaseError, CaseFiles, sha256};
 pub use manifest::{Confidence, DoubtfulSpot, FileEntry, Manifest, SCHEMA, Source};
 pub use staging::{Staging, StagingError};

@@ -6,14 +6,17 @@ use crate::interrupt::Guard;
 use crate::{NOTICE, prepare};
 use anyhow::{Context, Result, bail};
 use monro_anatomy::segment;
-use monro_case::{Case, Confidence, Manifest, Staging};
+use monro_case::{Case, Manifest, Staging};
 use monro_geometry::Volume;
 use monro_prepare::{Observer, Prepared, Request};
 use monro_scan::{ReadOptions, Scan};
 use monro_server::Ready;
-use monro_server::edit::{EditOptions, Rebuilt, Start, StartLabels, Subject, serve_edit};
+use monro_server::edit::{EditOptions, Known, Rebuilt, Start, StartLabels, Subject, serve_edit};
 use serde_json::json;
 use std::path::{Path, PathBuf};
+
+/// Begins the findings of the automatic segmentation in a case that was made from corrected labels.
+const BEFORE: &str = "automatic segmentation, before corrections: ";
 
 /// Runs the command until it is interrupted.
 pub(crate) fn run(args: &EditArgs, console: &Console) -> Result<()> {
@@ -29,8 +32,8 @@ pub(crate) fn run(args: &EditArgs, console: &Console) -> Result<()> {
         folder: folder.into(),
         start,
         findings,
-        rebuild: Box::new(move |labels, confidence, observer| {
-            rebuild((&basis, confidence), &kept, &labels, &out, observer).map_err(|e| format!("{e:#}"))
+        rebuild: Box::new(move |labels, known, observer| {
+            rebuild((&basis, known), &kept, &labels, &out, observer).map_err(|e| format!("{e:#}"))
         }),
         listen: args.listen,
     };
@@ -68,13 +71,16 @@ fn of_case(args: &EditArgs, console: &Console) -> Result<Opened> {
     let (origin, start) = match &args.labels {
         Some(file) => given(file, &scan)?,
         None => {
-            let (volume, confidence) = (scan.volume.clone(), case.manifest.confidence.clone());
-            let start = move || Ok(Start { labels: read_labels(&labels, &volume)?, confidence });
+            let volume = scan.volume.clone();
+            let (confidence, doubts) = (case.manifest.confidence.clone(), case.manifest.doubts.clone());
+            let earlier = case.manifest.findings.iter().filter_map(|f| f.strip_prefix(BEFORE));
+            let known = Known { confidence, doubts, findings: earlier.map(str::to_owned).collect() };
+            let start = move || Ok(Start { labels: read_labels(&labels, &volume)?, known });
             (origin(&case.manifest), Box::new(start) as StartLabels)
         }
     };
-    let subject = Subject { scan: case.manifest.pseudonym.clone(), origin, confidence: Vec::new() };
-    let findings = case.manifest.findings.clone();
+    let subject = Subject { scan: case.manifest.pseudonym.clone(), origin, known: Known::default() };
+    let findings = case.manifest.findings.iter().filter(|f| !f.starts_with(BEFORE)).cloned().collect();
     Ok(Opened { scan, subject, start, out: args.path.clone(), findings, basis: Basis::Case(Box::new(case)) })
 }
 
@@ -93,7 +99,7 @@ fn of_scan(args: &EditArgs, console: &Console) -> Result<Opened> {
         None => ("segmented automatically".to_owned(), automatic(&scan)),
     };
     let findings = scan.warnings.iter().chain(&scan.resampled).cloned().collect();
-    let subject = Subject { scan: scan.pseudonym.clone(), origin, confidence: Vec::new() };
+    let subject = Subject { scan: scan.pseudonym.clone(), origin, known: Known::default() };
     Ok(Opened { scan, subject, start, out, findings, basis: Basis::Scan })
 }
 
@@ -102,17 +108,18 @@ fn automatic(scan: &Scan) -> StartLabels {
     let volume = scan.volume.clone();
     Box::new(move || {
         let found = segment::segment(&volume).map_err(|e| e.to_string())?;
-        Ok(Start { confidence: monro_prepare::confidence(&found.confidence), labels: found.labels })
+        let (confidence, doubts) = (monro_prepare::confidence(&found.confidence), monro_prepare::spots(&found));
+        Ok(Start { known: Known { confidence, doubts, findings: found.findings }, labels: found.labels })
     })
 }
 
 /// Starts with the labels of a file.
 fn given(file: &Path, scan: &Scan) -> Result<(String, StartLabels)> {
-    let bytes = std::fs::metadata(file).with_context(|| format!("cannot read {}", file.display()))?.len();
-    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    let bytes = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
     let (path, volume) = (file.to_owned(), scan.volume.clone());
-    let start = move || Ok(Start { labels: read_labels(&path, &volume)?, confidence: Vec::new() });
-    Ok((format!("{name}, {bytes} bytes"), Box::new(start)))
+    let start = move || Ok(Start { labels: read_labels(&path, &volume)?, known: Known::default() });
+    // By content: a file that was saved again often keeps its name and its size.
+    Ok((monro_case::sha256(&bytes), Box::new(start)))
 }
 
 /// Labels of a file on the scan's grid, checked.
@@ -133,7 +140,7 @@ fn read_labels(file: &Path, scan: &Volume<i16>) -> Result<Volume<u8>, String> {
 }
 
 fn rebuild(
-    (basis, confidence): (&Basis, &[Confidence]),
+    (basis, known): (&Basis, &Known),
     scan: &Scan,
     labels: &Volume<u8>,
     out: &Path,
@@ -146,7 +153,10 @@ fn rebuild(
             monro_prepare::build(scan.clone(), &Request { labels: Some(wide), ..Request::default() }, observer)?
         }
     };
-    prepared.case.manifest.confidence = confidence.to_vec();
+    let manifest = &mut prepared.case.manifest;
+    manifest.confidence.clone_from(&known.confidence);
+    manifest.doubts.clone_from(&known.doubts);
+    manifest.findings.extend(known.findings.iter().map(|f| format!("{BEFORE}{f}")));
     write(&prepared, out, observer)
 }
 

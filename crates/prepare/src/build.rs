@@ -183,7 +183,8 @@ pub fn confidence(of: &[(Structure, f64)]) -> Vec<Confidence> {
     of.iter().map(|(s, dice)| Confidence { structure: s.name().into(), expected_dice: *dice }).collect()
 }
 
-fn spots(segmentation: &Segmentation) -> Vec<DoubtfulSpot> {
+/// Doubtful spots, as a manifest keeps them.
+pub fn spots(segmentation: &Segmentation) -> Vec<DoubtfulSpot> {
     let spot =
         |d: &Doubt| DoubtfulSpot { structure: d.structure.name().into(), at_mm: d.at.to_array(), area_mm2: d.mm2 };
     segmentation.doubts.iter().map(spot).collect()

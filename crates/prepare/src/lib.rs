@@ -12,7 +12,7 @@ mod plan;
 mod request;
 mod write;
 
-pub use build::{Prepared, build, confidence, rebuild, simulated_labels, volumes_ml};
+pub use build::{Prepared, build, confidence, rebuild, simulated_labels, spots, volumes_ml};
 pub use error::PrepareError;
 pub use landmarks::named as named_landmarks;
 pub use observer::{Observer, Silent, Stage};

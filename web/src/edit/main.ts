@@ -319,7 +319,7 @@ class Editor {
   #stopPainting(): void {
     if (!this.#painting) return;
     this.#painting = undefined;
-    void this.#edit("end_stroke");
+    void this.#edit("end_stroke", { interpolate: this.#options.checked("interpolate") });
   }
 
   /** The voxel under the mouse. */
@@ -368,7 +368,9 @@ class Editor {
     } else if (id === "apply") {
       await this.#apply();
     } else if (id === "fill-between") {
-      await this.#edit("interpolate", { axis: this.#current.view.axis, target: this.#target() });
+      const filled = await this.#edit("interpolate", { axis: this.#current.view.axis, target: this.#target() });
+      // From now on a correction on any slice goes on to its neighbours; the box says so and takes it back.
+      if (!filled.error) this.#options.check("interpolate");
     } else if (this.#tool === "wire") {
       await this.#sendOptions();
     }

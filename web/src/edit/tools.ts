@@ -17,6 +17,12 @@ interface Tool {
   fields: Field[];
 }
 
+/** What is drawn on some slices of a direction goes on to those between. */
+const BETWEEN: Field[] = [
+  { kind: "check", id: "interpolate", label: "Between slices", value: false },
+  { kind: "button", id: "fill-between", label: "Fill between drawn slices" },
+];
+
 const PREVIEW: Field[] = [
   { kind: "button", id: "preview", label: "Preview" },
   { kind: "button", id: "apply", label: "Apply" },
@@ -31,8 +37,7 @@ export const TOOLS: Tool[] = [
       { kind: "number", id: "snap", label: "Snap px", value: 4, min: 0, max: 20, step: 1 },
       { kind: "check", id: "training", label: "Training", value: true },
       { kind: "check", id: "cooling", label: "Cooling", value: false },
-      { kind: "check", id: "interpolate", label: "Between slices", value: false },
-      { kind: "button", id: "fill-between", label: "Fill between drawn slices" },
+      ...BETWEEN,
     ],
   },
   {
@@ -40,6 +45,7 @@ export const TOOLS: Tool[] = [
     fields: [
       { kind: "number", id: "radius", label: "Radius mm", value: 4, min: 0.2, max: 40, step: 0.2 },
       { kind: "check", id: "ball", label: "3D", value: false },
+      ...BETWEEN,
     ],
   },
   {
@@ -47,6 +53,7 @@ export const TOOLS: Tool[] = [
     fields: [
       { kind: "number", id: "radius", label: "Radius mm", value: 4, min: 0.2, max: 40, step: 0.2 },
       { kind: "check", id: "ball", label: "3D", value: false },
+      ...BETWEEN,
     ],
   },
   { name: "threshold", title: "Threshold", key: "t", hint: "All voxels of the values below, as far as the limits allow.", fields: PREVIEW },
@@ -186,6 +193,13 @@ export class Options implements Numbers {
 
   choice(id: string): string {
     return this.#element<HTMLSelectElement>(id)?.value ?? "";
+  }
+
+  /** Ticks a box, as a click does. */
+  check(id: string): void {
+    this.#values.set(id, true);
+    const input = this.#element<HTMLInputElement>(id);
+    if (input) input.checked = true;
   }
 
   /** Changes a number by a factor, as a key does. */

@@ -32,6 +32,20 @@ pub enum DeskError {
         /// Slices that carry a drawing.
         slices: usize,
     },
+    /// A wire is open on another slice.
+    #[error("a wire is open on {view} slice {slice}: close it there (Enter) or give it up (Escape)")]
+    WireElsewhere {
+        /// Name of its direction.
+        view: &'static str,
+        /// Its slice.
+        slice: usize,
+    },
+    /// Nothing would be left of a label.
+    #[error("nothing would be left of {label}; take a smaller number")]
+    NothingLeft {
+        /// Name of the structure.
+        label: &'static str,
+    },
     /// Nothing to apply.
     #[error("there is no preview to apply; choose a tool first")]
     NoPreview,

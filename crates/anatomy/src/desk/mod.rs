@@ -55,9 +55,19 @@ pub struct Desk {
     ct: Volume<i16>,
     editor: Editor,
     wire: Option<wire::Wire>,
+    /// Answers the mouse on other slices while the wire is open on its own.
+    scout: Option<wire::Wire>,
     wire_options: WireOptions,
     preview: Option<Preview>,
-    painting: bool,
+    stroke: Option<Stroke>,
+}
+
+/// A brush stroke that has begun.
+#[derive(Debug)]
+struct Stroke {
+    target: Target,
+    /// Slices on which it has changed something, when it is flat.
+    slices: Vec<(Axis, usize)>,
 }
 
 impl Desk {
@@ -71,7 +81,7 @@ impl Desk {
             return Err(DeskError::Grid { labels, scan });
         }
         let wire_options = WireOptions::default();
-        Ok(Self { ct, editor, wire: None, wire_options, preview: None, painting: false })
+        Ok(Self { ct, editor, wire: None, scout: None, wire_options, preview: None, stroke: None })
     }
 
     /// The scan.
@@ -122,12 +132,14 @@ impl Desk {
         Ok(voxels.map(|n| self.labels().data()[n] | marked(n)).collect())
     }
 
+    fn check_slice(&self, axis: Axis, index: usize) -> Result<(), DeskError> {
+        let count = self.ct.grid().dims()[axis.number()];
+        if index < count { Ok(()) } else { Err(EditError::Slice { index, last: count - 1 }.into()) }
+    }
+
     fn slice_voxels(&self, axis: Axis, index: usize) -> Result<impl Iterator<Item = usize> + '_, DeskError> {
+        self.check_slice(axis, index)?;
         let dims = self.ct.grid().dims();
-        let count = dims[axis.number()];
-        if index >= count {
-            return Err(EditError::Slice { index, last: count - 1 }.into());
-        }
         let [w, h] = axis.in_plane().map(|a| dims[a]);
         Ok((0..w * h).map(move |n| {
             let [i, j, k] = axis.voxel(index, n % w, n / w);
@@ -161,7 +173,7 @@ impl Desk {
     /// With `flat` it stays on the slice, else it is a ball. `erase` takes the label away instead.
     ///
     /// # Errors
-    /// No position; a radius that is not positive.
+    /// No position; a radius that is not positive; no such slice.
     pub fn brush(
         &mut self,
         target: &Target,
@@ -176,24 +188,38 @@ impl Desk {
             self.ct.grid().patient_from_voxel().point(Point::from_array(voxel))
         };
         let line: Vec<_> = positions.iter().map(place).collect();
+        self.check_slice(axis, index)?;
         let selection = stroke(self.ct.grid(), &line, radius_mm, flat.then_some(axis))?;
-        if !self.painting {
+        if self.stroke.is_none() {
             self.editor.begin_stroke();
-            self.painting = true;
+            self.stroke = Some(Stroke { target: target.clone(), slices: Vec::new() });
         }
         let changed = self.change(&selection, target, erase)?.count();
-        if flat {
+        if flat && changed > 0 {
             self.key(axis, target.label, index);
+            let slices = self.stroke.as_mut().map(|s| &mut s.slices);
+            slices.filter(|s| !s.contains(&(axis, index))).into_iter().for_each(|s| s.push((axis, index)));
         }
         Ok(changed)
     }
 
     /// Ends a brush stroke, if there is one.
-    pub const fn end_stroke(&mut self) {
-        if self.painting {
+    pub fn end_stroke(&mut self) {
+        if self.stroke.take().is_some() {
             self.editor.end_stroke();
-            self.painting = false;
         }
+    }
+
+    /// Ends a brush stroke as [`Desk::end_stroke`], after filling again between each slice that it changed and the next
+    /// drawn ones in that direction, as part of the same step. Returns the number of voxels changed by that.
+    ///
+    /// # Errors
+    /// None that a stroke that began can meet.
+    pub fn end_stroke_between(&mut self) -> Result<usize, DeskError> {
+        let Some(Stroke { target, slices }) = self.stroke.take() else { return Ok(0) };
+        let filled = slices.iter().map(|&(axis, index)| self.correct_between(axis, &target, index)).sum();
+        self.editor.end_stroke();
+        filled
     }
 
     /// Paints or erases within the target's limits.
@@ -201,6 +227,8 @@ impl Desk {
         if Structure::from_label(target.label).is_none() {
             return Err(DeskError::Label(target.label));
         }
+        // A preview shows what would become of labels that are no more.
+        self.preview = None;
         let limited = self.in_range(selection, target);
         let rule = target.rule();
         let diff = if erase {

@@ -106,6 +106,96 @@ fn hovering_shows_where_a_click_goes_and_when_it_closes() {
 }
 
 #[test]
+fn the_mouse_over_another_pane_or_tab_does_not_take_the_open_wire_away() {
+    let (mut desk, _) = desk();
+    draw(&mut desk, 12, radius(12), false);
+    let drawn = desk.labels().clone();
+    for at in [[43.0, 29.0], [31.0, 41.0], [19.0, 29.0]] {
+        desk.click(Axis::K, 15, at).expect("click");
+    }
+    let open = desk.open_wire().expect("open");
+    let other = desk.hover(Axis::J, 29, [31.0, 9.0], 0.1).expect("hover");
+    assert!(other.path.is_empty() && !other.closes && other.anchors == 0, "{other:?}");
+    desk.hover(Axis::K, 16, [31.0, 17.0], 0.2).expect("hover");
+    assert_eq!(desk.open_wire(), Some(open));
+    let said = desk.click(Axis::J, 29, [31.0, 9.0]).expect_err("one wire at a time").to_string();
+    assert!(said.contains("axial slice 15") && said.contains("Enter"), "{said}");
+    // Taking a click back does so, and leaves the contour before alone.
+    assert!(desk.undo());
+    assert_eq!(desk.open_wire().map(|w| w.anchors.len()), Some(2));
+    assert_eq!(*desk.labels(), drawn);
+}
+
+#[test]
+fn a_brush_stroke_on_a_slice_goes_on_to_its_neighbours_when_asked_and_is_undone_with_them() {
+    let (mut desk, _) = desk();
+    for index in [12, 18] {
+        draw(&mut desk, index, radius(12), true);
+    }
+    let pixels = |desk: &Desk, index| desk.mask(Axis::K, index, LEFT).expect("mask").count();
+    let (before, labels) = ([13, 14, 16, 17].map(|i| pixels(&desk, i)), desk.labels().clone());
+    desk.brush(&Target::of(LEFT), (Axis::K, 15), &[[31.0, 29.0]], (20.0, true, false)).expect("dab");
+    assert!(desk.end_stroke_between().expect("filled") > 0);
+    let after = [13, 14, 16, 17].map(|i| pixels(&desk, i));
+    assert!(after.iter().zip(before).all(|(a, b)| *a > b), "{before:?} to {after:?}");
+    assert!(desk.undo() && *desk.labels() == labels && desk.drawn_slices(Axis::K, LEFT) == [12, 18]);
+}
+
+#[test]
+fn a_stroke_that_changes_nothing_draws_no_slice_and_one_beyond_the_scan_is_refused() {
+    let (mut desk, _) = desk();
+    draw(&mut desk, 12, radius(12), false);
+    let erase = desk.brush(&Target::of(LEFT), (Axis::K, 20), &[[31.0, 29.0]], (5.0, true, true));
+    assert_eq!(erase.expect("nothing there"), 0);
+    desk.end_stroke();
+    assert_eq!(desk.drawn_slices(Axis::K, LEFT), [12]);
+    let beyond = desk.brush(&Target::of(LEFT), (Axis::K, 500), &[[31.0, 29.0]], (5.0, true, false));
+    assert!(beyond.expect_err("no such slice").to_string().contains("slice 500"));
+}
+
+#[test]
+fn a_preview_older_than_the_labels_is_not_applied() {
+    let (mut desk, truth) = desk();
+    let target = Target::of(LEFT);
+    desk.preview(&Tool::Threshold { range: 0..=15 }, &target).expect("threshold");
+    desk.apply(&target).expect("applied");
+    desk.preview(&Tool::Margin { mm: 1.0 }, &target).expect("margin");
+    assert!(desk.brush(&target, (Axis::K, 2), &[[5.0, 5.0]], (3.0, false, false)).expect("dab") > 0);
+    desk.end_stroke();
+    assert_eq!(desk.apply(&target), Err(DeskError::NoPreview));
+    let inside = desk.labels().data().iter().zip(truth.data()).filter(|(a, b)| a != b && **a == LEFT).count();
+    assert!(inside > 0, "the dab is still there");
+}
+
+#[test]
+fn previews_of_new_shapes_promise_what_the_limits_allow() {
+    let (mut desk, _) = desk();
+    // A shell of another label around the ball, on one side only.
+    desk.preview(&Tool::Threshold { range: 0..=15 }, &Target::of(LEFT)).expect("threshold");
+    desk.apply(&Target::of(LEFT)).expect("applied");
+    desk.brush(
+        &Target { over: Some(vec![BRAIN]), ..Target::of(3) },
+        (Axis::K, 15),
+        &[[45.0, 29.0]],
+        (8.0, false, false),
+    )
+    .expect("shell");
+    desk.end_stroke();
+    for (tool, limit) in [
+        (Tool::Margin { mm: 3.0 }, Target { over: Some(vec![3]), ..Target::of(LEFT) }),
+        (Tool::Margin { mm: -3.0 }, Target { range: Some(6..=100), ..Target::of(LEFT) }),
+        (Tool::Smooth { sigma_mm: 2.0 }, Target { range: Some(6..=100), ..Target::of(LEFT) }),
+    ] {
+        let shown = desk.preview(&tool, &limit).expect("shown").selection.clone();
+        desk.apply(&limit).expect("applied");
+        assert_eq!(Selection::of_label(desk.labels(), LEFT), shown, "{tool:?}");
+        assert!(desk.undo());
+    }
+    let said = desk.preview(&Tool::Margin { mm: -15.0 }, &Target::of(LEFT)).expect_err("nothing left").to_string();
+    assert!(said.contains("left_lateral_ventricle") && said.contains("nothing"), "{said}");
+}
+
+#[test]
 fn limits_hold_for_every_way_of_drawing() {
     let (mut desk, truth) = desk();
     let dry = Target { range: Some(0..=15), ..Target::of(LEFT) };

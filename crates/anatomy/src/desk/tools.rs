@@ -130,7 +130,10 @@ impl Desk {
         let label = target.label;
         let structure = Structure::from_label(label).ok_or(DeskError::Label(label))?;
         let now = Selection::of_label(self.labels(), label);
-        let reshaped = |selection| Ok(Preview { selection, reshapes: true, label, stopped: false });
+        let reshaped = |shape: Selection| {
+            let selection = self.allowed_shape(&now, &shape, target)?;
+            Ok(Preview { selection, reshapes: true, label, stopped: false })
+        };
         let added = |selection, label, stopped| Ok(Preview { selection, reshapes: false, label, stopped });
         let needs_voxels = !matches!(tool, Tool::Threshold { .. } | Tool::Grow { .. } | Tool::Combine { .. });
         if needs_voxels && now.is_empty() {
@@ -156,7 +159,10 @@ impl Desk {
             Tool::FillHoles { axis: None } => reshaped(fill_holes(&now)),
             Tool::FillHoles { axis: Some(axis) } => reshaped(fill_holes_in_slices(&now, *axis)),
             Tool::Smooth { sigma_mm } => reshaped(smoothed(&now, *sigma_mm)?),
-            Tool::Margin { mm } if *mm < 0.0 => reshaped(shrunk(&now, -mm)?),
+            Tool::Margin { mm } if *mm < 0.0 => {
+                let left = shrunk(&now, -mm)?;
+                if left.is_empty() { Err(DeskError::NothingLeft { label: structure.name() }) } else { reshaped(left) }
+            }
             Tool::Margin { mm } => reshaped(grown(&now, *mm)?),
             Tool::Combine { operation, with, margin_mm } => {
                 reshaped(self.combined(&now, *operation, (*with, *margin_mm))?)
@@ -182,6 +188,13 @@ impl Desk {
             SetOperation::Difference => now.difference(&other),
             SetOperation::SymmetricDifference => now.symmetric_difference(&other),
         }?)
+    }
+
+    /// What a label would be after [`Desk::apply`]: of a new shape what may be gained, and what may not be lost.
+    fn allowed_shape(&self, now: &Selection, shape: &Selection, target: &Target) -> Result<Selection, DeskError> {
+        let gained = self.permitted(&shape.difference(now)?, target);
+        let lost = self.in_range(&now.difference(shape)?, target);
+        Ok(now.difference(&lost)?.union(&gained)?)
     }
 
     /// What the target's limits leave of a selection, so that a preview does not promise more than comes.

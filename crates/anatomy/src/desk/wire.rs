@@ -1,10 +1,10 @@
 //! The wire in the user's hand, and what a closed contour does to the labels.
 
-use super::{Desk, DeskError, Target};
+use super::{Desk, DeskError, Target, views};
 use crate::livewire::{
     Axis, Contour, ContourStack, Cooling, FeatureOptions, Livewire, LivewireError, LivewireOptions, SliceImage, fill,
 };
-use monro_geometry::Structure;
+use monro_geometry::{Structure, Volume};
 
 /// How the wire behaves; see [`LivewireOptions`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -110,28 +110,42 @@ impl Desk {
     pub fn set_wire_options(&mut self, options: WireOptions) {
         if options != self.wire_options {
             self.wire_options = options;
+            self.scout = None;
             if self.wire.as_ref().is_some_and(|w| w.wire.anchors().is_empty()) {
                 self.wire = None;
             }
         }
     }
 
-    /// The wire on a slice; one that was begun elsewhere is given up.
-    fn wire_on(&mut self, axis: Axis, index: usize) -> Result<&mut Livewire, DeskError> {
-        if self.wire.as_ref().is_none_or(|w| (w.axis, w.index) != (axis, index)) {
-            let image = SliceImage::of(&self.ct, axis, index)?;
-            let wire = Livewire::new(image, self.wire_options.livewire())?;
-            self.wire = Some(Wire { axis, index, wire });
-        }
-        self.wire.as_mut().map(|w| &mut w.wire).ok_or(DeskError::Wire(LivewireError::NotStarted))
+    /// Where the open wire is, when that is not on this slice.
+    fn open_elsewhere(&self, axis: Axis, index: usize) -> Option<(Axis, usize)> {
+        let open = self.wire.as_ref().filter(|w| !w.wire.anchors().is_empty());
+        open.map(|w| (w.axis, w.index)).filter(|place| *place != (axis, index))
     }
 
-    /// The wire under the mouse. `seconds` is any steady clock.
+    /// The wire on a slice, begun there unless it is one that asks the scan anew.
+    fn wire_in<'a>(
+        slot: &'a mut Option<Wire>,
+        (ct, options): (&Volume<i16>, &WireOptions),
+        (axis, index): (Axis, usize),
+    ) -> Result<&'a mut Livewire, DeskError> {
+        if slot.as_ref().is_none_or(|w| (w.axis, w.index) != (axis, index)) {
+            let image = SliceImage::of(ct, axis, index)?;
+            let wire = Livewire::new(image, options.livewire())?;
+            *slot = Some(Wire { axis, index, wire });
+        }
+        slot.as_mut().map(|w| &mut w.wire).ok_or(DeskError::Wire(LivewireError::NotStarted))
+    }
+
+    /// The wire under the mouse; on another slice than that of the open wire only where a click would go. `seconds` is
+    /// any steady clock.
     ///
     /// # Errors
     /// The slice or the position does not exist.
     pub fn hover(&mut self, axis: Axis, index: usize, at: [f64; 2], seconds: f64) -> Result<Hover, DeskError> {
-        let wire = self.wire_on(axis, index)?;
+        let elsewhere = self.open_elsewhere(axis, index).is_some();
+        let slot = if elsewhere { &mut self.scout } else { &mut self.wire };
+        let wire = Self::wire_in(slot, (&self.ct, &self.wire_options), (axis, index))?;
         let path = if wire.anchors().is_empty() { Vec::new() } else { wire.hover(at, seconds)? };
         Ok(Hover { snapped: wire.snap(at)?, path, closes: wire.would_close(at), anchors: wire.anchors().len() })
     }
@@ -139,10 +153,14 @@ impl Desk {
     /// Sets an anchor.
     ///
     /// # Errors
-    /// The slice or the position does not exist.
+    /// The slice or the position does not exist; a wire is open on another slice.
     pub fn click(&mut self, axis: Axis, index: usize, at: [f64; 2]) -> Result<(), DeskError> {
         self.end_stroke();
-        self.wire_on(axis, index)?.click(at)?;
+        if let Some((axis, slice)) = self.open_elsewhere(axis, index) {
+            let view = views(self.ct.grid()).into_iter().find(|v| v.axis == axis).map_or("another", |v| v.name);
+            return Err(DeskError::WireElsewhere { view, slice });
+        }
+        Self::wire_in(&mut self.wire, (&self.ct, &self.wire_options), (axis, index))?.click(at)?;
         Ok(())
     }
 
@@ -186,8 +204,8 @@ impl Desk {
         let changed = self.as_one_step(|desk| {
             let mut changed = desk.fill(axis, index, &contour, target, mode)?;
             desk.key(axis, target.label, index);
-            if interpolate && desk.drawn_slices(axis, target.label).len() > 1 {
-                changed += desk.fill_between(axis, target, Some(index))?;
+            if interpolate {
+                changed += desk.correct_between(axis, target, index)?;
             }
             Ok(changed)
         })?;
@@ -221,6 +239,14 @@ impl Desk {
     /// It was drawn on fewer than two slices.
     pub fn interpolate(&mut self, axis: Axis, target: &Target) -> Result<usize, DeskError> {
         self.as_one_step(|desk| desk.fill_between(axis, target, None))
+    }
+
+    /// Fills again between a slice that was just drawn and the next drawn ones, if there are any.
+    pub(super) fn correct_between(&mut self, axis: Axis, target: &Target, index: usize) -> Result<usize, DeskError> {
+        if self.drawn_slices(axis, target.label).len() < 2 {
+            return Ok(0);
+        }
+        self.fill_between(axis, target, Some(index))
     }
 
     /// As [`Desk::interpolate`]; with `around` only the slices up to the neighbours of that drawn one.

@@ -11,13 +11,12 @@ mod store;
 
 pub use export::{ExportError, export};
 pub use rebuild::{Rebuild, Rebuilt};
-pub use store::{StoreError, Subject};
+pub use store::{Known, StoreError, Subject};
 
 use crate::ServeError;
 use crate::door::Keys;
 use crate::server::{Ready, ready_at};
 use monro_anatomy::desk::Desk;
-use monro_case::Confidence;
 use monro_geometry::Volume;
 use rebuild::Progress;
 use std::net::SocketAddr;
@@ -34,8 +33,8 @@ pub type StartLabels = Box<dyn FnOnce() -> Result<Start, String> + Send>;
 pub struct Start {
     /// A structure's number per voxel of the scan.
     pub labels: Volume<u8>,
-    /// How far they can be trusted; empty for labels made elsewhere.
-    pub confidence: Vec<Confidence>,
+    /// What is known of them; nothing for labels made elsewhere.
+    pub known: Known,
 }
 
 /// What to edit, and where.
@@ -105,6 +104,7 @@ pub fn serve_edit(options: EditOptions, ready: impl FnOnce(&Ready)) -> Result<()
 fn open(options: EditOptions) -> Result<Shared, ServeError> {
     let EditOptions { ct, mut subject, folder, start, mut findings, rebuild, .. } = options;
     let (store, editor, notes) = Store::open(&folder, ct.grid(), &mut subject, start)?;
+    findings.extend(subject.known.findings.iter().cloned());
     findings.extend(notes);
     let desk = Desk::new(ct, editor)?;
     Ok(Shared {

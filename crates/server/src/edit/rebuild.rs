@@ -1,7 +1,6 @@
 //! Rebuilding the case on a thread of its own, one at a time.
 
-use super::{Shared, Subject};
-use monro_case::Confidence;
+use super::{Known, Shared, Subject};
 use monro_geometry::Volume;
 use monro_prepare::{Observer, Stage};
 use serde_json::{Value, json};
@@ -11,7 +10,7 @@ use std::time::Instant;
 
 /// Makes the case again from labels, and what is known of those that they began with; writes it, and tells the observer.
 /// Errors are sentences for the user.
-pub type Rebuild = Box<dyn Fn(Volume<u8>, &[Confidence], &dyn Observer) -> Result<Rebuilt, String> + Send + Sync>;
+pub type Rebuild = Box<dyn Fn(Volume<u8>, &Known, &dyn Observer) -> Result<Rebuilt, String> + Send + Sync>;
 
 /// A case that was made again.
 #[derive(Debug, Clone)]
@@ -84,8 +83,7 @@ pub(super) fn start(shared: &Arc<Shared>) -> bool {
     // The thread ends by itself; its result is in `progress`.
     std::thread::spawn(move || {
         let labels = lock(&shared.work).desk.labels().clone();
-        let mut result =
-            (shared.rebuild)(labels, &shared.subject.confidence, &Teller { progress: &shared.progress, begun });
+        let mut result = (shared.rebuild)(labels, &shared.subject.known, &Teller { progress: &shared.progress, begun });
         if let Ok(made) = &mut result {
             let subject = Subject { origin: made.origin.clone(), ..shared.subject.clone() };
             if let Err(error) = lock(&shared.work).store.describe(&subject) {

@@ -33,7 +33,7 @@ enum Action {
     WireOptions { window: [f32; 2], snap_radius: f64, cooling: bool, training: bool },
     Interpolate { axis: usize, target: TargetJson },
     Brush(BrushJson),
-    EndStroke,
+    EndStroke(EndJson),
     Preview { tool: ToolJson, target: TargetJson },
     Apply { target: TargetJson },
     Discard,
@@ -67,6 +67,12 @@ struct BrushJson {
     radius_mm: f64,
     flat: bool,
     erase: bool,
+}
+
+#[derive(Debug, Deserialize)]
+struct EndJson {
+    #[serde(default)]
+    interpolate: bool,
 }
 
 #[derive(Debug, Deserialize)]
@@ -172,7 +178,8 @@ fn act(desk: &mut Desk, action: Action) -> Result<Value, Said> {
         Action::Close { target, mode, interpolate } => close(desk, &target.into(), mode, interpolate)?,
         Action::DropWire => json!({ "done": desk.drop_wire() }),
         Action::Interpolate { axis: a, target } => json!({ "changed": desk.interpolate(axis(a)?, &target.into())? }),
-        Action::EndStroke => {
+        Action::EndStroke(EndJson { interpolate: true }) => json!({ "changed": desk.end_stroke_between()? }),
+        Action::EndStroke(EndJson { interpolate: false }) => {
             desk.end_stroke();
             json!({})
         }

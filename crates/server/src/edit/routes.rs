@@ -63,7 +63,7 @@ async fn describe(State(shared): State<Arc<Shared>>) -> Json<Value> {
         "views": views(grid).map(|v| view_json(&v)),
         "labels": Structure::ALL.map(|s| json!({ "label": s.label(), "name": s.name(), "colour": s.colour() })),
         "findings": shared.findings,
-        "confidence": expected(&shared.subject.confidence),
+        "confidence": expected(&shared.subject.known.confidence),
         "state": request::state(&work.desk),
         "wire": request::wire(&work.desk),
     }))

@@ -9,7 +9,7 @@
 
 use super::Start;
 use monro_anatomy::edit::{Editor, ReplayError};
-use monro_case::Confidence;
+use monro_case::{Confidence, DoubtfulSpot};
 use monro_geometry::{Grid, Volume};
 use monro_scan::{ScanError, nifti};
 use serde::{Deserialize, Serialize};
@@ -80,10 +80,24 @@ pub struct Subject {
     pub scan: String,
     /// What the labels were at the start or at the last rebuilding: a hash of the case's labels, or how they were made.
     pub origin: String,
-    /// How far the automatic segmentation could be trusted that the labels began with; empty until they are made or
-    /// found again, and for labels made elsewhere.
+    /// What is known of the automatic segmentation that the labels began with; nothing until they are made or found
+    /// again, and for labels made elsewhere.
+    #[serde(flatten)]
+    pub known: Known,
+}
+
+/// What an automatic segmentation says of itself.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Known {
+    /// How far it can be trusted.
     #[serde(default)]
     pub confidence: Vec<Confidence>,
+    /// Borders that the scan does not show.
+    #[serde(default)]
+    pub doubts: Vec<DoubtfulSpot>,
+    /// Sentences that a user must see.
+    #[serde(default)]
+    pub findings: Vec<String>,
 }
 
 /// The folder, open for appending. Its journal is locked against other programs for as long as this lives.
@@ -103,7 +117,7 @@ fn at(path: &Path) -> impl FnOnce(io::Error) -> StoreError + '_ {
 
 impl Store {
     /// Goes on with the work in a folder, or begins it with the labels of `start`. The third part says what happened.
-    /// The subject gets the confidence that is kept with the labels.
+    /// The subject gets what is known of the labels.
     ///
     /// # Errors
     /// [`StoreError`]; whatever `start` says, as [`StoreError::Base`].
@@ -126,7 +140,7 @@ impl Store {
                 return Err(StoreError::OtherScan { folder, found: found.scan, wanted });
             }
             if found.origin == subject.origin {
-                subject.confidence = found.confidence;
+                subject.known = found.known;
                 return Self::resume(folder, grid, journal);
             }
             let aside = put_aside(folder)?;
@@ -135,14 +149,14 @@ impl Store {
                 aside.display()
             ));
         }
-        let Start { labels: base, confidence } = start().map_err(|reason| {
+        let Start { labels: base, known } = start().map_err(|reason| {
             if fresh {
                 // Nothing began; a folder that cannot be removed does no harm.
                 let _ = fs::remove_dir_all(folder);
             }
             StoreError::Base { folder: folder.to_owned(), reason }
         })?;
-        subject.confidence = confidence;
+        subject.known = known;
         let journal = if folder.exists() { journal } else { journal_of(folder)? };
         let (store, editor) = Self::begin(folder, base, subject, journal)?;
         Ok((store, editor, notes))

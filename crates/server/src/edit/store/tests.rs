@@ -10,11 +10,11 @@ fn grid() -> Grid {
 }
 
 fn subject() -> Subject {
-    Subject { scan: "scan-1".into(), origin: "automatic".into(), confidence: Vec::new() }
+    Subject { scan: "scan-1".into(), origin: "automatic".into(), known: Known::default() }
 }
 
 fn open(folder: &Path) -> Result<(Store, Editor, Vec<String>), StoreError> {
-    let start = || Ok(Start { labels: Volume::filled(grid(), 4), confidence: Vec::new() });
+    let start = || Ok(Start { labels: Volume::filled(grid(), 4), known: Known::default() });
     Store::open(folder, &grid(), &mut subject(), start)
 }
 
@@ -120,7 +120,7 @@ fn labels_of_the_case_that_changed_put_the_earlier_edits_aside() {
     store.append(&editor.take_journal()).expect("room");
     drop(store);
     let mut other = Subject { origin: "drawn elsewhere".into(), ..subject() };
-    let start = || Ok(Start { labels: Volume::filled(grid(), 2), confidence: Vec::new() });
+    let start = || Ok(Start { labels: Volume::filled(grid(), 2), known: Known::default() });
     let (_store, now, notes) = Store::open(&folder, &grid(), &mut other, start).expect("begun again");
     assert_eq!(now.labels(), &Volume::filled(grid(), 2));
     assert!(notes[0].contains("case.edit.1"), "{notes:?}");
