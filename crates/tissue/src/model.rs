@@ -118,7 +118,7 @@ impl Model {
             }
             Mode::Physical(o) => {
                 let of = (&region[..], &regions[..]);
-                Solver::Physical(PhysicalModel::new((&rest, &mass), &tets, of, &slabs, o.nodal_shear))
+                Solver::Physical(PhysicalModel::new((&rest, &mass), &tets, of, (&slabs, &volumes), o.nodal_shear))
             }
         };
         let tet_number = inverse(&tet_order);

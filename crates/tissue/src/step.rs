@@ -279,6 +279,7 @@ impl Stepper {
             pressure: &mut state.pressure,
             rest: &model.rest,
             volumes: &model.volumes,
+            region: &model.region,
             tethers: &model.tethers,
             couplings: &mut self.couplings,
         };

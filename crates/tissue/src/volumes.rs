@@ -38,6 +38,16 @@ impl Volumes {
         out
     }
 
+    /// Corners of all elements.
+    pub(crate) fn corners(&self) -> &Places<4, u32> {
+        &self.corners
+    }
+
+    /// Six times the volume of each element at rest, mm3; the last row may have some too many.
+    pub(crate) fn six_rest(&self) -> &[Row] {
+        &self.rest
+    }
+
     /// Six times the growth of each element against rest, mm3, exactly zero at rest; the last row may have some too many.
     pub(crate) fn measure(&self, positions: &[[f32; 4]], growth: &mut Vec<Row>, pool: &Pool) {
         growth.resize(self.rest.len(), [0.0; WIDTH]);

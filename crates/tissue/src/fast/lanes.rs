@@ -28,6 +28,22 @@ pub(crate) trait Lanes:
     fn or_zero(self) -> Self;
     /// `yes` where `self` is negative, `no` elsewhere.
     fn if_negative(self, yes: Self, no: Self) -> Self;
+    /// `yes` where the lane's bit is set, `no` elsewhere; the first lane has the bit `first`.
+    fn choose(bits: u16, first: usize, yes: Self, no: Self) -> Self;
+    /// Both numbers of the pairs at `places`.
+    ///
+    /// # Safety
+    /// Every place lies within the pairs behind `from`.
+    unsafe fn gather_pairs<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], first: usize) -> [Self; 2];
+    /// The numbers at `places`.
+    ///
+    /// # Safety
+    /// Every place lies within the numbers behind `from`.
+    unsafe fn gather_numbers<P: Place>(from: *const f32, places: &[P; WIDTH], first: usize) -> Self;
+    /// Both numbers of the pairs `first..first + N`.
+    fn load_pairs(pairs: &[[f32; 2]; WIDTH], first: usize) -> [Self; 2];
+    /// Writes both numbers of the pairs `first..first + N`.
+    fn store_pairs(v: [Self; 2], pairs: &mut [[f32; 2]; WIDTH], first: usize);
     /// x, y, z and inverse mass of the vertices at `places`, by component.
     ///
     /// # Safety
@@ -122,6 +138,24 @@ impl<const K: usize, P: Place> Places<K, P> {
         assert!(self.bound <= vertices.len(), "{} places over {} vertices", self.bound, vertices.len());
         View { rows: &self.rows, vertices }
     }
+
+    /// The places over numbers that are only read.
+    ///
+    /// # Panics
+    /// When there are fewer numbers than places.
+    pub(crate) fn numbers<'a>(&'a self, numbers: &'a [f32]) -> Numbers<'a, K, P> {
+        assert!(self.bound <= numbers.len(), "{} places over {} numbers", self.bound, numbers.len());
+        Numbers { rows: &self.rows, numbers }
+    }
+
+    /// The places over pairs that are only read.
+    ///
+    /// # Panics
+    /// When there are fewer pairs than places.
+    pub(crate) fn pairs<'a>(&'a self, pairs: &'a [[f32; 2]]) -> Pairs<'a, K, P> {
+        assert!(self.bound <= pairs.len(), "{} places over {} pairs", self.bound, pairs.len());
+        Pairs { rows: &self.rows, pairs }
+    }
 }
 
 /// Vertices seen through checked places.
@@ -134,6 +168,36 @@ pub(crate) struct Window<'a, const K: usize, P = u16> {
 pub(crate) struct View<'a, const K: usize, P = u16> {
     rows: &'a [[[P; WIDTH]; K]],
     vertices: &'a [[f32; 4]],
+}
+
+/// Numbers seen through checked places, to be read.
+pub(crate) struct Numbers<'a, const K: usize, P = u16> {
+    rows: &'a [[[P; WIDTH]; K]],
+    numbers: &'a [f32],
+}
+
+impl<const K: usize, P: Place> Numbers<'_, K, P> {
+    /// Number `corner` of the lanes `first..first + V::N` of a batch.
+    #[inline(always)]
+    pub(crate) fn gather<V: Lanes>(&self, batch: usize, corner: usize, first: usize) -> V {
+        // SAFETY: `Places::numbers` has checked all places against the count of numbers.
+        unsafe { V::gather_numbers(self.numbers.as_ptr(), &self.rows[batch][corner], first) }
+    }
+}
+
+/// Pairs of numbers seen through checked places, to be read.
+pub(crate) struct Pairs<'a, const K: usize, P = u16> {
+    rows: &'a [[[P; WIDTH]; K]],
+    pairs: &'a [[f32; 2]],
+}
+
+impl<const K: usize, P: Place> Pairs<'_, K, P> {
+    /// Pair `corner` of the lanes `first..first + V::N` of a batch.
+    #[inline(always)]
+    pub(crate) fn gather<V: Lanes>(&self, batch: usize, corner: usize, first: usize) -> [V; 2] {
+        // SAFETY: `Places::pairs` has checked all places against the number of pairs.
+        unsafe { V::gather_pairs(self.pairs.as_ptr(), &self.rows[batch][corner], first) }
+    }
 }
 
 impl<const K: usize> Window<'_, K> {
@@ -158,6 +222,44 @@ impl<const K: usize, P: Place> View<'_, K, P> {
     pub(crate) fn gather<V: Lanes>(&self, batch: usize, corner: usize, first: usize) -> [V; 4] {
         // SAFETY: `Places::view` has checked all places against the number of vertices.
         unsafe { V::gather(self.vertices.as_ptr(), &self.rows[batch][corner], first) }
+    }
+}
+
+/// Places in a list, checked once so that sums need not check them again.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Sums {
+    places: Vec<u32>,
+    /// One more than the largest place.
+    bound: usize,
+}
+
+impl Sums {
+    pub(crate) fn new(places: Vec<u32>) -> Self {
+        let bound = places.iter().map(|&p| p as usize + 1).max().unwrap_or(0);
+        Self { places, bound }
+    }
+
+    /// For each stretch of the list, one after the other as `starts` has it, what `then` makes of its number and of the
+    /// sum of the numbers at its places.
+    ///
+    /// # Panics
+    /// When there are fewer numbers than places.
+    #[inline(always)]
+    pub(crate) fn each(&self, starts: &[u32], numbers: &[f32], mut then: impl FnMut(usize, f32)) {
+        assert!(self.bound <= numbers.len(), "{} places over {} numbers", self.bound, numbers.len());
+        for (i, ends) in starts.windows(2).enumerate() {
+            // Four sums at a time: one after the other would wait for each addition.
+            let mut sums = [0f32; 4];
+            let (fours, rest) = self.places[ends[0] as usize..ends[1] as usize].as_chunks::<4>();
+            for four in fours {
+                for k in 0..4 {
+                    // SAFETY: all places have just been checked against the count of numbers.
+                    sums[k] += unsafe { *numbers.get_unchecked(four[k] as usize) };
+                }
+            }
+            rest.iter().zip(&mut sums).for_each(|(&p, sum)| *sum += numbers[p as usize]);
+            then(i, (sums[0] + sums[1]) + (sums[2] + sums[3]));
+        }
     }
 }
 
@@ -216,6 +318,33 @@ impl Lanes for Plain {
         Self(core::array::from_fn(|l| if self.0[l] < 0.0 { yes.0[l] } else { no.0[l] }))
     }
     #[inline(always)]
+    fn choose(bits: u16, first: usize, yes: Self, no: Self) -> Self {
+        Self(core::array::from_fn(|l| if bits >> (first + l) & 1 == 1 { yes.0[l] } else { no.0[l] }))
+    }
+    #[inline(always)]
+    fn load_pairs(pairs: &[[f32; 2]; WIDTH], first: usize) -> [Self; 2] {
+        [0, 1].map(|i| Self(core::array::from_fn(|l| pairs[first + l][i])))
+    }
+    #[inline(always)]
+    fn store_pairs(v: [Self; 2], pairs: &mut [[f32; 2]; WIDTH], first: usize) {
+        (0..8).for_each(|l| pairs[first + l] = [v[0].0[l], v[1].0[l]]);
+    }
+    #[inline(always)]
+    unsafe fn gather_numbers<P: Place>(from: *const f32, places: &[P; WIDTH], first: usize) -> Self {
+        // SAFETY: `Numbers` has checked all places against the count of its numbers.
+        Self(core::array::from_fn(|l| unsafe { *from.add(places[first + l].at()) }))
+    }
+    #[inline(always)]
+    unsafe fn gather_pairs<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], first: usize) -> [Self; 2] {
+        let mut out = [Self([0.0; 8]); 2];
+        for l in 0..8 {
+            // SAFETY: `Pairs` has checked all places against the length of its pairs.
+            let v = unsafe { *from.add(places[first + l].at()) };
+            (out[0].0[l], out[1].0[l]) = (v[0], v[1]);
+        }
+        out
+    }
+    #[inline(always)]
     unsafe fn gather<P: Place>(from: *const [f32; 4], places: &[P; WIDTH], first: usize) -> [Self; 4] {
         let mut out = [Self([0.0; 8]); 4];
         for l in 0..8 {
@@ -239,7 +368,7 @@ pub(crate) mod tests {
     use super::*;
 
     /// Does a little of everything.
-    struct Everything<'a>(Window<'a, 2>, &'a Row, usize);
+    struct Everything<'a>(Window<'a, 2>, &'a Row, usize, Pairs<'a, 2>, Numbers<'a, 2>);
 
     impl Kernel for Everything<'_> {
         type Out = f32;
@@ -251,8 +380,14 @@ pub(crate) mod tests {
                 let k = V::load(self.1, first);
                 let r = core::array::from_fn(|a| ((p[a] - q[a]) * k / p[3]).or_zero().sqrt().or_zero());
                 let s = core::array::from_fn(|a| (q[a] + k).if_negative(q[a].max(p[a]), q[a].min(V::splat(2.5))));
+                let mut swapped = [[0.0; 2]; WIDTH];
+                V::store_pairs([s[1], s[2]], &mut swapped, first);
+                let [q, p]: [V; 2] = V::load_pairs(&swapped, first);
+                (V::load(&most, first) + p * V::splat(0.7) - q).store(&mut most, first);
                 let count = self.2.saturating_sub(first);
-                r[0].store(&mut most, first);
+                let [even, odd]: [V; 2] = self.3.gather(0, 1, first);
+                (r[0] + V::choose(0b1011_0001_1110_0100, first, even, odd) * self.4.gather(0, 1, first))
+                    .store(&mut most, first);
                 self.0.scatter(0, 0, first, r, count);
                 self.0.scatter(0, 1, first, s, count);
             }
@@ -264,20 +399,28 @@ pub(crate) mod tests {
     fn every_width_gives_the_bits_of_the_plain_one() {
         let start: Vec<[f32; 4]> =
             (0..40u16).map(|i| core::array::from_fn(|a| ((i * 37 + a as u16 * 11) % 23) as f32 - 11.0)).collect();
+        let pairs: Vec<[f32; 2]> = (0..32u8).map(|i| [f32::from(i) * 0.7, f32::from(i) - 40.3]).collect();
         let rows = vec![[core::array::from_fn(|l| 2 * l as u16), core::array::from_fn(|l| 2 * l as u16 + 1)]];
         let places = Places::new(rows);
         let k: Row = core::array::from_fn(|l| l as f32 * 0.3 - 1.0);
+        let numbers = || places.numbers(pairs.as_flattened());
         for count in [16, 11, 8, 3, 0] {
             let (mut a, mut b) = (start.clone(), start.clone());
-            let wide = widest(Everything(places.over(&mut a), &k, count));
-            let truth = plain(Everything(places.over(&mut b), &k, count));
+            let wide = widest(Everything(places.over(&mut a), &k, count, places.pairs(&pairs), numbers()));
+            let truth = plain(Everything(places.over(&mut b), &k, count, places.pairs(&pairs), numbers()));
             assert_eq!(wide.to_bits(), truth.to_bits());
             let bits = |v: &[[f32; 4]]| v.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
             assert_eq!(bits(&a), bits(&b), "{count} lanes");
             #[cfg(target_arch = "x86_64")]
             if super::super::x86::has_avx2() {
                 let mut c = start.clone();
-                super::super::x86::with_avx2(Everything(places.over(&mut c), &k, count));
+                super::super::x86::with_avx2(Everything(
+                    places.over(&mut c),
+                    &k,
+                    count,
+                    places.pairs(&pairs),
+                    numbers(),
+                ));
                 assert_eq!(bits(&c), bits(&b), "{count} lanes");
             }
         }

@@ -111,6 +111,49 @@ impl Lanes for Eight {
         }
     }
     #[inline(always)]
+    fn choose(bits: u16, first: usize, yes: Self, no: Self) -> Self {
+        // SAFETY: as for the operators. A lane is chosen where its own bit is left.
+        unsafe {
+            let own = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let left = _mm256_and_si256(_mm256_set1_epi32(i32::from(bits >> first)), own);
+            Self(_mm256_blendv_ps(no.0, yes.0, _mm256_castsi256_ps(_mm256_cmpeq_epi32(left, own))))
+        }
+    }
+    #[inline(always)]
+    fn load_pairs(pairs: &[[f32; 2]; WIDTH], first: usize) -> [Self; 2] {
+        let lanes: &[f32; 16] = pairs[first..].as_flattened().first_chunk().expect("eight pairs are there");
+        // SAFETY: sixteen numbers are there.
+        unsafe {
+            let (a, b) = (_mm256_loadu_ps(lanes.as_ptr()), _mm256_loadu_ps(lanes.as_ptr().add(8)));
+            // The outer halves change places, so that halves have four pairs side by side.
+            let (low, high) = (_mm256_permute2f128_ps::<0x20>(a, b), _mm256_permute2f128_ps::<0x31>(a, b));
+            [Self(_mm256_shuffle_ps::<0x88>(low, high)), Self(_mm256_shuffle_ps::<0xdd>(low, high))]
+        }
+    }
+    #[inline(always)]
+    fn store_pairs(v: [Self; 2], pairs: &mut [[f32; 2]; WIDTH], first: usize) {
+        let lanes: &mut [f32; 16] = pairs[first..].as_flattened_mut().first_chunk_mut().expect("eight pairs are there");
+        // SAFETY: there is room for sixteen.
+        unsafe {
+            let (low, high) = (_mm256_unpacklo_ps(v[0].0, v[1].0), _mm256_unpackhi_ps(v[0].0, v[1].0));
+            _mm256_storeu_ps(lanes.as_mut_ptr(), _mm256_permute2f128_ps::<0x20>(low, high));
+            _mm256_storeu_ps(lanes.as_mut_ptr().add(8), _mm256_permute2f128_ps::<0x31>(low, high));
+        }
+    }
+    #[inline(always)]
+    unsafe fn gather_numbers<P: Place>(from: *const f32, places: &[P; WIDTH], l: usize) -> Self {
+        // SAFETY: `Numbers` has checked all places against the count of its numbers.
+        unsafe { Self(eight(from, places, l)) }
+    }
+    #[inline(always)]
+    unsafe fn gather_pairs<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], l: usize) -> [Self; 2] {
+        // SAFETY: `Pairs` has checked all places against the length of its pairs.
+        unsafe {
+            let (low, high) = (two_couples(from, places, l), two_couples(from, places, l + 2));
+            [Self(_mm256_shuffle_ps::<0x88>(low, high)), Self(_mm256_shuffle_ps::<0xdd>(low, high))]
+        }
+    }
+    #[inline(always)]
     unsafe fn gather<P: Place>(from: *const [f32; 4], places: &[P; WIDTH], first: usize) -> [Self; 4] {
         // SAFETY: `Window` has checked all places against the length of its vertices.
         unsafe {
@@ -188,6 +231,52 @@ impl Lanes for Sixteen {
         }
     }
     #[inline(always)]
+    fn choose(bits: u16, _: usize, yes: Self, no: Self) -> Self {
+        // SAFETY: as for the operators.
+        Self(unsafe { _mm512_mask_blend_ps(bits, no.0, yes.0) })
+    }
+    #[inline(always)]
+    fn load_pairs(pairs: &[[f32; 2]; WIDTH], _: usize) -> [Self; 2] {
+        let from = pairs.as_flattened().as_ptr();
+        // SAFETY: 32 numbers are there.
+        unsafe {
+            let (a, b) = (_mm512_loadu_ps(from), _mm512_loadu_ps(from.add(16)));
+            let even = _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+            let odd = _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+            [Self(_mm512_permutex2var_ps(a, even, b)), Self(_mm512_permutex2var_ps(a, odd, b))]
+        }
+    }
+    #[inline(always)]
+    fn store_pairs(v: [Self; 2], pairs: &mut [[f32; 2]; WIDTH], _: usize) {
+        let to = pairs.as_flattened_mut().as_mut_ptr();
+        // SAFETY: there is room for 32.
+        unsafe {
+            let low = _mm512_setr_epi32(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+            let high = _mm512_setr_epi32(8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
+            _mm512_storeu_ps(to, _mm512_permutex2var_ps(v[0].0, low, v[1].0));
+            _mm512_storeu_ps(to.add(16), _mm512_permutex2var_ps(v[0].0, high, v[1].0));
+        }
+    }
+    #[inline(always)]
+    unsafe fn gather_numbers<P: Place>(from: *const f32, places: &[P; WIDTH], _: usize) -> Self {
+        // SAFETY: `Numbers` has checked all places against the count of its numbers.
+        unsafe {
+            let (low, high) = (eight(from, places, 0), eight(from, places, 8));
+            Self(_mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high))
+        }
+    }
+    #[inline(always)]
+    unsafe fn gather_pairs<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], _: usize) -> [Self; 2] {
+        // SAFETY: `Pairs` has checked all places against the length of its pairs.
+        unsafe {
+            let (a, b) = (two_couples(from, places, 0), two_couples(from, places, 8));
+            let (c, d) = (two_couples(from, places, 2), two_couples(from, places, 10));
+            let low = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(a), b);
+            let high = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(c), d);
+            [Self(_mm512_shuffle_ps::<0x88>(low, high)), Self(_mm512_shuffle_ps::<0xdd>(low, high))]
+        }
+    }
+    #[inline(always)]
     unsafe fn gather<P: Place>(from: *const [f32; 4], places: &[P; WIDTH], _: usize) -> [Self; 4] {
         // SAFETY: `Window` has checked all places against the length of its vertices.
         unsafe {
@@ -251,6 +340,42 @@ unsafe fn put_four(to: *mut [f32; 4], places: &[u16; WIDTH], l: usize, row: __m5
         put(to, places[l + 8], c);
         put(to, places[l + 12], d);
     }
+}
+
+/// The numbers of eight lanes.
+#[inline(always)]
+unsafe fn eight<P: Place>(from: *const f32, places: &[P; WIDTH], l: usize) -> __m256 {
+    // SAFETY: `Numbers` has checked the places.
+    unsafe {
+        _mm256_setr_ps(
+            *from.add(places[l].at()),
+            *from.add(places[l + 1].at()),
+            *from.add(places[l + 2].at()),
+            *from.add(places[l + 3].at()),
+            *from.add(places[l + 4].at()),
+            *from.add(places[l + 5].at()),
+            *from.add(places[l + 6].at()),
+            *from.add(places[l + 7].at()),
+        )
+    }
+}
+
+/// The pairs of two lanes that follow each other.
+#[inline(always)]
+unsafe fn couple<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], l: usize) -> __m128 {
+    // SAFETY: `Pairs` has checked the places.
+    unsafe {
+        let low = _mm_loadl_epi64(from.add(places[l].at()).cast());
+        let high = _mm_loadl_epi64(from.add(places[l + 1].at()).cast());
+        _mm_castsi128_ps(_mm_unpacklo_epi64(low, high))
+    }
+}
+
+/// The pairs of two lanes, and beside them those four lanes further.
+#[inline(always)]
+unsafe fn two_couples<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], l: usize) -> __m256 {
+    // SAFETY: as in `couple`.
+    unsafe { _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(couple(from, places, l)), couple(from, places, l + 4)) }
 }
 
 /// Two vertices side by side.

@@ -1,20 +1,17 @@
 //! Vertex block descent with nodal pressures, in single precision.
 
 use super::elastic::Elastic;
-use super::pressure::{Grown, Pressures};
+use super::pressure::{Grown, Pressures, Tissue};
 use super::region;
 use super::rings::{self, Part, SingleRows};
-use super::sweep::{Element, Memory, Substep as Shared, Sweep, Volumes};
+use super::sweep::{Element, Memory, Substep as Shared, Sweep};
 use super::touch::{Touches, Touching, penalty_force};
 use crate::contact::Coupling;
-use crate::fast::{Pool, plain, widest};
+use crate::fast::{Pool, WIDTH, plain, widest};
 use crate::model::{Region, Tether};
 use crate::slabs::{self, Round, Slabs};
 use crate::vec3::V3;
-use crate::volumes::Volumes as Solids;
-
-/// Volumetric stiffness that the sweeps carry themselves, over the shear modulus; the rest is the pressure's.
-const PENALTY: f64 = 2.0;
+use crate::volumes::Volumes;
 
 /// With a predicted space, one sweep in so many goes over the whole tissue.
 const WHOLE_EVERY: u32 = 3;
@@ -26,7 +23,6 @@ pub(crate) struct Descent {
     rounds: [(Round, Vec<Part>); 2],
     far: SingleRows,
     far_cuts: Vec<usize>,
-    elements: Vec<Element>,
     pressures: Pressures,
     /// Largest coordinate at rest, mm.
     reach: f32,
@@ -43,8 +39,9 @@ pub(crate) struct DescentScratch {
     far: Vec<[f32; 4]>,
     /// Displacement from rest at the start of the substep, mm.
     displacement: Vec<[f32; 4]>,
-    /// Elements with their current pressure.
+    /// Elements with their current pressure, and without pressure and damping.
     elements: Vec<Element>,
+    undamped: Vec<Element>,
     grown: Grown,
     memory: [Vec<Memory>; 2],
     touches: Touches,
@@ -69,9 +66,17 @@ pub(crate) struct Body<'a> {
     pub(crate) velocities: &'a [[f32; 4]],
     pub(crate) pressure: &'a mut [f32],
     pub(crate) rest: &'a [[f32; 4]],
-    pub(crate) volumes: &'a Solids,
+    pub(crate) volumes: &'a Volumes,
+    /// Region of each element.
+    pub(crate) region: &'a [u8],
     pub(crate) tethers: &'a [Tether],
     pub(crate) couplings: &'a mut [Coupling],
+}
+
+impl<'a> Body<'a> {
+    fn tissue(&self) -> Tissue<'a> {
+        Tissue { volumes: self.volumes, region: self.region }
+    }
 }
 
 impl Descent {
@@ -80,40 +85,38 @@ impl Descent {
         rest: &[[f32; 4]],
         mass: &[f32],
         (region, regions): (&[u8], &[Region]),
-        slabs: &Slabs,
+        (slabs, volumes): (&Slabs, &Volumes),
     ) -> Self {
         let mut out = Self {
             rounds: rings::rounds(elastic, rest, mass, slabs),
             far: SingleRows::new(&elastic.far),
             far_cuts: slabs::even_cuts(rest.len()),
-            elements: Pressures::elements(elastic, PENALTY),
-            pressures: Pressures::new(elastic, PENALTY),
+            pressures: Pressures::new(elastic, region, regions),
             reach: rest.iter().flat_map(|p| &p[..3]).fold(0f32, |m, v| m.max(v.abs())),
             damping_s: region.iter().map(|&r| regions[r as usize].material.damping_s as f32).fold(0.0, f32::max),
         };
-        out.balance(rest);
+        out.balance(rest, Tissue { volumes, region });
         out
     }
 
     /// Sets the base so that it cancels all other forces at rest to the last bit.
-    fn balance(&mut self, rest: &[[f32; 4]]) {
+    fn balance(&mut self, rest: &[[f32; 4]], tissue: Tissue<'_>) {
         let zero = vec![[0.0; 4]; rest.len()];
         let touches = Touches::default();
+        let mut elements = Vec::new();
+        self.pressures.still(tissue, 0.0, &mut elements, &mut Grown::default());
+        // With no elements and nothing of the shear, what is noted is minus the elastic force.
+        let nothing = vec![[0.0; 2]; elements.len()];
         for (round, parts) in &mut self.rounds {
             for (i, part) in parts.iter_mut().enumerate() {
                 let own = round.cuts[i]..round.cuts[i + 1];
-                plain(Volumes { part, rest: &rest[own.clone()] });
                 let (mut vertices, mut memory) = (rest[own.clone()].to_vec(), Memory::default());
-                let substep = Shared {
-                    elements: &self.elements,
-                    target: &zero[own.clone()],
-                    far: &zero[own.clone()],
-                    damping: 0.0,
-                    inertia: 0.0,
-                    touching: Touching { touches: &touches, couplings: &[], rest, first: own.start },
-                };
-                plain(Sweep { part, substep, vertices: &mut vertices, memory: &mut memory, note: true });
-                part.base = memory.before.iter().map(|rows| rows.map(|row| row.map(|v| -v))).collect();
+                let touching = Touching { touches: &touches, couplings: &[], rest, first: own.start };
+                let (target, far) = (&zero[own.clone()], &zero[own.clone()]);
+                let substep = Shared { elements: &nothing, target, far, damping: -1.0, inertia: 0.0, touching };
+                let note = Some(&elements[..]);
+                plain(Sweep { part, substep, vertices: &mut vertices, memory: &mut memory, note });
+                part.base = memory.before;
             }
         }
     }
@@ -122,7 +125,7 @@ impl Descent {
     pub(crate) fn counts(&self) -> Vec<(&'static str, usize)> {
         let batches = self.rounds.iter().flat_map(|r| &r.1).flat_map(|p| &p.batches);
         vec![
-            ("elements", self.elements.len()),
+            ("elements", self.pressures.elements()),
             ("free_vertices", batches.map(|b| b.count).sum()),
             ("pressures", self.patches()),
         ]
@@ -136,10 +139,11 @@ impl Descent {
     /// Advances the positions by one substep; returns the largest motion of a vertex in the last sweep, mm.
     pub(crate) fn advance(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, step: Substep, pool: &Pool) -> f32 {
         self.begin(body, scratch, step, pool);
+        let rates = (damping_ratio(self.damping_s, step.dt), 1.0 / (step.dt * step.dt));
         for k in 0..step.iterations {
             let whole = !step.predicted_space || k.is_multiple_of(WHOLE_EVERY);
             scratch.memory.iter_mut().flatten().for_each(|m| m.only_active = !whole);
-            self.sweep(body, scratch, step, false, pool);
+            self.sweep(body, scratch, rates, None, pool);
             if step.predicted_space && whole {
                 let touching =
                     Touching { touches: &scratch.touches, couplings: body.couplings, rest: body.rest, first: 0 };
@@ -147,7 +151,7 @@ impl Descent {
                     region::predict(&self.rounds, &mut scratch.memory, touching, (k == 0, self.reach));
             }
             let DescentScratch { elements, grown, .. } = scratch;
-            self.pressures.update((body.volumes, body.positions), body.pressure, elements, grown, (true, pool));
+            self.pressures.update((body.tissue(), body.positions), body.pressure, elements, grown, (true, pool));
         }
         for c in body.couplings.iter_mut() {
             c.force = penalty_force(c, c.point(body.positions));
@@ -162,15 +166,12 @@ impl Descent {
             memory.resize_with(parts.len(), Memory::default);
             memory.iter_mut().for_each(|m| m.only_active = false);
         }
-        scratch.elements.clone_from(&self.elements);
         scratch.touches.list(body.couplings, body.tethers, body.positions.len());
         scratch.active_nodes = body.positions.len();
         self.average_shear(body, scratch, pool);
         scratch.target.clear();
         scratch.target.extend_from_slice(body.positions);
-        if damping_ratio(self.damping_s, step.dt) > 0.0 {
-            self.sweep(body, scratch, step, true, pool);
-        }
+        self.resist(body, scratch, step, pool);
         for (i, ((p, v), target)) in body.positions.iter_mut().zip(body.velocities).zip(&mut scratch.target).enumerate()
         {
             let push = body.push.get(i).copied().unwrap_or_default();
@@ -183,14 +184,33 @@ impl Descent {
             }
         }
         let DescentScratch { elements, grown, .. } = scratch;
-        self.pressures.update((body.volumes, body.positions), body.pressure, elements, grown, (false, pool));
+        self.pressures.update((body.tissue(), body.positions), body.pressure, elements, grown, (false, pool));
     }
 
-    /// One pass over the free vertices; with `note` only over their forces.
-    fn sweep(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, step: Substep, note: bool, pool: &Pool) {
-        let DescentScratch { target, far, elements, memory, touches, .. } = scratch;
+    /// Sets the elements without pressures, and notes what resists motion from here on.
+    fn resist(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, step: Substep, pool: &Pool) {
         let damping = damping_ratio(self.damping_s, step.dt);
-        let inertia = 1.0 / (step.dt * step.dt);
+        self.pressures.still(body.tissue(), damping, &mut scratch.elements, &mut scratch.grown);
+        if damping > 0.0 {
+            let mut undamped = core::mem::take(&mut scratch.undamped);
+            self.pressures.still(body.tissue(), 0.0, &mut undamped, &mut Grown::default());
+            self.sweep(body, scratch, (damping, 0.0), Some(&undamped), pool);
+            scratch.undamped = undamped;
+        } else {
+            scratch.memory.iter_mut().flatten().for_each(|m| m.before.fill([[0.0; WIDTH]; 3]));
+        }
+    }
+
+    /// One pass over the free vertices, with damping time over time step and one over the square of the time step.
+    fn sweep(
+        &self,
+        body: &mut Body<'_>,
+        scratch: &mut DescentScratch,
+        (damping, inertia): (f32, f32),
+        note: Option<&[Element]>,
+        pool: &Pool,
+    ) {
+        let DescentScratch { target, far, elements, memory, touches, .. } = scratch;
         for ((round, parts), memory) in self.rounds.iter().zip(memory) {
             pool.each_part(body.positions, &round.cuts, memory, &|i, vertices, memory| {
                 let own = round.cuts[i]..round.cuts[i + 1];

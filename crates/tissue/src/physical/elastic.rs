@@ -21,7 +21,7 @@ type Shape = (f64, [D3; 4]);
 
 /// Volumetric stiffness left in the element over its shear modulus. The element's energy stays positive from one third of
 /// the element's share of the shear term on; a little more gave the smallest errors over the reference scenes.
-const ELEMENT_BULK: f64 = 0.35;
+pub(super) const ELEMENT_BULK: f64 = 0.35;
 
 /// Rows of a sparse symmetric matrix whose rows sum to zero, without its diagonal.
 #[derive(Debug, Clone, Default)]
@@ -109,13 +109,12 @@ impl Elastic {
         let of = |r: u8| &regions[r as usize].material;
         let mu: Vec<f64> = region.iter().map(|&r| of(r).shear_kpa()).collect();
         let bulk = mu.iter().map(|mu| ELEMENT_BULK * mu).collect();
-        let (patch, owners) = patches(tets, region);
+        let (patch, owners) = patches(tets, region, rest.len());
         let mut patch_volume = vec![0.0; owners.len()];
         for (corners, v) in patch.iter().zip(&volume) {
             corners.iter().for_each(|&p| patch_volume[p as usize] += v / 4.0);
         }
-        let patch_bulk =
-            owners.iter().map(|&(_, r)| of(r).lame_kpa() + (1.0 - ELEMENT_BULK) * of(r).shear_kpa()).collect();
+        let patch_bulk = owners.iter().map(|&r| of(r).lame_kpa() + (1.0 - ELEMENT_BULK) * of(r).shear_kpa()).collect();
         let mut base = vec![[0.0; 3]; rest.len()];
         for ((tet, (_, g)), mu) in tets.iter().zip(&shapes).zip(&mu) {
             scatter(&mut base, tet, g, *mu);
@@ -228,14 +227,25 @@ fn scatter(out: &mut [D3], tet: &[u32; 4], g: &[D3; 4], factor: f64) {
     }
 }
 
-/// Number of the patch of each corner, and node and region of each patch: one patch for each node and region that meet.
-fn patches(tets: &[[u32; 4]], region: &[u8]) -> (Vec<[u32; 4]>, Vec<(u32, u8)>) {
+/// Number of the patch of each corner, and region of each patch: one patch for each node and region that meet. The first
+/// of a node has the node's number, all others come after the last node.
+fn patches(tets: &[[u32; 4]], region: &[u8], nodes: usize) -> (Vec<[u32; 4]>, Vec<u8>) {
     let mut owners: Vec<(u32, u8)> = tets.iter().zip(region).flat_map(|(t, &r)| t.map(|n| (n, r))).collect();
     owners.sort_unstable();
     owners.dedup();
-    let find = |n: u32, r: u8| owners.partition_point(|&o| o < (n, r)) as u32;
+    let mut regions = vec![0; nodes];
+    let mut further = Vec::new();
+    for own in owners.chunk_by(|a, b| a.0 == b.0) {
+        regions[own[0].0 as usize] = own[0].1;
+        further.extend_from_slice(&own[1..]);
+    }
+    let find = |n: u32, r: u8| match further.binary_search(&(n, r)) {
+        Ok(i) => (nodes + i) as u32,
+        Err(_) => n,
+    };
     let patch = tets.iter().zip(region).map(|(t, &r)| t.map(|n| find(n, r))).collect();
-    (patch, owners)
+    regions.extend(further.iter().map(|f| f.1));
+    (patch, regions)
 }
 
 /// The shear matrix of the elements.

@@ -11,11 +11,13 @@ pub(crate) mod elastic;
 mod pressure;
 mod region;
 mod rings;
+mod strips;
 mod sweep;
 mod touch;
 
 use crate::model::Region;
 use crate::slabs::Slabs;
+use crate::volumes::Volumes;
 use descent::Descent;
 use elastic::Elastic;
 
@@ -32,11 +34,11 @@ impl PhysicalModel {
         (rest, mass): (&[[f32; 4]], &[f32]),
         tets: &[[u32; 4]],
         (region, regions): (&[u8], &[Region]),
-        slabs: &Slabs,
+        (slabs, volumes): (&Slabs, &Volumes),
         nodal_shear: f64,
     ) -> Self {
         let elastic = Elastic::new(rest, tets, region, regions, nodal_shear);
-        let descent = Descent::new(&elastic, rest, mass, (region, regions), slabs);
+        let descent = Descent::new(&elastic, rest, mass, (region, regions), (slabs, volumes));
         Self { descent, nodal_shear }
     }
 }

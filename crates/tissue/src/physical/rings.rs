@@ -1,6 +1,7 @@
 //! The vertices of a part, sixteen at a time, each with the elements and neighbours around it.
 
 use super::elastic::Elastic;
+use super::strips::{self, Spoke, Step};
 use crate::fast::{Places, Row, WIDTH};
 use crate::slabs::{Round, Slabs};
 
@@ -21,9 +22,10 @@ pub(super) struct Batch {
     /// Numbers in the model; an empty lane repeats the first.
     pub(super) vertices: [u32; WIDTH],
     pub(super) count: usize,
-    /// Rows of elements around them and of neighbours.
-    pub(super) elements: core::ops::Range<usize>,
-    pub(super) links: core::ops::Range<usize>,
+    /// Rows of the steps around them; the first two complete no element.
+    pub(super) steps: core::ops::Range<usize>,
+    /// Row of the element of the third step.
+    pub(super) elements: usize,
 }
 
 /// Vertices whose elements all lie within one part.
@@ -32,14 +34,13 @@ pub(super) struct Part {
     pub(super) batches: Vec<Batch>,
     /// Each batch's own vertices.
     pub(super) own: Places<1>,
-    /// One element around each vertex: its other corners (an empty place repeats the vertex: no area), its number, and
-    /// its volume at rest (mm3).
-    pub(super) others: Places<3>,
-    pub(super) tets: Places<1, u32>,
-    pub(super) volume: Vec<Row>,
-    /// One neighbour of each vertex and its weight in the shear matrix, mN/mm (an empty place repeats the vertex).
-    pub(super) links: Places<1>,
+    /// Steps of the walk around each vertex (an empty place repeats the vertex): the next vertex, its weight in the shear
+    /// matrix where it comes first (mN/mm), and bits of the lanes that keep the first vertex of the edge.
+    pub(super) ring: Places<1>,
     pub(super) weight: Vec<Row>,
+    pub(super) keeps_first: Vec<u16>,
+    /// Elements that the steps complete, or one more than all.
+    pub(super) tets: Places<1, u32>,
     /// Of each batch: masses, kg; diagonal of the shear matrix, mN/mm; shear force that cancels all others at rest, mN.
     pub(super) mass: Vec<Row>,
     pub(super) diagonal: Vec<Row>,
@@ -65,9 +66,6 @@ impl SingleRows {
     }
 }
 
-/// An element around a vertex, and its other corners.
-type Spoke = (u32, [u32; 3]);
-
 /// Everything about all vertices.
 struct Rings<'a> {
     elastic: &'a Elastic,
@@ -75,14 +73,18 @@ struct Rings<'a> {
     mass: &'a [f32],
     start: Vec<u32>,
     around: Vec<Spoke>,
+    walks: Vec<Vec<Step>>,
 }
 
 /// The free vertices by part: two rounds of parts that can be done at the same time.
 pub(super) fn rounds(elastic: &Elastic, rest: &[[f32; 4]], mass: &[f32], slabs: &Slabs) -> [(Round, Vec<Part>); 2] {
     let (start, around) = around(&elastic.tets, rest.len());
-    let rings = Rings { elastic, near: SingleRows::new(&elastic.near), mass, start, around };
+    let mut rings = Rings { elastic, near: SingleRows::new(&elastic.near), mass, start, around, walks: Vec::new() };
+    let free = |v: u32| rest[v as usize][3] > 0.0;
+    let walk = |v: u32| if free(v) { strips::walk(rings.of(v)) } else { Vec::new() };
+    rings.walks = (0..rest.len() as u32).map(walk).collect();
     let mut owned = vec![Vec::new(); slabs.len()];
-    for v in (0..rest.len() as u32).filter(|&v| rest[v as usize][3] > 0.0) {
+    for v in (0..rest.len() as u32).filter(|&v| free(v)) {
         let ring = rings.of(v).iter().flat_map(|s| s.1).chain([v]);
         owned[slabs.of(ring.min().unwrap_or(v))].push(v);
     }
@@ -100,10 +102,11 @@ impl Rings<'_> {
         &self.around[self.start[v as usize] as usize..self.start[v as usize + 1] as usize]
     }
 
-    /// Batches of vertices that are no neighbours; those with as many elements side by side leave few empty places.
+    /// Batches of vertices that are no neighbours; those with as many steps side by side leave few empty places.
     fn groups(&self, own: &[u32], first: usize, vertices: usize) -> Vec<Vec<u32>> {
         let mut own = own.to_vec();
-        own.chunks_mut(NEIGHBOURHOOD).for_each(|c| c.sort_by_key(|&v| (core::cmp::Reverse(self.of(v).len()), v)));
+        own.chunks_mut(NEIGHBOURHOOD)
+            .for_each(|c| c.sort_by_key(|&v| (core::cmp::Reverse(self.walks[v as usize].len()), v)));
         // Bit `g` of a vertex: it is in open group `g` or next to one that is.
         let mut near = vec![0u64; vertices];
         let mut open: Vec<Vec<u32>> = vec![Vec::new(); OPEN];
@@ -132,34 +135,41 @@ impl Rings<'_> {
     fn part(&self, own: &[u32], rest: &[[f32; 4]], first: usize) -> Part {
         let local = |v: u32| (v as usize - first) as u16;
         let mut out = Part::default();
-        let (mut owns, mut others, mut tets, mut links) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut owns, mut ring, mut tets) = (Vec::new(), Vec::new(), Vec::new());
         for group in self.groups(own, first, rest.len()) {
             let vertices: [u32; WIDTH] = core::array::from_fn(|l| group[if l < group.len() { l } else { 0 }]);
-            let (first_element, first_link) = (others.len(), links.len());
-            for k in 0..group.iter().map(|&v| self.of(v).len()).max().unwrap_or(0) {
-                let spoke = |v: u32| self.of(v).get(k).copied().unwrap_or((0, [v; 3]));
-                let spokes = vertices.map(spoke);
-                others.push([0, 1, 2].map(|c| spokes.map(|s| local(s.1[c]))));
-                tets.push([spokes.map(|s| s.0)]);
-            }
-            for k in 0..group.iter().map(|&v| self.near.row(v as usize).len()).max().unwrap_or(0) {
-                let link = |v: u32| self.near.row(v as usize).get(k).copied().unwrap_or((v, 0.0));
-                links.push([vertices.map(|v| local(link(v).0))]);
-                out.weight.push(vertices.map(|v| link(v).1));
+            let (first_step, elements) = (ring.len(), tets.len());
+            for k in 0..group.iter().map(|&v| self.walks[v as usize].len()).max().unwrap_or(0) {
+                let steps = vertices.map(|v| self.walks[v as usize].get(k));
+                let vertex = |l: usize| steps[l].map_or(vertices[l], |s| s.vertex);
+                ring.push([core::array::from_fn(|l| local(vertex(l)))]);
+                out.weight.push(core::array::from_fn(|l| self.weight(vertices[l], k)));
+                let bit = |l: usize| u16::from(steps[l].is_none_or(|s| s.keeps_first)) << l;
+                out.keeps_first.push((0..WIDTH).map(bit).sum());
+                if k >= 2 {
+                    let none = self.elastic.tets.len() as u32;
+                    tets.push([steps.map(|s| s.and_then(|s| s.element).unwrap_or(none))]);
+                }
             }
             owns.push([vertices.map(local)]);
             out.mass.push(vertices.map(|v| self.mass[v as usize]));
             out.diagonal.push(vertices.map(|v| self.elastic.near.diagonal(v as usize) as f32));
             out.base.push([[0.0; WIDTH]; 3]);
-            let (elements, links) = (first_element..others.len(), first_link..links.len());
-            out.batches.push(Batch { vertices, count: group.len(), elements, links });
+            out.batches.push(Batch { vertices, count: group.len(), steps: first_step..ring.len(), elements });
         }
-        out.volume = vec![[0.0; WIDTH]; others.len()];
         out.own = Places::new(owns);
-        out.others = Places::new(others);
+        out.ring = Places::new(ring);
         out.tets = Places::new(tets);
-        out.links = Places::new(links);
         out
+    }
+
+    /// Weight of the vertex of step `k` around `v`, where it comes first.
+    fn weight(&self, v: u32, k: usize) -> f32 {
+        let Some((step, before)) = self.walks[v as usize].get(..=k).and_then(|w| w.split_last()) else { return 0.0 };
+        if before.iter().any(|b| b.vertex == step.vertex) {
+            return 0.0;
+        }
+        self.near.row(v as usize).iter().find(|link| link.0 == step.vertex).map_or(0.0, |link| link.1)
     }
 }
 

@@ -8,13 +8,14 @@ use crate::fast::{Kernel, Lanes, Row, WIDTH};
 type Vector<V> = [V; 3];
 type Matrix<V> = [V; 6];
 
-/// What changes from sweep to sweep in an element: its pressure without its own growth, shear modulus (kPa), volumetric
-/// stiffness and penalty over its volume (kPa/mm3).
-pub(crate) type Element = [f32; 4];
+/// An element, by six times its volume `v`: derivative of its energy by `v` at `v = 0` (kPa/6), and the second derivative
+/// (kPa/mm3/36).
+pub(crate) type Element = [f32; 2];
 
 /// What is the same in all sweeps of a substep. Arrays of vertices are those of the part.
 #[derive(Clone, Copy)]
 pub(super) struct Substep<'a> {
+    /// All elements, and one more that is nothing.
     pub(super) elements: &'a [Element],
     /// Predicted positions, mm, and the averaged share of the shear force, mN.
     pub(super) target: &'a [[f32; 4]],
@@ -28,7 +29,7 @@ pub(super) struct Substep<'a> {
 /// What a part leaves behind.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Memory {
-    /// Elements' own elastic force on each batch at the start of the substep, mN.
+    /// What resists motion, at the start of the substep, on each batch, mN: to be taken off.
     pub(super) before: Vec<[Row; 3]>,
     /// Square of each vertex's motion in the last sweep it had, mm2.
     pub(super) motion: Vec<Row>,
@@ -37,14 +38,14 @@ pub(super) struct Memory {
     pub(super) only_active: bool,
 }
 
-/// A sweep, or only its forces.
+/// A sweep, or only forces.
 pub(super) struct Sweep<'a> {
     pub(super) part: &'a Part,
     pub(super) substep: Substep<'a>,
     pub(super) vertices: &'a mut [[f32; 4]],
     pub(super) memory: &'a mut Memory,
-    /// Whether to note the forces instead of moving.
-    pub(super) note: bool,
+    /// Instead of moving: notes what resists motion. For it, elements without damping.
+    pub(super) note: Option<&'a [Element]>,
 }
 
 impl Kernel for Sweep<'_> {
@@ -70,48 +71,35 @@ impl Kernel for Sweep<'_> {
 
 /// Sums over what is around the vertices of a batch.
 struct Sums<V> {
-    /// Shear force of the neighbours, force of the pressures and their elements, the latter without pressures.
-    shear: Vector<V>,
-    elastic: Vector<V>,
-    viscous: Vector<V>,
+    /// Force of neighbours and elements.
+    force: Vector<V>,
     hessian: Matrix<V>,
 }
 
-impl Sweep<'_> {
+impl<'a> Sweep<'a> {
     #[inline(always)]
     fn batch<V: Lanes>(&mut self, b: usize) {
         let batch = &self.part.batches[b];
         for first in (0..WIDTH).step_by(V::N).take_while(|&f| f < batch.count) {
-            self.lanes::<V>(b, batch, first);
+            match self.note {
+                Some(undamped) => self.note::<V>(b, batch, first, undamped),
+                None => self.lanes::<V>(b, batch, first),
+            }
         }
     }
 
     #[inline(always)]
     fn lanes<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize) {
         let (part, s) = (self.part, self.substep);
+        let damped = V::splat(1.0) + V::splat(s.damping);
         let mut p: [V; 4] = part.own.view(self.vertices).gather(b, 0, first);
-        let sums = self.sums::<V>(batch, first, &p);
-        let far: [V; 4] = part.own.view(s.far).gather(b, 0, first);
-        let damping = V::splat(s.damping);
+        let (mut g, mut h) = self.force(b, batch, first, (s.elements, damped));
         let mass = V::load(&part.mass[b], first) * V::splat(s.inertia);
         let target: [V; 4] = part.own.view(s.target).gather(b, 0, first);
-        let (mut g, mut h) = ([V::splat(0.0); 3], sums.hessian);
-        let stiff = V::load(&part.diagonal[b], first) * (V::splat(1.0) + damping) + mass;
+        let stiff = V::load(&part.diagonal[b], first) * damped + mass;
         for a in 0..3 {
-            // At rest the first two cancel the base to the last bit.
-            let base = V::load(&part.base[b][a], first);
-            let own = (sums.shear[a] + sums.viscous[a]) + base + far[a];
-            if self.note {
-                own.store(&mut self.memory.before[b][a], first);
-                continue;
-            }
-            let viscous = own - V::load(&self.memory.before[b][a], first);
-            let elastic = (sums.shear[a] + sums.elastic[a]) + base + far[a];
-            g[a] = elastic + damping * viscous + mass * (p[a] - target[a]);
+            g[a] = g[a] - V::load(&self.memory.before[b][a], first) + mass * (p[a] - target[a]);
             h[a] = h[a] + stiff;
-        }
-        if self.note {
-            return;
         }
         if s.touching.any(batch) {
             touch(&s.touching, self.vertices, batch, first, &mut g, &mut h);
@@ -126,74 +114,99 @@ impl Sweep<'_> {
         part.own.over(self.vertices).scatter(b, 0, first, p, batch.count - first);
     }
 
+    /// Force with what resists motion from rest, less the elastic force alone.
     #[inline(always)]
-    fn sums<V: Lanes>(&self, batch: &Batch, first: usize, p: &[V; 4]) -> Sums<V> {
-        let (part, s) = (self.part, &self.substep);
-        let none = [V::splat(0.0); 3];
-        let mut out = Sums { shear: none, elastic: none, viscous: none, hessian: [V::splat(0.0); 6] };
-        let links = part.links.view(self.vertices);
-        for k in batch.links.clone() {
-            let (q, w): ([V; 4], V) = (links.gather(k, 0, first), V::load(&part.weight[k], first));
-            for a in 0..3 {
-                out.shear[a] = out.shear[a] + w * (q[a] - p[a]);
-            }
+    fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, undamped: &'a [Element]) {
+        let damped = V::splat(1.0) + V::splat(self.substep.damping);
+        let (elastic, _) = self.force(b, batch, first, (undamped, V::splat(1.0)));
+        let (force, _) = self.force(b, batch, first, (self.substep.elements, damped));
+        for a in 0..3 {
+            (force[a] - elastic[a]).store(&mut self.memory.before[b][a], first);
         }
-        let (others, elements) = (part.others.view(self.vertices), part.tets.view(s.elements));
-        let more = V::splat(1.0 + s.damping);
-        for k in batch.elements.clone() {
-            let corners = [others.gather(k, 0, first), others.gather(k, 1, first), others.gather(k, 2, first)];
-            let (volume, n) = volume_and_area(p, &corners);
-            let [pressure, mu, stiffness, penalty]: [V; 4] = elements.gather(k, 0, first);
-            let growth = volume - V::load(&part.volume[k], first);
-            let elastic = pressure + (stiffness + penalty) * growth;
-            let viscous = stiffness * growth - mu;
-            let second = stiffness * more + penalty;
-            let m = [second * n[0], second * n[1], second * n[2]];
-            for a in 0..3 {
-                out.elastic[a] = out.elastic[a] + elastic * n[a];
-                out.viscous[a] = out.viscous[a] + viscous * n[a];
-                out.hessian[a] = out.hessian[a] + m[a] * n[a];
+    }
+
+    /// Elastic force, the neighbours' `damped` times, and its derivative without theirs.
+    #[inline(always)]
+    fn force<V: Lanes>(
+        &self,
+        b: usize,
+        batch: &Batch,
+        first: usize,
+        (elements, damped): (&[Element], V),
+    ) -> (Vector<V>, Matrix<V>) {
+        let part = self.part;
+        let p: [V; 4] = part.own.view(self.vertices).gather(b, 0, first);
+        let Sums { mut force, hessian } = self.sums::<V>(batch, first, &p, (elements, damped));
+        let far: [V; 4] = part.own.view(self.substep.far).gather(b, 0, first);
+        for a in 0..3 {
+            // At rest without damping the two cancel to the last bit.
+            force[a] = force[a] + V::load(&part.base[b][a], first) * damped + far[a] * damped;
+        }
+        (force, hessian)
+    }
+
+    /// Walks around the vertices `p`.
+    #[inline(always)]
+    fn sums<V: Lanes>(&self, batch: &Batch, first: usize, p: &[V; 4], (elements, damped): (&[Element], V)) -> Sums<V> {
+        let part = self.part;
+        let mut out = Sums { force: [V::splat(0.0); 3], hessian: [V::splat(0.0); 6] };
+        let (ring, elements) = (part.ring.view(self.vertices), part.tets.pairs(elements));
+        let (start, count) = (batch.steps.start, batch.steps.len());
+        let (weights, keeps) = (&part.weight[batch.steps.clone()], &part.keeps_first[batch.steps.clone()]);
+        let mut a = away(ring.gather(start, 0, first), p);
+        let mut b = away(ring.gather(start + 1, 0, first), p);
+        pull(&mut out.force, V::load(&weights[0], first) * damped, &a);
+        pull(&mut out.force, V::load(&weights[1], first) * damped, &b);
+        for k in 2..count {
+            let c = away(ring.gather(start + k, 0, first), p);
+            pull(&mut out.force, V::load(&weights[k], first) * damped, &c);
+            let n = area(&a, &b, &c);
+            let [still, rise]: [V; 2] = elements.gather(batch.elements + k - 2, 0, first);
+            // Six times the volume is minus this.
+            let volume = n[0] * a[0] + n[1] * a[1] + n[2] * a[2];
+            add(&mut out.force, &mut out.hessian, (still - rise * volume, rise), &n);
+            let keeps = keeps[k];
+            for i in 0..3 {
+                (a[i], b[i]) = (V::choose(keeps, first, a[i], c[i]), V::choose(keeps, first, c[i], b[i]));
             }
-            out.hessian[3] = out.hessian[3] + m[0] * n[1];
-            out.hessian[4] = out.hessian[4] + m[0] * n[2];
-            out.hessian[5] = out.hessian[5] + m[1] * n[2];
         }
         out
     }
 }
 
-/// Volume of each element and its gradient by the vertex `p`, whose opposite corners are `a`, `b` and `c`.
+/// A vertex as seen from `p`.
 #[inline(always)]
-fn volume_and_area<V: Lanes>(p: &[V; 4], [a, b, c]: &[[V; 4]; 3]) -> (V, Vector<V>) {
+fn away<V: Lanes>(q: [V; 4], p: &[V; 4]) -> Vector<V> {
+    [q[0] - p[0], q[1] - p[1], q[2] - p[2]]
+}
+
+/// Adds `weight` times a vector.
+#[inline(always)]
+fn pull<V: Lanes>(sum: &mut Vector<V>, weight: V, d: &Vector<V>) {
+    for a in 0..3 {
+        sum[a] = sum[a] + weight * d[a];
+    }
+}
+
+/// Six times the gradient of an element's volume by the vertex that the corners `a`, `b` and `c` are seen from.
+#[inline(always)]
+fn area<V: Lanes>(a: &Vector<V>, b: &Vector<V>, c: &Vector<V>) -> Vector<V> {
     let (ux, uy, uz) = (b[0] - a[0], b[1] - a[1], b[2] - a[2]);
     let (vx, vy, vz) = (c[0] - a[0], c[1] - a[1], c[2] - a[2]);
-    let sixth = V::splat(1.0 / 6.0);
-    let n = [(uy * vz - uz * vy) * sixth, (uz * vx - ux * vz) * sixth, (ux * vy - uy * vx) * sixth];
-    (n[0] * (p[0] - a[0]) + n[1] * (p[1] - a[1]) + n[2] * (p[2] - a[2]), n)
+    [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx]
 }
 
-/// Volumes at rest by the arithmetic of the sweep: at rest the growth is then exactly zero.
-pub(super) struct Volumes<'a> {
-    pub(super) part: &'a mut Part,
-    pub(super) rest: &'a [[f32; 4]],
-}
-
-impl Kernel for Volumes<'_> {
-    type Out = ();
-
-    fn run<V: Lanes>(self) {
-        let Self { part, rest } = self;
-        let (own, others) = (part.own.view(rest), part.others.view(rest));
-        for (b, batch) in part.batches.iter().enumerate() {
-            for first in (0..WIDTH).step_by(V::N) {
-                let p: [V; 4] = own.gather(b, 0, first);
-                for k in batch.elements.clone() {
-                    let corners = [others.gather(k, 0, first), others.gather(k, 1, first), others.gather(k, 2, first)];
-                    volume_and_area(&p, &corners).0.store(&mut part.volume[k], first);
-                }
-            }
-        }
+/// Adds an element with the first and second derivative `slope` and `rise` of its energy.
+#[inline(always)]
+fn add<V: Lanes>(force: &mut Vector<V>, hessian: &mut Matrix<V>, (slope, rise): (V, V), n: &Vector<V>) {
+    let m = [rise * n[0], rise * n[1], rise * n[2]];
+    for a in 0..3 {
+        force[a] = force[a] + slope * n[a];
+        hessian[a] = hessian[a] + m[a] * n[a];
     }
+    hessian[3] = hessian[3] + m[0] * n[1];
+    hessian[4] = hessian[4] + m[0] * n[2];
+    hessian[5] = hessian[5] + m[1] * n[2];
 }
 
 /// What tools and springs add, vertex by vertex.
