@@ -33,7 +33,8 @@ fn agrees(found: &Segmentation, truth: &Volume<u8>, least: [f64; 3], what: &str)
         let score = dice(&found.labels, truth, label);
         let expected = found.confidence.iter().find(|(s, _)| s.label() == label).map_or(0.0, |c| c.1);
         println!("{what}: structure {label}: {score:.3}, expected {expected:.3}");
-        let most = if label == THIRD { 0.06 } else { 0.035 };
+        // Confidence is against a careful hand, whose border is not exact either: the truth is met a little better.
+        let most = if label == THIRD { 0.06 } else { 0.045 };
         assert!((expected - score).abs() < most, "{what}: structure {label}: {score:.3}, expected {expected:.3}");
         assert!(score >= least, "{what}: structure {label} has Dice {score:.3}, wanted {least}");
     }
@@ -80,7 +81,7 @@ fn the_order_of_voxels_in_the_file_does_not_matter() {
     for (from, back) in [([0, 2, 1], [false, true, false]), ([1, 2, 0], [true, false, false])] {
         let found = segment(&stored(&phantom.ct, from, back)).expect("segmentation");
         let truth = stored(&phantom.labels, from, back);
-        agrees(&found, &truth, [0.94, 0.94, 0.85], &format!("axes {from:?}, backwards {back:?}"));
+        agrees(&found, &truth, [0.96, 0.96, 0.88], &format!("axes {from:?}, backwards {back:?}"));
         assert_eq!(swapped(&found, &truth), 0);
     }
 }

@@ -5,6 +5,7 @@
 
 mod components;
 mod distance;
+mod eikonal;
 mod gaussian;
 mod morphology;
 mod raster;
@@ -12,7 +13,8 @@ mod watershed;
 
 pub(crate) use components::{fill_holes, label, largest};
 pub(crate) use distance::{distance_to, distance_to_false};
-pub(crate) use gaussian::gaussian;
+pub(crate) use eikonal::signed_distance;
+pub(crate) use gaussian::{gaussian, gaussian_along};
 pub(crate) use morphology::{close, dilate, erode, open};
 pub(crate) use raster::{Mask, Raster};
 pub(crate) use watershed::watershed;

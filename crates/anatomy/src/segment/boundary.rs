@@ -20,8 +20,13 @@ const LEAST_SEEN: f32 = 0.02;
 
 /// The scan smoothed, curved borders moved less than by a Gaussian of the same noise.
 pub(super) fn smoothed(hu: &Raster<f32>) -> Raster<f32> {
-    let once = gaussian(hu, SMOOTHING);
-    once.zip(&gaussian(&once, SMOOTHING), |a, b| 2.0 * a - b)
+    twiced(hu, SMOOTHING)
+}
+
+/// Twicing by a Gaussian of standard deviation `sigma` voxels.
+pub(super) fn twiced(field: &Raster<f32>, sigma: f64) -> Raster<f32> {
+    let once = gaussian(field, sigma);
+    once.zip(&gaussian(&once, sigma), |a, b| 2.0 * a - b)
 }
 
 /// HU of the tissue beside each place, from the voxels of `layer`, at least the brain's mode: grey nuclei are brighter,

@@ -11,7 +11,7 @@ use crate::image::{Mask, Raster, dilate, label};
 use monro_geometry::{Patient, Point, Structure};
 
 /// Mean error of a border with and without an edge in the scan, mm.
-const CLEAR_MM: f64 = 0.35;
+const CLEAR_MM: f64 = 0.4;
 const GUESSED_MM: f64 = 1.4;
 /// An edge has at least this part of the difference between brain and fluid per mm; half of a step that is as blurred as
 /// the smoothed scan.
@@ -55,7 +55,8 @@ pub(super) fn borders(hu: &Raster<f32>, v: &Ventricles, brain: f32) -> Borders {
                 continue;
             }
             let other = inside.neighbours(n).any(|m| v.classes.data[m] > 0 && !inside.data[m]);
-            let clear = !other && hu.data[n] < v.edge && slope(hu, n) > LEAST_EDGE * contrast;
+            // What fills a ventricle is no darker than brain.
+            let clear = !other && hu.data[n] < brain && slope(hu, n) > LEAST_EDGE * contrast;
             guessed.data[n] = !clear;
             wrong += if clear { CLEAR_MM } else { GUESSED_MM };
         }

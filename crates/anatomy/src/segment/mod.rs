@@ -2,13 +2,15 @@
 //!
 //! The way: resample to 1 mm in the patient's axes (`working`); thresholds from the scan's own values (`tissue`); the
 //! space inside the skull (`cavity`); its plane of symmetry (`midplane`); the pose of a coarse ventricle model (`model`);
-//! a flood of the fluid from the model's seeds (`ventricles`) up to the unbiased half-way surface (`boundary`); and labels painted on the scan's own grid (`paint`).
+//! a flood of the fluid from the model's seeds (`ventricles`) up to the half-way surface (`boundary`), which is then
+//! fitted to the scan's own voxels (`samples`, `fit`); and labels painted on the scan's own grid (`paint`).
 
 mod boundary;
 mod cavity;
 mod confidence;
 mod csf;
 mod error;
+mod fit;
 mod given;
 mod head;
 pub(crate) mod lattice;
@@ -18,6 +20,7 @@ mod paint;
 mod part;
 mod regrid;
 mod remarks;
+mod samples;
 mod tissue;
 mod ventricles;
 mod working;
@@ -78,8 +81,15 @@ pub fn segment_by_parts(ct: &Volume<i16>, done: &mut dyn FnMut(Part)) -> Result<
     done(Part::Head);
     let smooth = gaussian(&working.hu, 1.0);
     let (plane, pose, brain) = pose(&working, &smooth, &cavity.mask)?;
-    let scene =
-        Scene { lattice: working.lattice, raw: &working.hu, smooth: &smooth, cavity: &cavity.mask, pose, brain };
+    let scene = Scene {
+        lattice: working.lattice,
+        raw: &working.hu,
+        binned: &working.binned,
+        smooth: &smooth,
+        cavity: &cavity.mask,
+        pose,
+        brain,
+    };
     let ventricles = ventricles(&scene)?;
     done(Part::Ventricles);
     let csf = csf::csf(&working.hu, &cavity.mask, (ventricles.fluid, ventricles.edge));

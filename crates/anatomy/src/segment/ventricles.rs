@@ -3,9 +3,12 @@
 use super::boundary;
 use super::confidence::{Borders, Doubt, borders};
 use super::error::SegmentError;
+use super::fit::{Picture, fitted};
 use super::lattice::Lattice;
 use super::model::Pose;
+use super::samples::Samples;
 use super::tissue::quantile;
+use super::working::Binned;
 use crate::image::{Mask, Raster, close, dilate, distance_to, distance_to_false, label, open, watershed};
 use monro_geometry::{Patient, Point};
 
@@ -26,6 +29,8 @@ const CALCIFIED: f32 = 13.0;
 /// gap, mm.
 const CHOROID: f32 = 8.0;
 const CHOROID_GAP: f32 = 4.0;
+/// Room around the ventricles in which their surface is fitted, voxels.
+const SURFACE_ROOM: usize = 9;
 /// The layer that tells the level of the tissue beside a ventricle, mm from it: beyond partial volume, and near.
 const BESIDE: core::ops::Range<f32> = 1.5..5.0;
 /// A lateral ventricle has at least this, mL.
@@ -35,8 +40,9 @@ const LEAST_ML: f64 = 0.4;
 #[derive(Debug)]
 pub(crate) struct Scene<'a> {
     pub(crate) lattice: Lattice,
-    /// The scan, HU.
+    /// The scan, HU, and its own voxels.
     pub(crate) raw: &'a Raster<f32>,
+    pub(crate) binned: &'a Binned,
     /// Smoothed HU.
     pub(crate) smooth: &'a Raster<f32>,
     pub(crate) cavity: &'a Mask,
@@ -51,7 +57,7 @@ pub(crate) struct Ventricles {
     pub(crate) lattice: Lattice,
     /// [`LEFT`], [`RIGHT`], [`THIRD`] or 0.
     pub(crate) classes: Raster<u8>,
-    /// 0 on the ventricles' surface, 0.5 or more deep inside, negative outside.
+    /// Signed distance to the ventricles' surface, mm, positive inside.
     pub(crate) field: Raster<f32>,
     /// Mode of the fluid, HU.
     pub(crate) fluid: f32,
@@ -96,7 +102,7 @@ pub(crate) fn ventricles(scene: &Scene<'_>) -> Result<Ventricles, SegmentError> 
         classes.data[n] = if lateral.data[n] > 0 { lateral.data[n] } else { u8::from(third.data[n]) * THIRD };
     }
     enough(&classes)?;
-    let field = crop.field(&classes, &flooded, (fluid, edge));
+    let (classes, field) = crop.surface(&classes, &flooded, (fluid, edge));
     let mut found =
         Ventricles { lattice: crop.lattice, classes, field, fluid, edge, expected: [0.0; 3], doubts: Vec::new() };
     let Borders { expected, doubts } = borders(&crop.hu, &found, scene.brain);
@@ -284,9 +290,69 @@ impl<'a> Crop<'a> {
         label(&all).touching(&markers.map(|m| m == THIRD))
     }
 
-    /// Signed field whose zero is the surface: the scan half way between the fluid and the tissue beside it where that
+    /// The classes and the signed distance to their surface after it has been fitted to the scan.
+    fn surface(
+        &self,
+        classes: &Raster<u8>,
+        flooded: &Raster<u8>,
+        (fluid, edge): (f32, f32),
+    ) -> (Raster<u8>, Raster<f32>) {
+        let guess = self.guess(classes, flooded, (fluid, edge));
+        // Fluid that belongs elsewhere and what fills a ventricle would pull the surface.
+        let other = flooded.zip(classes, |f, c| f > 0 && c == 0);
+        let filled = classes.zip(&self.hu, |c, v| c > 0 && v > self.scene.brain + CHOROID);
+        let counts = self.cavity.minus(&dilate(&other, 1.0)).minus(&dilate(&filled, 2.0));
+        let mut field = self.fitted(&guess, classes, &counts, (fluid, edge));
+        for n in 0..field.data.len() {
+            if filled.data[n] {
+                field.data[n] = field.data[n].max(0.5);
+            } else if other.data[n] || !self.cavity.data[n] {
+                field.data[n] = field.data[n].min(-0.5);
+            }
+        }
+        let classes = watershed(&field.map(|d| -d), classes, &field.map(|d| d > 0.0));
+        for (value, class) in field.data.iter_mut().zip(&classes.data) {
+            // No class reaches it: an island.
+            *value = if *class > 0 { *value } else { value.min(-0.05) };
+        }
+        (classes, field)
+    }
+
+    /// The fit in a box about the ventricles; outside of it nothing is ventricle.
+    fn fitted(
+        &self,
+        guess: &Raster<f32>,
+        classes: &Raster<u8>,
+        counts: &Mask,
+        (fluid, edge): (f32, f32),
+    ) -> Raster<f32> {
+        let (low, high) = classes.map(|c| c > 0).bounds(SURFACE_ROOM).unwrap_or(([0; 3], classes.dims));
+        let start = guess.crop(low, high);
+        let Some(samples) = Samples::new(self.scene.binned, &self.lattice.cropped(low), start.dims) else {
+            return guess.clone();
+        };
+        let tissue = self.hu.map(|v| (edge..self.scene.brain + CALCIFIED).contains(&v));
+        let picture = Picture {
+            hu: &self.raw.crop(low, high),
+            samples: &samples,
+            counts: &counts.crop(low, high),
+            tissue: &tissue.crop(low, high),
+            fluid,
+            brain: self.scene.brain,
+        };
+        let fitted = fitted(&start, &picture);
+        let mut field = Raster::filled(classes.dims, -1f32);
+        for (n, value) in fitted.data.iter().enumerate() {
+            let v = fitted.voxel(n);
+            let at = field.index(v[0] + low[0], v[1] + low[1], v[2] + low[2]);
+            field.data[at] = *value;
+        }
+        field
+    }
+
+    /// First guess of the surface, the zero of a signed field: the scan half way between the fluid and the tissue beside it where that
     /// is next to a class, a step where a class ends otherwise.
-    fn field(&self, classes: &Raster<u8>, flooded: &Raster<u8>, (fluid, edge): (f32, f32)) -> Raster<f32> {
+    fn guess(&self, classes: &Raster<u8>, flooded: &Raster<u8>, (fluid, edge): (f32, f32)) -> Raster<f32> {
         let near = distance_to(&classes.map(|c| c > 0));
         let hu = boundary::smoothed(&self.raw);
         let tissue = boundary::tissue(&self.raw, &self.beside(&near, edge), self.scene.brain);

@@ -3,7 +3,7 @@
 
 use super::lattice::Lattice;
 use crate::image::{Mask, Raster, label, largest};
-use monro_geometry::{Grid, Point, Volume};
+use monro_geometry::{Grid, Patient, Point, Volume};
 use rayon::prelude::*;
 
 /// Voxel size of the working raster, mm.
@@ -23,6 +23,8 @@ pub(crate) struct Working {
     pub(crate) hu: Raster<f32>,
     /// Outside the scan or padding that is not air (a masked image).
     pub(crate) nodata: Mask,
+    /// The scan on its own grid.
+    pub(crate) binned: Binned,
     /// Padding above the HU of air, if the scan has it: the image was masked and shows no skin.
     pub(crate) masked_with: Option<i16>,
 }
@@ -34,18 +36,19 @@ pub(crate) fn working(ct: &Volume<i16>) -> Working {
     let (lattice, dims) = head_box(ct, &binned, masked_with);
     let hu = sample(&binned, &lattice, dims);
     let nodata = no_data(ct, &lattice, dims, masked_with);
-    Working { lattice, hu, nodata, masked_with }
+    Working { lattice, hu, nodata, binned, masked_with }
 }
 
 /// The scan averaged over blocks of whole voxels, so that fine scans lose noise instead of samples.
-struct Binned {
-    raster: Raster<f32>,
+#[derive(Debug)]
+pub(crate) struct Binned {
+    pub(super) raster: Raster<f32>,
     factor: [usize; 3],
     grid: Grid,
 }
 
 impl Binned {
-    fn new(ct: &Volume<i16>) -> Self {
+    pub(super) fn new(ct: &Volume<i16>) -> Self {
         let grid = *ct.grid();
         let spacing = grid.spacing();
         let source = grid.dims();
@@ -70,6 +73,17 @@ impl Binned {
     /// Continuous index in the blocks from one in the scan.
     fn block(&self, v: [f64; 3]) -> [f64; 3] {
         core::array::from_fn(|a| (v[a] + 0.5) / self.factor[a] as f64 - 0.5)
+    }
+
+    /// Continuous index in the blocks of a patient position.
+    pub(super) fn index(&self, p: Point<Patient>) -> [f64; 3] {
+        self.block(self.grid.voxel_from_patient().point(p).to_array())
+    }
+
+    /// Patient position of a continuous index in the blocks.
+    pub(super) fn point(&self, v: [f64; 3]) -> Point<Patient> {
+        let scan = core::array::from_fn(|a| (v[a] + 0.5) * self.factor[a] as f64 - 0.5);
+        self.grid.patient_from_voxel().point(Point::from_array(scan))
     }
 }
 
