@@ -27,11 +27,15 @@ fn dice(found: &Volume<u8>, truth: &Volume<u8>, label: u8) -> f64 {
     2.0 * both as f64 / sum as f64
 }
 
+fn confidence(found: &Segmentation, label: u8) -> f64 {
+    found.confidence.iter().find(|(s, _)| s.label() == label).map_or(0.0, |c| c.1)
+}
+
 /// Both sides and the third ventricle reach their Dice.
 fn agrees(found: &Segmentation, truth: &Volume<u8>, least: [f64; 3], what: &str) {
     for (label, least) in [LEFT, RIGHT, THIRD].into_iter().zip(least) {
         let score = dice(&found.labels, truth, label);
-        let expected = found.confidence.iter().find(|(s, _)| s.label() == label).map_or(0.0, |c| c.1);
+        let expected = confidence(found, label);
         println!("{what}: structure {label}: {score:.3}, expected {expected:.3}");
         let most = if label == THIRD { 0.06 } else { 0.035 };
         assert!((expected - score).abs() < most, "{what}: structure {label}: {score:.3}, expected {expected:.3}");
@@ -144,6 +148,14 @@ fn a_septum_thinner_than_a_voxel_parts_left_and_right() {
     assert!(share < 0.01, "{:.1} % on the wrong side", 100.0 * share);
 }
 
+/// The slices below a height; the rest is lost.
+fn cut_above<T: Copy>(volume: &Volume<T>, top: f64) -> Volume<T> {
+    let [nx, ny, nz] = volume.grid().dims();
+    let kept = (0..nz).filter(|k| volume.grid().centre(0, 0, *k).z < top).count();
+    let grid = Grid::new([nx, ny, kept], *volume.grid().patient_from_voxel()).expect("grid");
+    Volume::new(grid, volume.data()[..nx * ny * kept].to_vec()).expect("count")
+}
+
 #[test]
 fn a_cut_vertex_is_told_and_the_ventricles_below_are_found() {
     let phantom = made(&upright(8));
@@ -169,6 +181,46 @@ fn a_cut_vertex_is_told_and_the_ventricles_below_are_found() {
     }
     let off = marks.monro_left.distance(phantom.landmarks.monro_left);
     assert!(off < 4.0, "{off} mm");
+}
+
+#[test]
+fn a_cut_near_the_roof_of_the_ventricles_does_not_move_them() {
+    let phantom = made(&upright(8));
+    let lateral = |n: &usize| matches!(phantom.labels.data()[*n], LEFT | RIGHT);
+    let height = |n: usize| phantom.labels.grid().centre(0, 0, phantom.labels.grid().voxel(n)[2]).z;
+    let roof = (0..phantom.labels.data().len()).filter(lateral).map(height).fold(f64::NEG_INFINITY, f64::max);
+    for above in [3.0, 20.0] {
+        let (ct, labels) = (cut_above(&phantom.ct, roof + above), cut_above(&phantom.labels, roof + above));
+        let found = segment(&ct).expect("segmentation");
+        assert!(found.findings.iter().any(|f| f.contains("vertex cut")), "{:?}", found.findings);
+        agrees(&found, &labels, [0.93, 0.93, 0.85], &format!("cut {above} mm above the ventricles"));
+    }
+}
+
+/// The phantom with noise that its voxels do not share, of a standard deviation in HU.
+fn noisy(ct: &Volume<i16>, deviation: f64) -> Volume<i16> {
+    let mut state = 7u64;
+    let mut uniform = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f64 / 16_777_216.0 - 0.5
+    };
+    ct.map(|v| (f64::from(v) + deviation * (0..12).map(|_| uniform()).sum::<f64>()).round() as i16)
+}
+
+#[test]
+fn noise_as_loud_as_the_contrast_is_smoothed_and_told_and_lowers_the_confidence() {
+    let phantom = made(&upright(10));
+    let found = segment(&noisy(&phantom.ct, 60.0)).expect("segmentation");
+    assert!(found.findings.iter().any(|f| f.contains("very noisy")), "{:?}", found.findings);
+    for label in [LEFT, RIGHT] {
+        let score = dice(&found.labels, &phantom.labels, label);
+        let expected = confidence(&found, label);
+        println!("noise of 60 HU: structure {label}: {score:.3}, expected {expected:.3}");
+        assert!(
+            score >= 0.8 && (expected - score).abs() < 0.06,
+            "structure {label}: {score:.3}, expected {expected:.3}"
+        );
+    }
 }
 
 /// Name, millimetres left, back and up of the middle of the foramina, and radius.

@@ -6,6 +6,7 @@
 //! border is a guess. The two errors below are those of the built-in phantoms and of three scans with references; nothing else is fitted.
 
 use super::lattice::Lattice;
+use super::noise::Noise;
 use super::ventricles::Ventricles;
 use crate::image::{Mask, Raster, dilate, label};
 use monro_geometry::{Patient, Point, Structure};
@@ -16,6 +17,8 @@ const GUESSED_MM: f64 = 1.4;
 /// An edge has at least this part of the difference between brain and fluid per mm; half of a step that is as blurred as
 /// the smoothed scan.
 const LEAST_EDGE: f32 = 0.15;
+/// And it is steeper than noise makes a border by itself, by this factor.
+const OVER_NOISE: f32 = 1.6;
 /// Doubtful spots that are told, and the least of their size, mm2.
 const MOST_SPOTS: usize = 4;
 const LEAST_SPOT: usize = 40;
@@ -41,8 +44,10 @@ pub(super) struct Borders {
 }
 
 /// Judges the ventricles by the smoothed scan `hu` on their own lattice; `brain` is its mode, HU.
-pub(super) fn borders(hu: &Raster<f32>, v: &Ventricles, brain: f32) -> Borders {
+pub(super) fn borders(hu: &Raster<f32>, v: &Ventricles, brain: f32, noise: Noise) -> Borders {
     let contrast = brain - v.fluid;
+    let least_edge = (LEAST_EDGE * contrast).max(OVER_NOISE * noise.slope() as f32);
+    let clear_mm = clear_mm(noise, f64::from(contrast));
     let mut expected = [0.0; 3];
     let mut doubts = Vec::new();
     for (class, structure) in Structure::ALL[5..].iter().enumerate() {
@@ -55,9 +60,9 @@ pub(super) fn borders(hu: &Raster<f32>, v: &Ventricles, brain: f32) -> Borders {
                 continue;
             }
             let other = inside.neighbours(n).any(|m| v.classes.data[m] > 0 && !inside.data[m]);
-            let clear = !other && hu.data[n] < v.edge && slope(hu, n) > LEAST_EDGE * contrast;
+            let clear = !other && hu.data[n] < v.edge && slope(hu, n) > least_edge;
             guessed.data[n] = !clear;
-            wrong += if clear { CLEAR_MM } else { GUESSED_MM };
+            wrong += if clear { clear_mm } else { GUESSED_MM };
         }
         expected[class] = if volume > 0.0 { (1.0 - wrong / (2.0 * volume)).clamp(0.0, 1.0) } else { 0.0 };
         doubts.extend(spots(&guessed, &v.lattice, *structure));
@@ -65,6 +70,13 @@ pub(super) fn borders(hu: &Raster<f32>, v: &Ventricles, brain: f32) -> Borders {
     doubts.sort_by(|a, b| b.mm2.total_cmp(&a.mm2));
     doubts.truncate(MOST_SPOTS);
     Borders { expected, doubts }
+}
+
+/// Mean error of a border with an edge: a wider smoothing moves it more, and noise moves the crossing by itself over the
+/// steepness of an edge that is as blurred as the smoothed scan; its mean size is 0.8 of its deviation.
+fn clear_mm(noise: Noise, contrast: f64) -> f64 {
+    let blur = noise.sigma * core::f64::consts::TAU.sqrt();
+    (CLEAR_MM * noise.sigma).max(0.8 * noise.smooth * blur / contrast)
 }
 
 /// Steepness of the scan at a voxel, HU per mm (voxels of 1 mm).

@@ -2,6 +2,7 @@
 
 use super::cavity::Cavity;
 use super::model::Pose;
+use super::noise::Noise;
 use super::ventricles::Ventricles;
 use super::working::Working;
 use monro_geometry::{Structure, Volume};
@@ -14,6 +15,7 @@ pub(crate) struct Evidence<'a> {
     /// Area where bone or brain is the top of the head, mm2.
     pub(crate) bare_top_mm2: f64,
     pub(crate) pose: Pose,
+    pub(crate) noise: Noise,
     pub(crate) ventricles: &'a Ventricles,
 }
 
@@ -45,6 +47,7 @@ fn findings(evidence: &Evidence<'_>, size: impl Fn(Structure) -> f64) -> Vec<Str
     if !evidence.cavity.neck_cut {
         out.push("the scan ends above the foramen magnum: the brain is cut off below".into());
     }
+    out.extend(evidence.noise.finding());
     let third = size(Structure::ThirdVentricle);
     if third == 0.0 {
         out.push("third ventricle not found".into());

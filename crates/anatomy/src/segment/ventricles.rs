@@ -5,6 +5,7 @@ use super::confidence::{Borders, Doubt, borders};
 use super::error::SegmentError;
 use super::lattice::Lattice;
 use super::model::Pose;
+use super::noise::Noise;
 use super::tissue::quantile;
 use crate::image::{Mask, Raster, close, dilate, distance_to, distance_to_false, label, open, watershed};
 use monro_geometry::{Patient, Point};
@@ -40,9 +41,12 @@ pub(crate) struct Scene<'a> {
     /// Smoothed HU.
     pub(crate) smooth: &'a Raster<f32>,
     pub(crate) cavity: &'a Mask,
+    /// Depth below the inner skull, mm.
+    pub(crate) depth: &'a Raster<f32>,
     pub(crate) pose: Pose,
     /// Mode of the brain, HU.
     pub(crate) brain: f32,
+    pub(crate) noise: Noise,
 }
 
 /// The ventricles on a crop of the working raster.
@@ -99,7 +103,7 @@ pub(crate) fn ventricles(scene: &Scene<'_>) -> Result<Ventricles, SegmentError> 
     let field = crop.field(&classes, &flooded, (fluid, edge));
     let mut found =
         Ventricles { lattice: crop.lattice, classes, field, fluid, edge, expected: [0.0; 3], doubts: Vec::new() };
-    let Borders { expected, doubts } = borders(&crop.hu, &found, scene.brain);
+    let Borders { expected, doubts } = borders(&crop.hu, &found, scene.brain, scene.noise);
     (found.expected, found.doubts) = (expected, doubts);
     Ok(found)
 }
@@ -136,7 +140,7 @@ impl<'a> Crop<'a> {
             *drawing = drawing.or(&drawn(&scene.pose.temporal(side), &lattice, cavity.dims));
         }
         let horns = drawings.each_ref().map(distance_to);
-        let depth = distance_to_false(scene.cavity).crop(low, high);
+        let depth = scene.depth.crop(low, high);
         let (raw, hu) = (scene.raw.crop(low, high), scene.smooth.crop(low, high));
         Ok(Self { scene, lattice, raw, hu, cavity, depth, course, horns })
     }
