@@ -223,6 +223,41 @@ fn noise_as_loud_as_the_contrast_is_smoothed_and_told_and_lowers_the_confidence(
     }
 }
 
+#[test]
+fn a_clotted_ventricle_is_found_and_told_and_not_mistaken_for_its_neighbour() {
+    let mut phantom = made(&upright(11));
+    for (hu, label) in phantom.ct.data_mut().iter_mut().zip(phantom.labels.data()) {
+        // Blood of 60 HU where there was fluid of 5, with the scan's own noise.
+        *hu += if *label == RIGHT { 55 } else { 0 };
+    }
+    let found = segment(&phantom.ct).expect("segmentation");
+    let [left, right] = [LEFT, RIGHT].map(|label| dice(&found.labels, &phantom.labels, label));
+    println!("blood on the right: left {left:.3}, right {right:.3}; {:?} {:?}", found.findings, found.confidence);
+    assert!(left >= 0.9 && right >= 0.8, "left {left:.3}, right {right:.3}");
+    assert!(confidence(&found, LEFT) < left + 0.05 && confidence(&found, RIGHT) < right + 0.05);
+    assert!(found.findings.iter().any(|f| f.contains("blood in the right")), "{:?}", found.findings);
+}
+
+#[test]
+fn a_bleeding_beside_the_ventricles_is_told_and_is_no_ventricle() {
+    let mut phantom = made(&upright(12));
+    let (origin, grid) = (middle(&phantom), *phantom.ct.grid());
+    let mut members = Vec::new();
+    for n in (0..grid.len()).filter(|n| phantom.labels.data()[*n] == 4 || phantom.labels.data()[*n] == 3) {
+        let [i, j, k] = grid.voxel(n);
+        let p = grid.centre(i, j, k) - origin;
+        if (p.x - 27.0).hypot(p.y - 4.0).hypot(p.z - 4.0) < 12.0 {
+            phantom.ct.data_mut()[n] += 32;
+            members.push(n);
+        }
+    }
+    let found = segment(&phantom.ct).expect("segmentation");
+    agrees(&found, &phantom.labels, [0.9, 0.9, 0.8], "with a bleeding");
+    let taken = members.iter().filter(|n| found.labels.data()[**n] >= LEFT).count() as f64 / members.len() as f64;
+    assert!(taken < 0.02, "{:.0} % became ventricle", 100.0 * taken);
+    assert!(found.findings.iter().any(|f| f.contains("hyperdense")), "{:?}", found.findings);
+}
+
 /// Name, millimetres left, back and up of the middle of the foramina, and radius.
 const CYSTS: [(&str, [f64; 3], f64); 5] = [
     ("cyst of the cerebellum", [12.0, 52.0, -38.0], 12.0),

@@ -4,6 +4,8 @@
 //! space inside the skull (`cavity`); its plane of symmetry (`midplane`); the pose of a coarse ventricle model (`model`);
 //! a flood of the fluid from the model's seeds (`ventricles`) up to the unbiased half-way surface (`boundary`); and labels painted on the scan's own grid (`paint`).
 
+mod bearings;
+mod blood;
 mod boundary;
 mod cavity;
 mod confidence;
@@ -30,19 +32,14 @@ pub use given::{from_labels, outside_head};
 pub use part::Part;
 pub use regrid::{Geometry, onto_grid};
 
-use crate::image::{Mask, Raster, gaussian};
-use cut::{open_columns, open_in_block};
-use lattice::Lattice;
-use midplane::midplane;
-use model::{Axes, Pose};
+use crate::image::gaussian;
+use bearings::{Bearings, bearings};
+use cut::open_columns;
 use monro_geometry::{Patient, Plane, Structure, Volume};
 use noise::Noise;
-use tissue::{Tissue, brain_mode, quantile};
+use tissue::Tissue;
 use ventricles::{Scene, ventricles};
-use working::{Working, any_in_block, block_mean, working};
-
-/// Nothing inside the head is this much darker than brain, HU, but by air or fat near it.
-const DIMMED_BY_AIR: f32 = 60.0;
+use working::working;
 
 /// The labels of a head and what is known about them.
 #[derive(Debug, Clone)]
@@ -90,7 +87,7 @@ pub fn segment_by_parts(ct: &Volume<i16>, done: &mut dyn FnMut(Part)) -> Result<
     let calmed = noise.before().map(|s| gaussian(&working.hu, s));
     let calm = calmed.as_ref().unwrap_or(&working.hu);
     let smooth = if calmed.is_some() { gaussian(calm, 1.0) } else { smooth };
-    let (plane, pose, brain) = pose(&working, &smooth, &cavity.mask, open.as_deref())?;
+    let Bearings { plane, pose, brain, blood } = bearings(&working, &smooth, &cavity.mask, open.as_deref())?;
     let ventricles = ventricles(&Scene {
         lattice: working.lattice,
         raw: calm,
@@ -100,6 +97,7 @@ pub fn segment_by_parts(ct: &Volume<i16>, done: &mut dyn FnMut(Part)) -> Result<
         pose,
         brain,
         noise,
+        blood: blood.is_some_and(|b| b.on_course),
     })?;
     done(Part::Ventricles);
     let csf = csf::csf(calm, &cavity.mask, (ventricles.fluid, ventricles.edge));
@@ -123,46 +121,12 @@ pub fn segment_by_parts(ct: &Volume<i16>, done: &mut dyn FnMut(Part)) -> Result<
         working: &working,
         cavity: &cavity,
         bare_top_mm2: head::bare_top(&head, &cavity.mask, |n| sharp.data[n] > tissue.bone),
+        plane: &plane,
         pose,
         noise,
+        blood,
         ventricles: &ventricles,
     };
     let (findings, confidence) = remarks::remarks(&evidence, &labels);
     Ok(Segmentation { labels, midsagittal: plane, findings, confidence, doubts: ventricles.doubts })
-}
-
-/// Midplane, pose of the ventricle model and the brain's mode. `open` are the columns that the scan cuts.
-fn pose(
-    working: &Working,
-    smooth: &Raster<f32>,
-    cavity: &Mask,
-    open: Option<&[bool]>,
-) -> Result<(Plane<Patient>, Pose, f32), SegmentError> {
-    let coarse = working.lattice.coarser(2);
-    let hu = block_mean(smooth, 2);
-    let space = any_in_block(cavity, 2);
-    let open = open.map(|o| open_in_block(o, cavity.dims, 2));
-    let none = || SegmentError::NoCavity { found_ml: cavity.count() as f64 / 1000.0, needed_ml: 300.0 };
-    let plane = midplane(&hu, &space, coarse).ok_or_else(none)?;
-    let brain = brain_mode(smooth, |n| cavity.data[n]);
-    let pose = pose_from(&hu, (&space, open.as_deref()), coarse, (&plane, brain)).ok_or_else(none)?;
-    Ok((plane, pose, brain))
-}
-
-/// The pose from a coarse scan. Where the vertex is missing, vaults of several heights are tried.
-fn pose_from(
-    hu: &Raster<f32>,
-    (space, open): (&Mask, Option<&[bool]>),
-    lattice: Lattice,
-    (plane, brain): (&Plane<Patient>, f32),
-) -> Option<Pose> {
-    // Ventricles and cisterns fill some percent of the deep brain: its darkest percent is fluid.
-    // What air dims, at a cut, is darker than any fluid.
-    let seen = |(v, s): (&f32, &bool)| (*s && *v > brain - DIMMED_BY_AIR).then_some(*v);
-    let mut values: Vec<f32> = hu.data.iter().zip(&space.data).filter_map(seen).collect();
-    let fluid = quantile(&mut values, 0.01).clamp(brain - 35.0, brain - 12.0);
-    let depth = cut::depth(space, open).map(|d| d * lattice.step as f32);
-    let like = model::likeness(space, (&depth, lattice), |n| (brain - hu.data[n]) / (brain - fluid));
-    let fits = cut::vaults(space, open, lattice).into_iter().filter_map(|d| Axes::new(&d, lattice, plane));
-    fits.map(|axes| model::fit(&like, lattice, axes)).max_by(|a, b| a.score.total_cmp(&b.score))
 }

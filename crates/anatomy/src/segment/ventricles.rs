@@ -1,5 +1,6 @@
 //! The ventricles: fluid reached from the posed model's seeds before it is reached from cisterns and sulci.
 
+use super::blood::{Clot, clot};
 use super::boundary;
 use super::confidence::{Borders, Doubt, borders};
 use super::error::SegmentError;
@@ -47,6 +48,8 @@ pub(crate) struct Scene<'a> {
     /// Mode of the brain, HU.
     pub(crate) brain: f32,
     pub(crate) noise: Noise,
+    /// Whether the ventricles hold blood.
+    pub(crate) blood: bool,
 }
 
 /// The ventricles on a crop of the working raster.
@@ -61,6 +64,8 @@ pub(crate) struct Ventricles {
     pub(crate) fluid: f32,
     /// Edge between fluid and brain, HU.
     pub(crate) edge: f32,
+    /// Blood in the ventricles, voxels of `lattice`.
+    pub(crate) clot: Option<Clot>,
     /// Expected Dice of left, right and third.
     pub(crate) expected: [f64; 3],
     /// Where the surface is a guess.
@@ -90,7 +95,11 @@ pub(crate) fn ventricles(scene: &Scene<'_>) -> Result<Ventricles, SegmentError> 
     let crop = Crop::new(scene)?;
     let fluid = crop.fluid()?;
     let edge = (fluid + scene.brain) / 2.0;
-    let calcified = crop.calcified();
+    let clot = crop.clot();
+    let mut calcified = crop.calcified();
+    if let Some(clot) = &clot {
+        calcified = calcified.or(&clot.mask);
+    }
     let dark = crop.hu.zip(&crop.cavity, |v, c| c && v < edge).or(&calcified.and(&crop.cavity));
     let (markers, flooded) = crop.flood(&dark, &calcified, (fluid, edge));
     let lateral = crop.lateral(&flooded, &markers);
@@ -102,7 +111,7 @@ pub(crate) fn ventricles(scene: &Scene<'_>) -> Result<Ventricles, SegmentError> 
     enough(&classes)?;
     let field = crop.field(&classes, &flooded, (fluid, edge));
     let mut found =
-        Ventricles { lattice: crop.lattice, classes, field, fluid, edge, expected: [0.0; 3], doubts: Vec::new() };
+        Ventricles { lattice: crop.lattice, classes, field, fluid, edge, clot, expected: [0.0; 3], doubts: Vec::new() };
     let Borders { expected, doubts } = borders(&crop.hu, &found, scene.brain, scene.noise);
     (found.expected, found.doubts) = (expected, doubts);
     Ok(found)
@@ -168,6 +177,13 @@ impl<'a> Crop<'a> {
             return Err(SegmentError::NoContrast { brain: brain.into(), csf: csf.into() });
         }
         Ok(fluid)
+    }
+
+    /// Blood along the course and the temporal horns.
+    fn clot(&self) -> Option<Clot> {
+        let course = self.horns[0].zip(&self.horns[1], |l, r| l.min(r));
+        let level = (self.scene.brain, self.scene.pose.scale);
+        self.scene.blood.then(|| clot(&self.hu, &self.cavity, &course, level)).flatten()
     }
 
     /// Calcified choroid plexus with its dimmed rim: bright, deep, off the midline, near the course behind the foramina.
