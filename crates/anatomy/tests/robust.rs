@@ -160,11 +160,7 @@ fn cut_above<T: Copy>(volume: &Volume<T>, top: f64) -> Volume<T> {
 fn a_cut_vertex_is_told_and_the_ventricles_below_are_found() {
     let phantom = made(&upright(8));
     let top = middle(&phantom).z + 50.0;
-    let [nx, ny, nz] = phantom.ct.grid().dims();
-    let kept = (0..nz).filter(|k| phantom.ct.grid().centre(0, 0, *k).z < top).count();
-    let grid = Grid::new([nx, ny, kept], *phantom.ct.grid().patient_from_voxel()).expect("grid");
-    let ct = Volume::new(grid, phantom.ct.data()[..nx * ny * kept].to_vec()).expect("count");
-    let labels = Volume::new(grid, phantom.labels.data()[..nx * ny * kept].to_vec()).expect("count");
+    let (ct, labels) = (cut_above(&phantom.ct, top), cut_above(&phantom.labels, top));
     let found = segment(&ct).expect("segmentation");
     assert!(found.findings.iter().any(|f| f.contains("vertex cut")), "{:?}", found.findings);
     agrees(&found, &labels, [0.93, 0.93, 0.85], "cut at the vertex");
@@ -176,7 +172,7 @@ fn a_cut_vertex_is_told_and_the_ventricles_below_are_found() {
         (marks.kocher_right, phantom.landmarks.kocher_right, -1.0),
     ] {
         let aside = side * found.midsagittal.signed_distance(entry);
-        assert!(grid.containing(entry).is_some() && (20.0..35.0).contains(&aside), "{entry:?}, {aside} mm aside");
+        assert!(ct.grid().containing(entry).is_some() && (20.0..35.0).contains(&aside), "{entry:?}, {aside} mm aside");
         assert!(entry.z < truth.z && entry.distance(truth) < 45.0, "{entry:?}, Kocher's point is at {truth:?}");
     }
     let off = marks.monro_left.distance(phantom.landmarks.monro_left);
