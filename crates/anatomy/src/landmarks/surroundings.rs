@@ -1,7 +1,7 @@
 //! Bearings inside the head: midplane and the pose of the ventricle model, from labels.
 
 use super::LandmarkError;
-use crate::image::{Mask, Raster};
+use crate::image::{Mask, Raster, distance_to_false};
 use crate::segment::lattice::Lattice;
 use crate::segment::model::{self, Axes, Pose};
 use monro_geometry::{Patient, Plane, Point, Structure, Volume};
@@ -25,7 +25,8 @@ impl<'a> Surroundings<'a> {
         }
         let inside: Mask = classes.map(|l| is(l, Structure::is_intracranial));
         let fluid = |n: usize| if is(classes.data[n], Structure::is_ventricle) { 1.0 } else { 0.0 };
-        let (like, depth) = model::likeness(&inside, lattice, fluid);
+        let depth = distance_to_false(&inside).map(|d| d * lattice.step as f32);
+        let like = model::likeness(&inside, (&depth, lattice), fluid);
         let axes = Axes::new(&depth, lattice, &midsagittal).ok_or(LandmarkError::NoBearings("brain"))?;
         Ok(Self { labels, midsagittal, pose: model::fit(&like, lattice, axes) })
     }

@@ -6,6 +6,7 @@
 //! border is a guess. The two errors below are those of the built-in phantoms and of three scans with references; nothing else is fitted.
 
 use super::lattice::Lattice;
+use super::noise::Noise;
 use super::ventricles::Ventricles;
 use crate::image::{Mask, Raster, dilate, label};
 use monro_geometry::{Patient, Point, Structure};
@@ -16,6 +17,12 @@ const GUESSED_MM: f64 = 1.4;
 /// An edge has at least this part of the difference between brain and fluid per mm; half of a step that is as blurred as
 /// the smoothed scan.
 const LEAST_EDGE: f32 = 0.15;
+/// And it is steeper than noise makes a border by itself, by this factor.
+const OVER_NOISE: f32 = 1.6;
+/// Nothing in the head but air and fat is as dark, HU; elsewhere it is a streak of metal.
+const BELOW_WATER: f32 = -15.0;
+/// Streaks are bright and dim besides: the part of a ventricle that they spoil is so many times the part that is too dark.
+const TORN: f64 = 3.0;
 /// Doubtful spots that are told, and the least of their size, mm2.
 const MOST_SPOTS: usize = 4;
 const LEAST_SPOT: usize = 40;
@@ -41,8 +48,10 @@ pub(super) struct Borders {
 }
 
 /// Judges the ventricles by the smoothed scan `hu` on their own lattice; `brain` is its mode, HU.
-pub(super) fn borders(hu: &Raster<f32>, v: &Ventricles, brain: f32) -> Borders {
+pub(super) fn borders(hu: &Raster<f32>, v: &Ventricles, brain: f32, noise: Noise) -> Borders {
     let contrast = brain - v.fluid;
+    let least_edge = (LEAST_EDGE * contrast).max(OVER_NOISE * noise.slope() as f32);
+    let clear_mm = clear_mm(noise, f64::from(contrast));
     let mut expected = [0.0; 3];
     let mut doubts = Vec::new();
     for (class, structure) in Structure::ALL[5..].iter().enumerate() {
@@ -56,16 +65,30 @@ pub(super) fn borders(hu: &Raster<f32>, v: &Ventricles, brain: f32) -> Borders {
             }
             let other = inside.neighbours(n).any(|m| v.classes.data[m] > 0 && !inside.data[m]);
             // What fills a ventricle is no darker than brain.
-            let clear = !other && hu.data[n] < brain && slope(hu, n) > LEAST_EDGE * contrast;
+            let clear = !other && hu.data[n] < brain && slope(hu, n) > least_edge;
             guessed.data[n] = !clear;
-            wrong += if clear { CLEAR_MM } else { GUESSED_MM };
+            wrong += if clear { clear_mm } else { GUESSED_MM };
         }
-        expected[class] = if volume > 0.0 { (1.0 - wrong / (2.0 * volume)).clamp(0.0, 1.0) } else { 0.0 };
+        let torn = 1.0 - TORN * darker_than_water(hu, &inside) as f64 / volume.max(1.0);
+        let whole = (1.0 - wrong / (2.0 * volume.max(1.0))).clamp(0.0, 1.0) * torn.max(0.0);
+        expected[class] = if volume > 0.0 { whole } else { 0.0 };
         doubts.extend(spots(&guessed, &v.lattice, *structure));
     }
     doubts.sort_by(|a, b| b.mm2.total_cmp(&a.mm2));
     doubts.truncate(MOST_SPOTS);
     Borders { expected, doubts }
+}
+
+/// Voxels of a set that are darker than any fluid, by the smoothed scan.
+pub(super) fn darker_than_water(hu: &Raster<f32>, inside: &Mask) -> usize {
+    hu.data.iter().zip(&inside.data).filter(|(v, i)| **i && **v < BELOW_WATER).count()
+}
+
+/// Mean error of a border with an edge: a wider smoothing moves it more, and noise moves the crossing by itself over the
+/// steepness of an edge that is as blurred as the smoothed scan; its mean size is 0.8 of its deviation.
+fn clear_mm(noise: Noise, contrast: f64) -> f64 {
+    let blur = noise.sigma * core::f64::consts::TAU.sqrt();
+    (CLEAR_MM * noise.sigma).max(0.8 * noise.smooth * blur / contrast)
 }
 
 /// Steepness of the scan at a voxel, HU per mm (voxels of 1 mm).

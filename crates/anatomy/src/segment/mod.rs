@@ -5,10 +5,13 @@
 //! a flood of the fluid from the model's seeds (`ventricles`) up to the half-way surface (`boundary`), which is then
 //! fitted to the scan's own voxels (`samples`, `fit`); and labels painted on the scan's own grid (`paint`).
 
+mod bearings;
+mod blood;
 mod boundary;
 mod cavity;
 mod confidence;
 mod csf;
+mod cut;
 mod error;
 mod fit;
 mod given;
@@ -16,6 +19,7 @@ mod head;
 pub(crate) mod lattice;
 mod midplane;
 pub(crate) mod model;
+mod noise;
 mod paint;
 mod part;
 mod regrid;
@@ -31,14 +35,14 @@ pub use given::{from_labels, outside_head};
 pub use part::Part;
 pub use regrid::{Geometry, onto_grid};
 
-use crate::image::{Mask, Raster, gaussian};
-use lattice::Lattice;
-use midplane::midplane;
-use model::{Axes, Pose};
+use crate::image::gaussian;
+use bearings::{Bearings, bearings};
+use cut::open_columns;
 use monro_geometry::{Patient, Plane, Structure, Volume};
-use tissue::{Tissue, brain_mode, quantile};
+use noise::Noise;
+use tissue::Tissue;
 use ventricles::{Scene, ventricles};
-use working::{Working, any_in_block, block_mean, working};
+use working::working;
 
 /// The labels of a head and what is known about them.
 #[derive(Debug, Clone)]
@@ -80,19 +84,27 @@ pub fn segment_by_parts(ct: &Volume<i16>, done: &mut dyn FnMut(Part)) -> Result<
     let head = head::head(&working, &sharp, &cavity.mask, tissue);
     done(Part::Head);
     let smooth = gaussian(&working.hu, 1.0);
-    let (plane, pose, brain) = pose(&working, &smooth, &cavity.mask)?;
-    let scene = Scene {
+    let open = open_columns(&cavity.mask, &working.nodata, working.lattice.step);
+    let depth = cut::depth(&cavity.mask, open.as_deref());
+    let noise = Noise::of(&working.hu, &smooth, &depth);
+    let calmed = noise.before().map(|s| gaussian(&working.hu, s));
+    let calm = calmed.as_ref().unwrap_or(&working.hu);
+    let smooth = if calmed.is_some() { gaussian(calm, 1.0) } else { smooth };
+    let Bearings { plane, pose, brain, blood } = bearings(&working, &smooth, &cavity.mask, open.as_deref())?;
+    let ventricles = ventricles(&Scene {
         lattice: working.lattice,
-        raw: &working.hu,
+        raw: calm,
         binned: &working.binned,
         smooth: &smooth,
         cavity: &cavity.mask,
+        depth: &depth,
         pose,
         brain,
-    };
-    let ventricles = ventricles(&scene)?;
+        noise,
+        blood: blood.is_some_and(|b| b.on_course),
+    })?;
     done(Part::Ventricles);
-    let csf = csf::csf(&working.hu, &cavity.mask, (ventricles.fluid, ventricles.edge));
+    let csf = csf::csf(calm, &cavity.mask, (ventricles.fluid, ventricles.edge));
     done(Part::Fluid);
     let labels = paint::paint(
         ct.grid(),
@@ -113,36 +125,12 @@ pub fn segment_by_parts(ct: &Volume<i16>, done: &mut dyn FnMut(Part)) -> Result<
         working: &working,
         cavity: &cavity,
         bare_top_mm2: head::bare_top(&head, &cavity.mask, |n| sharp.data[n] > tissue.bone),
+        plane: &plane,
         pose,
+        noise,
+        blood,
         ventricles: &ventricles,
     };
     let (findings, confidence) = remarks::remarks(&evidence, &labels);
     Ok(Segmentation { labels, midsagittal: plane, findings, confidence, doubts: ventricles.doubts })
-}
-
-/// Midplane, pose of the ventricle model and the brain's mode.
-fn pose(working: &Working, smooth: &Raster<f32>, cavity: &Mask) -> Result<(Plane<Patient>, Pose, f32), SegmentError> {
-    let coarse = working.lattice.coarser(2);
-    let hu = block_mean(smooth, 2);
-    let space = any_in_block(cavity, 2);
-    let none = || SegmentError::NoCavity { found_ml: cavity.count() as f64 / 1000.0, needed_ml: 300.0 };
-    let plane = midplane(&hu, &space, coarse).ok_or_else(none)?;
-    let brain = brain_mode(smooth, |n| cavity.data[n]);
-    let (pose, _) = pose_from(&hu, &space, coarse, (&plane, brain)).ok_or_else(none)?;
-    Ok((plane, pose, brain))
-}
-
-/// The pose from a coarse scan; also the depth below the skull.
-fn pose_from(
-    hu: &Raster<f32>,
-    space: &Mask,
-    lattice: Lattice,
-    (plane, brain): (&Plane<Patient>, f32),
-) -> Option<(Pose, Raster<f32>)> {
-    // Ventricles and cisterns fill some percent of the deep brain: its darkest percent is fluid.
-    let mut values: Vec<f32> = hu.data.iter().zip(&space.data).filter(|(_, s)| **s).map(|(v, _)| *v).collect();
-    let fluid = quantile(&mut values, 0.01).clamp(brain - 35.0, brain - 12.0);
-    let (like, depth) = model::likeness(space, lattice, |n| (brain - hu.data[n]) / (brain - fluid));
-    let axes = Axes::new(&depth, lattice, plane)?;
-    Some((model::fit(&like, lattice, axes), depth))
 }

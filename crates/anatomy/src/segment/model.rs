@@ -5,7 +5,7 @@
 //! searched; it gives seeds and the limits of search regions, never a boundary.
 
 use super::lattice::Lattice;
-use crate::image::{Mask, Raster, distance_to_false, gaussian};
+use crate::image::{Mask, Raster, gaussian};
 use monro_geometry::{Patient, Plane, Point, Vector};
 use rayon::prelude::*;
 
@@ -138,16 +138,19 @@ impl Pose {
 }
 
 /// How much each voxel looks like fluid that may be ventricle: 1 fluid, 0 brain, -0.3 elsewhere; blurred a little.
-/// `fluid` gives 0..1 from brain to fluid for a voxel of the cavity.
-pub(crate) fn likeness(cavity: &Mask, lattice: Lattice, fluid: impl Fn(usize) -> f32) -> (Raster<f32>, Raster<f32>) {
-    let depth = distance_to_false(cavity).map(|d| d * lattice.step as f32);
+/// `fluid` gives 0..1 from brain to fluid for a voxel of the cavity; `depth` is that below the inner skull, mm.
+pub(crate) fn likeness(
+    cavity: &Mask,
+    (depth, lattice): (&Raster<f32>, Lattice),
+    fluid: impl Fn(usize) -> f32,
+) -> Raster<f32> {
     let mut like = Raster::filled(cavity.dims, -0.3f32);
     for (n, value) in like.data.iter_mut().enumerate() {
         if cavity.data[n] && depth.data[n] > LEAST_DEPTH {
             *value = fluid(n).clamp(-0.3, 1.0);
         }
     }
-    (gaussian(&like, 1.5 / lattice.step), depth)
+    gaussian(&like, 1.5 / lattice.step)
 }
 
 /// Searches the pose: a grid over shift, pitch and width, then a pattern search.

@@ -1,10 +1,15 @@
 //! What the reader must know about a segmentation, and how far each structure can be trusted.
 
+use super::blood::{self, Blood};
 use super::cavity::Cavity;
 use super::model::Pose;
-use super::ventricles::Ventricles;
+use super::noise::Noise;
+use super::ventricles::{LEFT, RIGHT, Ventricles};
 use super::working::Working;
-use monro_geometry::{Structure, Volume};
+use monro_geometry::{Patient, Plane, Structure, Volume};
+
+/// A midline shift brings this part of a ventricle across the midplane seldom; more is told.
+const ACROSS: f64 = 0.4;
 
 /// What the steps found.
 #[derive(Debug)]
@@ -14,6 +19,9 @@ pub(crate) struct Evidence<'a> {
     /// Area where bone or brain is the top of the head, mm2.
     pub(crate) bare_top_mm2: f64,
     pub(crate) pose: Pose,
+    pub(crate) noise: Noise,
+    pub(crate) plane: &'a Plane<Patient>,
+    pub(crate) blood: Option<Blood>,
     pub(crate) ventricles: &'a Ventricles,
 }
 
@@ -21,7 +29,8 @@ pub(crate) struct Evidence<'a> {
 pub(crate) fn remarks(evidence: &Evidence<'_>, labels: &Volume<u8>) -> (Vec<String>, Vec<(Structure, f64)>) {
     let sizes = volumes_ml(labels);
     let size = |s: Structure| sizes[usize::from(s.label())];
-    (findings(evidence, size), confidence(evidence, size))
+    let across = across(evidence);
+    (findings(evidence, across, size), confidence(evidence, across, size))
 }
 
 /// Volume of each structure by its number, mL.
@@ -32,7 +41,7 @@ pub(crate) fn volumes_ml(labels: &Volume<u8>) -> [f64; 8] {
     core::array::from_fn(|l| counts[l] as f64 * ml)
 }
 
-fn findings(evidence: &Evidence<'_>, size: impl Fn(Structure) -> f64) -> Vec<String> {
+fn findings(evidence: &Evidence<'_>, across: [f64; 2], size: impl Fn(Structure) -> f64) -> Vec<String> {
     let mut out = Vec::new();
     if let Some(value) = evidence.working.masked_with {
         out.push(format!("the image is masked with {value} HU outside the head: no air, so no skin can be found"));
@@ -45,6 +54,7 @@ fn findings(evidence: &Evidence<'_>, size: impl Fn(Structure) -> f64) -> Vec<Str
     if !evidence.cavity.neck_cut {
         out.push("the scan ends above the foramen magnum: the brain is cut off below".into());
     }
+    out.extend(evidence.noise.finding());
     let third = size(Structure::ThirdVentricle);
     if third == 0.0 {
         out.push("third ventricle not found".into());
@@ -52,6 +62,21 @@ fn findings(evidence: &Evidence<'_>, size: impl Fn(Structure) -> f64) -> Vec<Str
     let (left, right) = (size(Structure::LeftLateralVentricle), size(Structure::RightLateralVentricle));
     if left.max(right) > 2.0 * left.min(right) {
         out.push(format!("lateral ventricles of unlike size: left {left:.1} mL, right {right:.1} mL"));
+    }
+    out.extend(blood_in(evidence));
+    let too_dark_ml = evidence.ventricles.too_dark_ml;
+    if too_dark_ml > 1.0 {
+        out.push(format!(
+            "{too_dark_ml:.0} mL deep in the brain are darker than water: air, or streaks of metal; the ventricles there are guesses"
+        ));
+    }
+    for (side, share) in [("left", across[0]), ("right", across[1])] {
+        if share > ACROSS {
+            let percent = 100.0 * share;
+            out.push(format!(
+                "{percent:.0} % of the {side} lateral ventricle lies across the midplane: midline shift, or the sides are mistaken"
+            ));
+        }
     }
     if evidence.pose.score < 0.4 {
         let score = evidence.pose.score;
@@ -62,12 +87,38 @@ fn findings(evidence: &Evidence<'_>, size: impl Fn(Structure) -> f64) -> Vec<Str
     out
 }
 
+/// Sentences about blood in the ventricles or beside them.
+fn blood_in(evidence: &Evidence<'_>) -> Vec<String> {
+    let v = evidence.ventricles;
+    let Some(clot) = &v.clot else { return blood::findings(evidence.blood, 0.0, &[]) };
+    let both = |class: u8| v.classes.data.iter().zip(&clot.mask.data).filter(|(c, m)| **c == class && **m).count();
+    let names = [("left lateral ventricle", 1), ("right lateral ventricle", 2), ("third ventricle", 3)];
+    blood::findings(evidence.blood, clot.level, &names.map(|(name, class)| (name, both(class) as f64 / 1000.0)))
+}
+
+/// The part of the left and of the right lateral ventricle on the other side of the midplane.
+fn across(evidence: &Evidence<'_>) -> [f64; 2] {
+    let v = evidence.ventricles;
+    [(LEFT, 1.0), (RIGHT, -1.0)].map(|(class, side)| {
+        let voxels = (0..v.classes.data.len()).filter(|&n| v.classes.data[n] == class);
+        let (mut all, mut wrong) = (0usize, 0usize);
+        for n in voxels {
+            let p = v.lattice.point(v.classes.voxel(n).map(|c| c as f64));
+            all += 1;
+            wrong += usize::from(evidence.plane.signed_distance(p) * side < 0.0);
+        }
+        wrong as f64 / all.max(1) as f64
+    })
+}
+
 /// Expected Dice: of the ventricles by their borders, less where the model of their course fits badly (then parts may be
 /// missing or foreign); of the others a plain statement, less when they are too small to be whole. Nothing is said of
 /// cerebrospinal fluid: most of it lies in sulci and under the bone where the scan does not show it.
-fn confidence(evidence: &Evidence<'_>, size: impl Fn(Structure) -> f64) -> Vec<(Structure, f64)> {
+fn confidence(evidence: &Evidence<'_>, across: [f64; 2], size: impl Fn(Structure) -> f64) -> Vec<(Structure, f64)> {
     let fit = (evidence.pose.score / 0.5).clamp(0.0, 1.0);
     let [left, right, third] = evidence.ventricles.expected.map(|e| e * fit);
+    // Mostly on the other side of the midplane it is hardly the ventricle of its name.
+    let [left, right] = [0, 1].map(|n| [left, right][n] * (2.0 * (1.0 - across[n])).min(1.0));
     let whole = |expected_ml: f64, s: Structure| (size(s) / expected_ml).clamp(0.0, 1.0);
     let of = |s: Structure| {
         Some(match s {

@@ -1,11 +1,13 @@
 //! The ventricles: fluid reached from the posed model's seeds before it is reached from cisterns and sulci.
 
+use super::blood::{Clot, clot};
 use super::boundary;
-use super::confidence::{Borders, Doubt, borders};
+use super::confidence::{Borders, Doubt, borders, darker_than_water};
 use super::error::SegmentError;
 use super::fit::{Picture, fitted};
 use super::lattice::Lattice;
 use super::model::Pose;
+use super::noise::Noise;
 use super::samples::Samples;
 use super::tissue::quantile;
 use super::working::Binned;
@@ -33,6 +35,8 @@ const CHOROID_GAP: f32 = 4.0;
 const SURFACE_ROOM: usize = 9;
 /// The layer that tells the level of the tissue beside a ventricle, mm from it: beyond partial volume, and near.
 const BESIDE: core::ops::Range<f32> = 1.5..5.0;
+/// Bone and the air of sinuses dim nothing so far below the inner skull, mm.
+const DEEP: f32 = 10.0;
 /// A lateral ventricle has at least this, mL.
 const LEAST_ML: f64 = 0.4;
 
@@ -46,9 +50,14 @@ pub(crate) struct Scene<'a> {
     /// Smoothed HU.
     pub(crate) smooth: &'a Raster<f32>,
     pub(crate) cavity: &'a Mask,
+    /// Depth below the inner skull, mm.
+    pub(crate) depth: &'a Raster<f32>,
     pub(crate) pose: Pose,
     /// Mode of the brain, HU.
     pub(crate) brain: f32,
+    pub(crate) noise: Noise,
+    /// Whether the ventricles hold blood.
+    pub(crate) blood: bool,
 }
 
 /// The ventricles on a crop of the working raster.
@@ -63,6 +72,10 @@ pub(crate) struct Ventricles {
     pub(crate) fluid: f32,
     /// Edge between fluid and brain, HU.
     pub(crate) edge: f32,
+    /// Blood in the ventricles, voxels of `lattice`.
+    pub(crate) clot: Option<Clot>,
+    /// What is darker than any fluid deep in the brain around the ventricles, mL.
+    pub(crate) too_dark_ml: f64,
     /// Expected Dice of left, right and third.
     pub(crate) expected: [f64; 3],
     /// Where the surface is a guess.
@@ -92,7 +105,11 @@ pub(crate) fn ventricles(scene: &Scene<'_>) -> Result<Ventricles, SegmentError> 
     let crop = Crop::new(scene)?;
     let fluid = crop.fluid()?;
     let edge = (fluid + scene.brain) / 2.0;
-    let calcified = crop.calcified();
+    let clot = crop.clot();
+    let mut calcified = crop.calcified();
+    if let Some(clot) = &clot {
+        calcified = calcified.or(&clot.mask);
+    }
     let dark = crop.hu.zip(&crop.cavity, |v, c| c && v < edge).or(&calcified.and(&crop.cavity));
     let (markers, flooded) = crop.flood(&dark, &calcified, (fluid, edge));
     let lateral = crop.lateral(&flooded, &markers);
@@ -103,9 +120,20 @@ pub(crate) fn ventricles(scene: &Scene<'_>) -> Result<Ventricles, SegmentError> 
     }
     enough(&classes)?;
     let (classes, field) = crop.surface(&classes, &flooded, (fluid, edge));
-    let mut found =
-        Ventricles { lattice: crop.lattice, classes, field, fluid, edge, expected: [0.0; 3], doubts: Vec::new() };
-    let Borders { expected, doubts } = borders(&crop.hu, &found, scene.brain);
+    let deep = crop.depth.zip(&crop.cavity, |d, c| c && d > DEEP);
+    let too_dark_ml = darker_than_water(&crop.hu, &deep) as f64 / 1000.0;
+    let mut found = Ventricles {
+        lattice: crop.lattice,
+        classes,
+        field,
+        fluid,
+        edge,
+        clot,
+        too_dark_ml,
+        expected: [0.0; 3],
+        doubts: Vec::new(),
+    };
+    let Borders { expected, doubts } = borders(&crop.hu, &found, scene.brain, scene.noise);
     (found.expected, found.doubts) = (expected, doubts);
     Ok(found)
 }
@@ -142,7 +170,7 @@ impl<'a> Crop<'a> {
             *drawing = drawing.or(&drawn(&scene.pose.temporal(side), &lattice, cavity.dims));
         }
         let horns = drawings.each_ref().map(distance_to);
-        let depth = distance_to_false(scene.cavity).crop(low, high);
+        let depth = scene.depth.crop(low, high);
         let (raw, hu) = (scene.raw.crop(low, high), scene.smooth.crop(low, high));
         Ok(Self { scene, lattice, raw, hu, cavity, depth, course, horns })
     }
@@ -170,6 +198,13 @@ impl<'a> Crop<'a> {
             return Err(SegmentError::NoContrast { brain: brain.into(), csf: csf.into() });
         }
         Ok(fluid)
+    }
+
+    /// Blood along the course and the temporal horns.
+    fn clot(&self) -> Option<Clot> {
+        let course = self.horns[0].zip(&self.horns[1], |l, r| l.min(r));
+        let level = (self.scene.brain, self.scene.pose.scale);
+        self.scene.blood.then(|| clot(&self.hu, &self.cavity, &course, level)).flatten()
     }
 
     /// Calcified choroid plexus with its dimmed rim: bright, deep, off the midline, near the course behind the foramina.

@@ -1,0 +1,89 @@
+//! Bearings inside the head: its plane of symmetry, the brain's HU and the pose of the ventricle model.
+
+use super::blood::{self, Blood};
+use super::cut::{self, open_in_block};
+use super::error::SegmentError;
+use super::lattice::Lattice;
+use super::midplane::midplane;
+use super::model::{self, Axes, Pose};
+use super::tissue::{brain_mode, quantile};
+use super::working::{Working, any_in_block, block_mean};
+use crate::image::{Mask, Raster};
+use monro_geometry::{Patient, Plane};
+
+/// Nothing inside the head is this much darker than brain, HU, but by air or fat near it.
+const DIMMED_BY_AIR: f32 = 60.0;
+
+/// What is known of the head before its ventricles are found.
+#[derive(Debug)]
+pub(crate) struct Bearings {
+    pub(crate) plane: Plane<Patient>,
+    pub(crate) pose: Pose,
+    /// The brain's mode, HU.
+    pub(crate) brain: f32,
+    pub(crate) blood: Option<Blood>,
+}
+
+/// Takes bearings. `open` are the columns of the working raster that the scan cuts.
+///
+/// # Errors
+/// [`SegmentError::NoCavity`].
+pub(crate) fn bearings(
+    working: &Working,
+    smooth: &Raster<f32>,
+    cavity: &Mask,
+    open: Option<&[bool]>,
+) -> Result<Bearings, SegmentError> {
+    let lattice = working.lattice.coarser(2);
+    let hu = block_mean(smooth, 2);
+    let space = any_in_block(cavity, 2);
+    let open = open.map(|o| open_in_block(o, cavity.dims, 2));
+    let none = || SegmentError::NoCavity { found_ml: cavity.count() as f64 / 1000.0, needed_ml: 300.0 };
+    let plane = midplane(&hu, &space, lattice).ok_or_else(none)?;
+    let brain = brain_mode(smooth, |n| cavity.data[n]);
+    let coarse = Coarse { hu: &hu, space: &space, open: open.as_deref(), lattice, brain };
+    let (pose, blood) = coarse.pose(&plane).ok_or_else(none)?;
+    Ok(Bearings { plane, pose, brain, blood })
+}
+
+/// The scan on a coarse raster.
+struct Coarse<'a> {
+    hu: &'a Raster<f32>,
+    space: &'a Mask,
+    open: Option<&'a [bool]>,
+    lattice: Lattice,
+    brain: f32,
+}
+
+impl Coarse<'_> {
+    /// The pose by the fluid; with much blood deep in the brain by fluid and blood, where the model fits better so.
+    fn pose(&self, plane: &Plane<Patient>) -> Option<(Pose, Option<Blood>)> {
+        let (brain, fluid) = (self.brain, self.darkest());
+        let depth = cut::depth(self.space, self.open).map(|d| d * self.lattice.step as f32);
+        let axes: Vec<Axes> = cut::vaults(self.space, self.open, self.lattice)
+            .iter()
+            .filter_map(|d| Axes::new(d, self.lattice, plane))
+            .collect();
+        let fluidlike = |n: usize| (brain - self.hu.data[n]) / (brain - fluid);
+        let by_fluid = self.fit(&axes, &depth, fluidlike)?;
+        let Some(deep_ml) = blood::deep(self.hu, &depth, self.lattice, brain) else { return Some((by_fluid, None)) };
+        let by_both = self.fit(&axes, &depth, |n| fluidlike(n).max(blood::like(self.hu.data[n], brain)))?;
+        let on_course = blood::better(by_both.score, by_fluid.score);
+        Some((if on_course { by_both } else { by_fluid }, Some(Blood { deep_ml, on_course })))
+    }
+
+    /// The best of all axes: where the vertex is missing, vaults of several heights are tried.
+    fn fit(&self, axes: &[Axes], depth: &Raster<f32>, likeness: impl Fn(usize) -> f32) -> Option<Pose> {
+        let like = model::likeness(self.space, (depth, self.lattice), likeness);
+        let poses = axes.iter().map(|axes| model::fit(&like, self.lattice, *axes));
+        poses.max_by(|a, b| a.score.total_cmp(&b.score))
+    }
+
+    /// Ventricles and cisterns fill some percent of the deep brain: its darkest percent is fluid. What air dims, at a cut,
+    /// is darker than any fluid.
+    fn darkest(&self) -> f32 {
+        let seen = |(v, s): (&f32, &bool)| (*s && *v > self.brain - DIMMED_BY_AIR).then_some(*v);
+        let mut values: Vec<f32> = self.hu.data.iter().zip(&self.space.data).filter_map(seen).collect();
+        quantile(&mut values, 0.01).clamp(self.brain - 35.0, self.brain - 12.0)
+    }
+}
