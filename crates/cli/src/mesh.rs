@@ -33,11 +33,14 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
         return convert(&mesh, format, args, console);
     }
     let input = console.stage("read", || input(args))?;
+    let usual = MeshOptions::new(&input.keep, &input.fine, args.elements);
     let options = MeshOptions {
         path: input.path,
         density: args.density.as_deref().map_or_else(|| Ok(Vec::new()), parse_density)?,
+        growth: args.growth.unwrap_or(usual.growth),
+        coarsest: args.coarsest.unwrap_or(usual.coarsest),
         strict: args.strict,
-        ..MeshOptions::new(&input.keep, &input.fine, args.elements)
+        ..usual
     };
     let mut parts = Parts::new();
     let (mesh, report) = console.stage("mesh", || tetra::mesh_observed(&input.labels, &options, |s| parts.done(s)))?;

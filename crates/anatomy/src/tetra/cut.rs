@@ -33,10 +33,9 @@ impl RawMesh {
     }
 }
 
-/// Cuts along all surfaces and labels the elements; those outside are dropped.
-pub(super) fn cut_all(points: Vec<V3>, tets: Vec<[u32; 4]>, fields: &LabelFields) -> RawMesh {
+/// Cuts along all surfaces and labels the elements; those outside are dropped. Points `pinned` stay where they are.
+pub(super) fn cut_all(points: Vec<V3>, tets: Vec<[u32; 4]>, mut pinned: Vec<bool>, fields: &LabelFields) -> RawMesh {
     let mut mesh = RawMesh { labels: vec![PENDING; tets.len()], points, tets };
-    let mut pinned = vec![false; mesh.points.len()];
     for s in 0..fields.surfaces() {
         // Surface 0 keeps its inner side pending; later ones give their inner side to the label.
         let (plus, minus) = if s == 0 { (PENDING, OUTSIDE) } else { ((s - 1) as u8, PENDING) };

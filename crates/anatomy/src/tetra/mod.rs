@@ -7,6 +7,7 @@ mod adjacency;
 mod coarse;
 mod cut;
 mod difference;
+mod draw;
 mod fields;
 mod improve;
 mod lattice;
@@ -40,6 +41,10 @@ const MOST_LEVELS: u32 = 18;
 
 /// Numbers of elements that can be asked for.
 pub const ELEMENTS: std::ops::RangeInclusive<usize> = 500..=20_000_000;
+/// Growths of edges, mm a mm, that can be asked for.
+pub const GROWTH: std::ops::RangeInclusive<f64> = 0.01..=2.0;
+/// Longest edges over the finest that can be asked for.
+pub const COARSEST: std::ops::RangeInclusive<f64> = 1.0..=64.0;
 
 /// What to mesh and how finely.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,7 +78,7 @@ impl MeshOptions {
             density: Vec::new(),
             path: None,
             elements,
-            growth: 0.5,
+            growth: 0.7,
             coarsest: 5.0,
             strict: false,
         }
@@ -334,14 +339,15 @@ fn check(options: &MeshOptions) -> Result<(), MeshError> {
     for &(_, density) in &options.density {
         rule("density", density, 0.01, 100.0, "between 0.01 and 100")?;
     }
-    rule("growth", options.growth, 0.01, 2.0, "between 0.01 and 2 mm a mm")?;
-    rule("coarsest", options.coarsest, 1.0, 64.0, "between 1 and 64 times the finest")
+    rule("growth", options.growth, *GROWTH.start(), *GROWTH.end(), "between 0.01 and 2 mm a mm")?;
+    rule("coarsest", options.coarsest, *COARSEST.start(), *COARSEST.end(), "between 1 and 64 times the finest")
 }
 
 /// Coarsening takes back this part of the elements that the powers of two waste.
 const SURPLUS: f64 = 1.22;
-/// The count of the lattice may miss its aim by this part: coarsening does the rest.
-const NEAR: f64 = 0.06;
+/// The count of the lattice may fall short of its aim by this part, and exceed it by that: coarsening does the rest.
+const SHORT: f64 = 0.06;
+const OVER: f64 = 0.1;
 const MOST_TRIES: usize = 8;
 /// Cutting adds elements in proportion to the surface, so the first guess is this over the cube root of the count more
 /// than the lattice's own.
@@ -396,7 +402,7 @@ fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<Sta
         if best.as_ref().is_none_or(|b| now.abs() < miss(b.raw.tets.len()).abs()) {
             best = Some(Start { raw, bounds, lattice_edge, finest: lattice_edge });
         }
-        if now.is_infinite() || now.abs() < NEAR {
+        if now.is_infinite() || (-SHORT..OVER).contains(&now) {
             break;
         }
         // A secant in the logarithms, with bounded slopes and steps: where a lattice sees next to nothing, neither means
@@ -431,7 +437,7 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
     let inside = Coarse { finest, target: wanted, limit: 0.9, sag: 0.0, floor: 0.36 };
     work.coarsen(size, &inside);
     if work.count() > wanted {
-        work.improve();
+        work.improve_worst();
         for (sag, limit) in [(0.04, 0.9), (0.1, 1.2), (0.2, 2.0)] {
             work.coarsen(size, &Coarse { sag, limit, ..inside });
         }
@@ -447,7 +453,7 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
     let found = work.volumes(fields.labels.len());
     work.restore_volumes(&fields.volumes, 0.40);
     work.finish();
-    work.restore_volumes(&fields.volumes, 0.47);
+    work.settle_volumes(&fields.volumes);
     let mut raw = work.into_raw();
     // Changes of surfaces are checked one by one above, but not everything where three labels meet.
     repair::repair(&mut raw, fields.labels.len() as u8, 0.0, |corners, l| coarse::holds(corners, l, fields));
@@ -499,8 +505,9 @@ fn build(fields: &LabelFields, size: &SizeField, finest: f64) -> (RawMesh, Vec<(
         unseen
     });
     let lattice = lattice::lattice(&tree);
-    let points = lattice.points.iter().map(|p| place(p.map(f64::from))).collect();
-    (cut_all(points, lattice.tets, fields), bounds.into_inner())
+    let mut points: Vec<V3> = lattice.points.iter().map(|p| place(p.map(f64::from))).collect();
+    let stay = draw::draw(&mut points, &lattice.tets, &size.thin, fields);
+    (cut_all(points, lattice.tets, stay, fields), bounds.into_inner())
 }
 
 fn finish(raw: RawMesh, fields: &LabelFields) -> TetMesh {

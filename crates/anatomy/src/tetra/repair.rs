@@ -10,8 +10,8 @@ const ROUNDS: usize = 24;
 /// Rounds in which as little as possible is relabelled. Two labels may then pass elements to and fro for ever; later rounds
 /// give all that is around such a point to one of them.
 const GENTLE: usize = 6;
-/// Elements at most between pieces of a label that are joined.
-const LONGEST_WAY: usize = 8;
+/// Elements at most between pieces of a label that are joined: cuts leave many small ones along a thin part.
+const LONGEST_WAY: usize = 32;
 
 /// A separate piece of a label that was too small to keep.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -131,3 +131,29 @@ fn nothing_to_keep_and_odd_options_are_named() {
     options.growth = f64::NAN;
     assert!(matches!(mesh(&labels, &options), Err(MeshError::Option { name: "growth", .. })));
 }
+
+#[test]
+fn a_recess_thinner_than_the_elements_is_followed_to_its_end() {
+    // Two voxels thick, 14 mm long, from the third ventricle upwards: such ended 3 to 7 mm early, or as beads.
+    let mut labels = head([0.9; 3]);
+    let grid = *labels.grid();
+    for at in 0..grid.len() {
+        let [i, j, k] = grid.voxel(at);
+        let [x, y, z] = grid.centre(i, j, k).to_array();
+        if x.abs() < 1.0 && (y - 14.0).abs() < 1.0 && z > 18.0 && z < 35.0 {
+            labels.data_mut()[at] = 7;
+        }
+    }
+    let top = |points: &mut dyn Iterator<Item = f64>| points.fold(f64::NEG_INFINITY, f64::max);
+    let voxels = (0..grid.len()).filter(|&at| labels.data()[at] == 7).map(|at| grid.voxel(at));
+    let wanted = top(&mut voxels.map(|[i, j, k]| grid.centre(i, j, k).z + 0.45));
+    for elements in [20_677, 65_691] {
+        let options = MeshOptions::new(&[4, 5, 6, 7], &[5, 6, 7], elements);
+        let (mesh, report) = mesh(&labels, &options).expect("mesh");
+        check(&mesh, &report, elements);
+        let third = report.labels.iter().find(|l| l.label == 7).expect("there");
+        assert!(third.surfaces == 1 && third.euler == 2 && third.manifold, "{third:?}");
+        let found = top(&mut mesh.surface(|l| l == 7).vertices.iter().map(|p| p.z));
+        assert!((found - wanted).abs() < 1.5, "{elements}: {found} for {wanted}");
+    }
+}

@@ -60,14 +60,17 @@ impl Thin {
                 element(p, centre, cube).into_iter().filter(|&c| part.at(c) >= 0.5).count() >= corners
             })
         };
-        let holds = |p: V3| (0..3).all(|a| (p[a] - centre[a]).abs() <= 0.5 * cube);
-        let (low, high) = (block(centre.map(|x| x - 0.5 * cube)), block(centre.map(|x| x + 0.5 * cube)));
-        (low[0]..=high[0]).any(|i| {
-            (low[1]..=high[1]).any(|j| {
-                let row = self.middles.range([i, j, low[2]]..=[i, j, high[2]]);
-                row.flat_map(|b| b.1).any(|&(l, p)| holds(p) && !is_seen(l, p))
-            })
-        })
+        let corner = |side: f64| centre.map(|x| x + side * 0.5 * cube);
+        self.within(corner(-1.0), corner(1.0)).any(|(l, p)| !is_seen(l, p))
+    }
+
+    /// The middles in a box, each with its label.
+    pub(super) fn within(&self, low: V3, high: V3) -> impl Iterator<Item = (u8, V3)> + '_ {
+        let (from, to) = (block(low), block(high));
+        let rows = (from[0]..=to[0]).flat_map(move |i| (from[1]..=to[1]).map(move |j| [i, j]));
+        let blocks = rows.flat_map(move |[i, j]| self.middles.range([i, j, from[2]]..=[i, j, to[2]]));
+        let inside = move |p: &V3| (0..3).all(|a| p[a] >= low[a] && p[a] <= high[a]);
+        blocks.flat_map(|b| b.1).copied().filter(move |(_, p)| inside(p))
     }
 }
 

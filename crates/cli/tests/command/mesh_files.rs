@@ -50,3 +50,17 @@ fn a_count_that_cannot_be_is_refused_at_once_with_the_limits() {
         assert!(said.contains("500") || said.contains("unexpected argument"), "{count}: {said}");
     }
 }
+
+#[test]
+fn a_growth_or_a_longest_edge_that_cannot_be_is_refused_at_once_with_the_limits() {
+    for (option, value, limits) in [
+        ("--growth", "0", "0.01 to 2"),
+        ("--growth", "NaN", "0.01 to 2"),
+        ("--growth", "fast", "no number"),
+        ("--coarsest", "0.5", "1 to 64"),
+        ("--coarsest", "inf", "1 to 64"),
+    ] {
+        let said = refusal(&["mesh", "no-such-file", option, value, "--out", "x.vtu"]);
+        assert!(said.contains(limits), "{option} {value}: {said}");
+    }
+}

@@ -24,6 +24,10 @@ const RESORT: f64 = 0.45;
 const ROOMY: f64 = 0.65;
 /// By how much of an edge they may leave the surface.
 const LOOSE: [f64; 12] = [0.04, 0.08, 0.12, 0.16, 0.2, 0.2, 0.25, 0.3, 0.3, 0.3, 0.35, 0.4];
+/// An element that changes its label may be as thick as this part of its longest edge, as its surface moves by as much;
+const THIN: f64 = 0.15;
+/// as thick as it is from this looseness on, when next to none are left. Then two rings of neighbours are bettered, too.
+const ANY: f64 = 0.3;
 
 /// Edges shorter than this part of an element's longest are merged first.
 const SHORT: f64 = 0.3;
@@ -38,6 +42,11 @@ impl Work<'_> {
         BARS.into_iter().for_each(|bar| self.pass(bar));
     }
 
+    /// Betters the worst elements only, before points are merged that most of the others lose again.
+    pub(super) fn improve_worst(&mut self) {
+        BARS[..2].iter().for_each(|&bar| self.pass(bar));
+    }
+
     /// The last passes, with resorts for elements that nothing else betters.
     pub(super) fn finish(&mut self) {
         LAST_BARS.into_iter().for_each(|bar| self.pass(bar));
@@ -47,22 +56,25 @@ impl Work<'_> {
             }
             self.loose = loose;
             self.pass(RESORT);
-            self.relabel_worst(RESORT);
-            self.make_room(RESORT);
+            self.relabel_worst(RESORT, if loose < ANY { THIN } else { f64::INFINITY });
+            self.make_room(RESORT, if loose < ANY { 1 } else { 2 });
         }
         self.loose = 0.0;
     }
 
-    /// Betters the good neighbours of elements below a bar, which are then less in their way.
-    fn make_room(&mut self, bar: f64) {
+    /// Betters the good neighbours of elements below a bar, so many rings of them, which are then less in their way.
+    fn make_room(&mut self, bar: f64, rings: usize) {
         for t in self.below(bar) {
             if !self.is_alive(t) {
                 continue;
             }
-            let mut near: Vec<u32> =
-                self.tets[t as usize].into_iter().flat_map(|v| self.stars[v as usize].iter().copied()).collect();
-            near.sort_unstable();
-            near.dedup();
+            let mut near = vec![t];
+            for _ in 0..rings {
+                let points = near.iter().flat_map(|&u| self.tets[u as usize]);
+                near = points.flat_map(|v| self.stars[v as usize].iter().copied()).collect();
+                near.sort_unstable();
+                near.dedup();
+            }
             for u in near {
                 if self.is_alive(u) && self.quality[u as usize] < ROOMY {
                     self.mend(u, ROOMY);

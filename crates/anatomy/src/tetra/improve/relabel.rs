@@ -3,6 +3,7 @@
 //! An element with all corners on surfaces has little to gain from moving them. On the other side of its surface it may be
 //! flipped away like any other, and a flat one changes neither the shape nor the volume of the labels to speak of.
 
+use super::super::vec3::{V3, cross, distance, dot, sub};
 use super::work::{OUTSIDE_BIT, Work};
 
 const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]];
@@ -32,17 +33,17 @@ impl Region {
 }
 
 impl Work<'_> {
-    /// Relabels elements below `bar` where the surfaces stay two-manifold of the same topology and the worst element
-    /// around gets better by it.
-    pub(super) fn relabel_worst(&mut self, bar: f64) {
+    /// Relabels elements below `bar`, no thicker than `thin` of their longest edges, where the surfaces stay two-manifold of the
+    /// same topology and the worst element around gets better by it.
+    pub(super) fn relabel_worst(&mut self, bar: f64, thin: f64) {
         for t in self.below(bar) {
             if self.is_alive(t) && self.quality[t as usize] < bar {
-                self.relabel(t);
+                self.relabel(t, thin);
             }
         }
     }
 
-    fn relabel(&mut self, t: u32) -> bool {
+    fn relabel(&mut self, t: u32, thin: f64) -> bool {
         let own = self.labels[t as usize];
         let sides = [0, 1, 2, 3].map(|i| self.behind(t, i));
         let mut others: Vec<Side> = sides.into_iter().filter(|&s| s != Side::Label(own)).collect();
@@ -53,6 +54,9 @@ impl Work<'_> {
         }
         let regions = [Side::Label(own), others[0]].into_iter().flat_map(|s| [Region::Of(s), Region::AllBut(s)]);
         if !regions.into_iter().all(|r| self.meets_in_a_disk(t, r, sides)) {
+            return false;
+        }
+        if thickness(self.corners(self.tets[t as usize]), sides.map(|s| s == others[0])) > thin {
             return false;
         }
         match others[0] {
@@ -127,5 +131,44 @@ impl Work<'_> {
             }
         }
         better
+    }
+}
+
+/// How far a surface moves at most where an element passes from one side of it to the other, over the element's longest edge:
+/// between its faces `on` the surface, one to three, and the others. Faces are numbered by their opposite corners.
+fn thickness(c: [V3; 4], on: [bool; 4]) -> f64 {
+    let pick = |side: bool| (0..4).filter(|&i| on[i] == side).collect::<Vec<usize>>();
+    // Between a face and its opposite corner, or between two edges.
+    let across = match (&pick(true)[..], &pick(false)[..]) {
+        (&[face], _) | (_, &[face]) => {
+            let [p, q, r] = FACES[face].map(|k| c[k]);
+            cross(sub(q, p), sub(r, p))
+        }
+        (&[a, b], &[d, e]) => cross(sub(c[a], c[b]), sub(c[d], c[e])),
+        _ => return 0.0,
+    };
+    let heights = c.map(|p| dot(sub(p, c[0]), across));
+    let most = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let least = heights.iter().copied().fold(f64::INFINITY, f64::min);
+    let longest = EDGES.map(|[i, j]| distance(c[i], c[j])).into_iter().fold(0.0, f64::max);
+    (most - least) / (dot(across, across).sqrt() * longest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_corner_of_a_cube_is_as_thick_as_its_height_or_as_its_edges_are_apart() {
+        let c = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let height = 1.0 / 3f64.sqrt();
+        for (on, wanted) in [
+            ([true, false, false, false], height),
+            ([false, true, true, true], height),
+            ([true, false, true, true], 1.0),
+            ([true, true, false, false], 0.5f64.sqrt()),
+        ] {
+            assert!((thickness(c, on) - wanted / 2f64.sqrt()).abs() < 1e-12, "{on:?}");
+        }
     }
 }
