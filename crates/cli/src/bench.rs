@@ -136,11 +136,6 @@ fn peak_memory_mib() -> Option<f64> {
     status_mib("VmHWM:")
 }
 
-/// Resident memory of this process now, MiB; `None` where the system does not tell.
-fn resident_mib() -> Option<f64> {
-    status_mib("VmRSS:")
-}
-
 fn status_mib(name: &str) -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|l| l.starts_with(name))?;

@@ -18,6 +18,7 @@
 //! Simplifications: tissue is cut along the axis of a tool but the mesh is never split; self-contact is not looked for;
 //! tools are rigid and straight.
 
+mod bytes;
 mod contact;
 mod csf;
 mod error;
@@ -41,6 +42,7 @@ mod validate;
 mod vec3;
 mod volumes;
 
+pub use bytes::Held;
 pub use error::ModelError;
 pub use material::{Insertion, Material, PaperCoefficients};
 pub use model::Model;

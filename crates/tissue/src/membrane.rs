@@ -1,11 +1,9 @@
 //! Membranes: the faces where tissue meets the outside or another region.
 
-use crate::ModelError;
+use crate::{ModelError, bytes};
 
 /// Stands for the outside on one side of a membrane.
 pub(crate) const OUTSIDE: u8 = u8::MAX;
-/// Stands for "no membrane" in a list per element.
-pub(crate) const NONE: u32 = u32::MAX;
 
 /// A face between two regions, or between a region and the outside.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,11 +16,26 @@ pub(crate) struct Membrane {
     pub(crate) outer: u8,
 }
 
-/// All membranes and, for each element, those on its four faces.
+/// All membranes.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Membranes {
     pub(crate) faces: Vec<Membrane>,
-    pub(crate) of_tet: Vec<[u32; 4]>,
+    /// Elements behind membranes with the face's place in the element and its number, in order.
+    behind: Vec<(u32, u8, u32)>,
+}
+
+impl Membranes {
+    /// The membranes that element `tet` is behind.
+    pub(crate) fn before(&self, tet: u32) -> impl Iterator<Item = &Membrane> {
+        let first = self.behind.partition_point(|b| b.0 < tet);
+        let own = self.behind[first..].iter().take_while(move |b| b.0 == tet);
+        own.map(|b| &self.faces[b.2 as usize])
+    }
+
+    /// Bytes that they take.
+    pub(crate) fn bytes(&self) -> usize {
+        bytes::of(&self.faces) + bytes::of(&self.behind)
+    }
 }
 
 /// Faces of a positive tetrahedron, seen from outside; face `i` lies opposite corner `i`.
@@ -39,7 +52,7 @@ pub(crate) fn find(tets: &[[u32; 4]], region: &[u8]) -> Result<Membranes, ModelE
         }
     }
     all.sort_unstable();
-    let mut out = Membranes { faces: Vec::new(), of_tet: vec![[NONE; 4]; tets.len()] };
+    let mut out = Membranes::default();
     for same in all.chunk_by(|a, b| a.0 == b.0) {
         if same.len() > 2 {
             return Err(ModelError::CrowdedFace { nodes: same[0].0, tets: same.len() });
@@ -48,11 +61,11 @@ pub(crate) fn find(tets: &[[u32; 4]], region: &[u8]) -> Result<Membranes, ModelE
         let inner = region[t as usize];
         let outer = same.get(1).map_or(OUTSIDE, |s| region[s.1 as usize]);
         if inner != outer {
-            let number = out.faces.len() as u32;
-            same.iter().for_each(|s| out.of_tet[s.1 as usize][s.2 as usize] = number);
+            out.behind.push((t, f, out.faces.len() as u32));
             out.faces.push(Membrane { nodes: FACES[f as usize].map(|i| tets[t as usize][i]), inner, outer });
         }
     }
+    out.behind.sort_unstable();
     Ok(out)
 }
 

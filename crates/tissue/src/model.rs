@@ -71,7 +71,7 @@ pub struct Model {
     /// Model number of each vertex of the mesh.
     pub(crate) number: Vec<u32>,
     /// Model number of each element of the mesh.
-    tet_number: Vec<u32>,
+    pub(crate) tet_number: Vec<u32>,
 }
 
 impl Model {

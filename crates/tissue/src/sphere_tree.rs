@@ -4,8 +4,8 @@
 //! all vertices below it, so a query never loses an element.
 
 use crate::fast::Pool;
-use crate::slabs;
 use crate::vec3::{V3, axpy, dot, norm, scale, sub, xyz};
+use crate::{bytes, slabs};
 
 const LEAF: usize = 8;
 
@@ -41,6 +41,13 @@ pub(crate) struct Spheres {
     leaves: Vec<[f32; 4]>,
 }
 
+impl Spheres {
+    /// Bytes that they take.
+    pub(crate) fn bytes(&self) -> usize {
+        bytes::of(&self.nodes) + bytes::of(&self.leaves)
+    }
+}
+
 impl SphereTree {
     /// Builds by median splits of the centroids along the longest axis.
     pub(crate) fn new(positions: &[[f32; 4]], tets: &[[u32; 4]]) -> Self {
@@ -66,6 +73,11 @@ impl SphereTree {
         }
         let cuts = slabs::even_cuts(starts.len() - 1);
         Self { nodes, order, vertices, starts, cuts }
+    }
+
+    /// Bytes that it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        bytes::of(&self.nodes) + bytes::of(&self.order) + bytes::of(&self.vertices) + bytes::of(&self.starts)
     }
 
     /// Fits the spheres to the positions, children before parents.

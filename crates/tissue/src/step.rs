@@ -46,25 +46,25 @@ pub enum Stage {
 /// Scratch memory of a running simulation: made once, so that a step does not allocate.
 #[derive(Debug, Clone)]
 pub struct Stepper {
-    backup: State,
-    previous: Vec<[f32; 4]>,
-    spheres: Spheres,
+    pub(crate) backup: State,
+    pub(crate) previous: Vec<[f32; 4]>,
+    pub(crate) spheres: Spheres,
     found: contact::Found,
     couplings: Vec<Coupling>,
-    tethers: Vec<V3>,
-    paper: PaperScratch,
-    descent: DescentScratch,
+    pub(crate) tethers: Vec<V3>,
+    pub(crate) paper: PaperScratch,
+    pub(crate) descent: DescentScratch,
     fluid: FluidSpace,
     /// Acceleration of each node by the fluid's pressure, mm/s2; empty when there is none.
-    push: Vec<[f32; 4]>,
+    pub(crate) push: Vec<[f32; 4]>,
     events: Vec<Event>,
     residual: f32,
     /// Share of the tissue in the predicted deformation space.
     space: f64,
     /// Memory for volumes.
-    growth: Vec<Row>,
+    pub(crate) growth: Vec<Row>,
     /// Memory for turned elements.
-    turned: Vec<(u32, f32)>,
+    pub(crate) turned: Vec<(u32, f32)>,
     pool: Arc<Pool>,
 }
 

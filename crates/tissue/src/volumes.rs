@@ -1,7 +1,7 @@
 //! Volumes of all elements at once.
 
 use crate::fast::{Kernel, Lanes, Places, Pool, Row, WIDTH, widest};
-use crate::slabs;
+use crate::{bytes, slabs};
 
 /// Corners and volumes at rest of all elements, sixteen a row.
 #[derive(Debug, Clone, Default)]
@@ -36,6 +36,11 @@ impl Volumes {
         out.rest = at_rest;
         out.cuts = slabs::even_cuts(rows);
         out
+    }
+
+    /// Bytes that they take.
+    pub(crate) fn bytes(&self) -> usize {
+        self.corners.bytes() + bytes::of(&self.rest)
     }
 
     /// Corners of all elements.

@@ -2,7 +2,7 @@
 
 use super::ball::{self, Probe};
 use super::samples::Samples;
-use super::{peak_memory_mib, resident_mib, text};
+use super::{peak_memory_mib, text};
 use crate::args::{ConstraintsArg, FrameArgs};
 use crate::console::Console;
 use anyhow::{Context, Result};
@@ -52,15 +52,12 @@ struct Bench {
     nodes: Vec<[f32; 4]>,
     moved: Vec<[f32; 4]>,
     samples: Samples,
-    /// Memory that model, state and scratch take, MiB.
-    memory_mib: Option<f64>,
 }
 
 impl Bench {
     fn new(mesh: &TetMesh, fixed: &[u32], args: &FrameArgs, predicted_space: bool) -> Result<Self> {
         let points = surface_points(mesh);
         let surface = Embedding::new(mesh, &points)?;
-        let before = resident_mib();
         let model = Model::new(mesh, &options(args, fixed)).context("the mesh cannot be simulated")?;
         let settings = FrameSettings {
             iterations: args.iterations,
@@ -69,9 +66,8 @@ impl Bench {
             ..FrameSettings::default()
         };
         let (state, stepper) = (model.rest_state(), Stepper::new(&model));
-        let memory_mib = resident_mib().zip(before).map(|(now, then)| now - then);
         let (nodes, moved) = (Vec::with_capacity(model.node_count()), vec![[0.0; 4]; points.len()]);
-        Ok(Self { model, state, stepper, settings, surface, nodes, moved, samples: Samples::default(), memory_mib })
+        Ok(Self { model, state, stepper, settings, surface, nodes, moved, samples: Samples::default() })
     }
 
     fn frame(&mut self, tools: &[ToolMotion], counts: bool) -> StepReport {
@@ -93,7 +89,15 @@ impl Bench {
         out
     }
 
+    /// Bytes that model, state and memory to work in take for each element, by what they are for.
+    fn bytes(&self, tets: usize) -> serde_json::Map<String, Value> {
+        let state = [("state", self.state.bytes())];
+        let held = self.model.bytes().into_iter().chain(state).chain(self.stepper.bytes());
+        held.map(|(name, bytes)| (name.to_owned(), json!(bytes as f64 / tets as f64))).collect()
+    }
+
     fn json(&self, mesh: &TetMesh, last: &StepReport) -> Value {
+        let bytes = self.bytes(mesh.tets.len());
         let tets = mesh.tets.len();
         let counts: serde_json::Map<String, Value> =
             self.model.constraint_counts().into_iter().map(|(n, c)| (n.to_owned(), json!(c))).collect();
@@ -105,7 +109,7 @@ impl Bench {
             "volume_change": last.volume_change, "residual_mm": last.residual_mm,
             "max_displacement_mm": last.max_displacement_mm, "active_nodes": last.active_nodes,
             "peak_memory_mib": peak_memory_mib(),
-            "bytes_per_element": self.memory_mib.map(|m| (m * 1024.0 * 1024.0 / tets as f64).round()),
+            "bytes_per_element": bytes.values().filter_map(Value::as_f64).sum::<f64>().round(), "bytes_of_it": bytes,
         });
         if let (Some(all), Value::Object(times)) = (out.as_object_mut(), self.samples.json()) {
             all.extend(times);

@@ -2,7 +2,7 @@
 
 use super::closest::{Closest, segment_triangle};
 use super::{Coupling, Rule};
-use crate::membrane::{Membrane, NONE, OUTSIDE};
+use crate::membrane::{Membrane, OUTSIDE};
 use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
 use crate::vec3::{V3, cross, dot, norm, scale, sub, unit, xyz};
@@ -52,15 +52,8 @@ pub(crate) fn membranes(
     let reach = 1.5 * rod.radius;
     collect(model, spheres, from, to, reach, found);
     for &t in &found.tets {
-        for &m in &model.membranes.of_tet[t as usize] {
-            if m == NONE {
-                continue;
-            }
-            let face = &model.membranes.faces[m as usize];
-            // A wall has two elements: take it from the inner one only.
-            if face.inner != model.region[t as usize] {
-                continue;
-            }
+        // A wall has two elements: it is taken from the inner one only.
+        for face in model.membranes.before(t) {
             if let Some(inward) = faces_tool(face, side) {
                 out.extend(touch(model, state, rod, face, inward, (from, to, side), tool));
             }

@@ -3,6 +3,7 @@
 //! A batch has [`WIDTH`] lanes; a processor takes them 8 or 16 at a time. No operation is fused or reordered, so every
 //! width gives the same bits, and [`Plain`] is the truth that the others are held to.
 
+use crate::bytes;
 use core::ops::{Add, Div, Mul, Sub};
 
 /// Lanes of a batch.
@@ -121,6 +122,11 @@ impl<const K: usize, P: Place> Places<K, P> {
         self.rows.len()
     }
 
+    /// Bytes that they take.
+    pub(crate) fn bytes(&self) -> usize {
+        bytes::of(&self.rows)
+    }
+
     /// The places over the vertices that they stand for.
     ///
     /// # Panics
@@ -237,6 +243,11 @@ impl Sums {
     pub(crate) fn new(places: Vec<u32>) -> Self {
         let bound = places.iter().map(|&p| p as usize + 1).max().unwrap_or(0);
         Self { places, bound }
+    }
+
+    /// Bytes that they take.
+    pub(crate) fn bytes(&self) -> usize {
+        bytes::of(&self.places)
     }
 
     /// For each stretch of the list, one after the other as `starts` has it, what `then` makes of its number and of the

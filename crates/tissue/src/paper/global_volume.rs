@@ -1,5 +1,6 @@
 //! Equation (9): the volume enclosed by the whole surface. The paper's sum lacks the factor 1/6.
 
+use crate::bytes;
 use crate::vec3::{V3, cross, dot, scale, shift, sub, xyz};
 
 /// The closed outer surface and its enclosed volume at rest.
@@ -14,6 +15,11 @@ pub(crate) struct GlobalVolume {
 }
 
 impl GlobalVolume {
+    /// Bytes that it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        bytes::of(&self.triangles) + bytes::of(&self.nodes) + bytes::of(&self.slots)
+    }
+
     /// From outward triangles.
     pub(crate) fn new(triangles: Vec<[u32; 3]>, rest: &[[f32; 4]]) -> Self {
         let mut nodes: Vec<u32> = triangles.iter().flatten().copied().collect();

@@ -4,6 +4,7 @@ use super::batches::{Members, batches};
 use super::lanes;
 use super::matching::{NONE, TURNS};
 use super::per_iteration;
+use crate::bytes;
 use crate::fast::{Kernel, Lanes, Places, Row, WIDTH, plain};
 
 /// A constraint on `N` vertices of a model with its coefficient.
@@ -31,6 +32,29 @@ pub(super) struct Batches<const N: usize, const R: usize, const C: usize> {
     pub(super) joined: Vec<bool>,
     pub(super) rest: Vec<[Row; R]>,
     pub(super) coefficients: Vec<[Row; C]>,
+}
+
+impl<const N: usize, const R: usize, const C: usize> Batches<N, R, C> {
+    fn bytes(&self) -> usize {
+        let rows = bytes::of(&self.rest) + bytes::of(&self.coefficients);
+        self.places.bytes() + bytes::of(&self.counts) + bytes::of(&self.joined) + rows
+    }
+}
+
+impl Part {
+    /// Bytes that it takes.
+    pub(super) fn bytes(&self) -> usize {
+        let springs = bytes::of(&self.springs.rest) + bytes::of(&self.springs.coefficients);
+        self.solids.bytes() + springs + self.edges.bytes() + self.hinges.bytes() + self.strips.bytes()
+    }
+}
+
+impl Shares {
+    /// Bytes that they take.
+    pub(super) fn bytes(&self) -> usize {
+        let elements = bytes::of(&self.solids) + bytes::of(&self.springs) + bytes::of(&self.edges);
+        elements + bytes::of(&self.hinges) + bytes::of(&self.strips)
+    }
 }
 
 /// Two edges and the volume of an element.

@@ -5,6 +5,7 @@ use super::matching::{self, Matching};
 use super::parts::{Constraint, Part, Share, Shares, Solid};
 use super::sweep::{Scope, Sweep};
 use super::{per_iteration, surface};
+use crate::bytes;
 use crate::fast::{Pool, Row, widest};
 use crate::membrane::{Membranes, OUTSIDE};
 use crate::model::Region;
@@ -41,6 +42,22 @@ pub(super) struct PartScratch {
     pub(super) motion: Vec<Row>,
     /// Batches in the predicted deformation space.
     pub(super) active: Vec<u32>,
+}
+
+impl PaperModel {
+    /// Bytes that the constraints take.
+    pub(crate) fn bytes(&self) -> usize {
+        let global = self.global.as_ref().map_or(0, GlobalVolume::bytes);
+        self.rounds.iter().flat_map(|r| &r.1).map(Part::bytes).sum::<usize>() + global
+    }
+}
+
+impl PaperScratch {
+    /// Bytes that it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        let part = |p: &PartScratch| p.shares.bytes() + bytes::of(&p.motion) + bytes::of(&p.active);
+        self.parts.iter().flatten().map(part).sum::<usize>() + bytes::of(&self.gradients)
+    }
 }
 
 /// What a mesh is, as far as its constraints are concerned.

@@ -6,6 +6,7 @@ use super::region;
 use super::rings::{self, Part, SingleRows};
 use super::sweep::{Element, Memory, Substep as Shared, Sweep};
 use super::touch::{Touches, Touching, penalty_force};
+use crate::bytes;
 use crate::contact::Coupling;
 use crate::fast::{Pool, WIDTH, plain, widest};
 use crate::model::{Region, Tether};
@@ -128,6 +129,15 @@ impl Descent {
             ("elements", self.pressures.elements()),
             ("free_vertices", batches.map(|b| b.count).sum()),
             ("pressures", self.patches()),
+        ]
+    }
+
+    /// Bytes that they take, by what they are for.
+    pub(crate) fn bytes(&self) -> Vec<bytes::Held> {
+        vec![
+            ("elements around vertices", self.rounds.iter().flat_map(|r| &r.1).map(Part::bytes).sum()),
+            ("averaged shear", self.far.bytes()),
+            ("pressures", self.pressures.bytes()),
         ]
     }
 
@@ -259,6 +269,14 @@ fn weighted(row: &[(u32, f32)], of: &[[f32; 4]], own: [f32; 4]) -> [f32; 4] {
 }
 
 impl DescentScratch {
+    /// Bytes that it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        let nodes = bytes::of(&self.target) + bytes::of(&self.far) + bytes::of(&self.displacement);
+        let elements = bytes::of(&self.elements) + bytes::of(&self.undamped) + self.grown.bytes();
+        let memory = |m: &Memory| bytes::of(&m.before) + bytes::of(&m.motion) + bytes::of(&m.active);
+        nodes + elements + self.memory.iter().flatten().map(memory).sum::<usize>()
+    }
+
     /// Vertices in the predicted space of the last substep.
     pub(crate) fn active_nodes(&self) -> usize {
         self.active_nodes

@@ -4,11 +4,18 @@ use super::elastic::{ELEMENT_BULK, Elastic};
 use super::sweep::Element;
 use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, WIDTH, widest};
 use crate::model::Region;
-use crate::slabs;
 use crate::volumes::Volumes;
+use crate::{bytes, slabs};
 
 /// Volumetric stiffness that the sweeps carry themselves, over the shear modulus; the rest is the pressure's.
 const PENALTY: f64 = 2.0;
+
+impl Grown {
+    /// Bytes that it takes.
+    pub(super) fn bytes(&self) -> usize {
+        bytes::of(&self.growth) + bytes::of(&self.total) + bytes::of(&self.still)
+    }
+}
 
 /// Constants of elements and patches.
 #[derive(Debug, Clone)]
@@ -79,6 +86,12 @@ impl Pressures {
     /// Number of elements.
     pub(super) fn elements(&self) -> usize {
         self.tets
+    }
+
+    /// Bytes that they take.
+    pub(super) fn bytes(&self) -> usize {
+        let patches = bytes::of(&self.start) + bytes::of(&self.rate) + bytes::of(&self.share);
+        patches + self.around.bytes() + bytes::of(&self.walls)
     }
 
     /// Number of patches.

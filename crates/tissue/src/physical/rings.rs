@@ -2,6 +2,7 @@
 
 use super::elastic::Elastic;
 use super::strips::{self, Spoke, Step};
+use crate::bytes;
 use crate::fast::{Places, Row, WIDTH};
 use crate::slabs::{Round, Slabs};
 
@@ -63,6 +64,22 @@ impl SingleRows {
     #[inline(always)]
     pub(super) fn row(&self, i: usize) -> &[(u32, f32)] {
         &self.entries[self.start[i] as usize..self.start[i + 1] as usize]
+    }
+}
+
+impl SingleRows {
+    /// Bytes that they take.
+    pub(super) fn bytes(&self) -> usize {
+        bytes::of(&self.start) + bytes::of(&self.entries)
+    }
+}
+
+impl Part {
+    /// Bytes that it takes.
+    pub(super) fn bytes(&self) -> usize {
+        let places = self.own.bytes() + self.ring.bytes() + self.tets.bytes();
+        let rows = bytes::of(&self.weight) + bytes::of(&self.mass) + bytes::of(&self.diagonal) + bytes::of(&self.base);
+        places + rows + bytes::of(&self.keeps_first) + bytes::of(&self.batches)
     }
 }
 
@@ -157,6 +174,12 @@ impl Rings<'_> {
             out.base.push([[0.0; WIDTH]; 3]);
             out.batches.push(Batch { vertices, count: group.len(), steps: first_step..ring.len(), elements });
         }
+        // They stay as long as the model: nothing is kept free.
+        ring.shrink_to_fit();
+        tets.shrink_to_fit();
+        out.weight.shrink_to_fit();
+        out.keeps_first.shrink_to_fit();
+        out.batches.shrink_to_fit();
         out.own = Places::new(owns);
         out.ring = Places::new(ring);
         out.tets = Places::new(tets);
