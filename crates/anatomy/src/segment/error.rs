@@ -66,9 +66,9 @@ pub enum SegmentError {
         /// Part of what is labelled that lies in the scan, percent.
         labelled: f64,
         /// The scan's geometry.
-        scan: Geometry,
+        scan: Box<Geometry>,
         /// The label volume's geometry.
-        labels: Geometry,
+        labels: Box<Geometry>,
     },
     /// A given label volume has a number that no structure has.
     #[error("label {label} ({voxels} voxels) names no structure; known are 0 outside to 7 third_ventricle")]

@@ -89,7 +89,7 @@ pub fn onto_grid(to: &Grid, labels: Volume<u8>) -> Result<(Volume<u8>, Option<St
     let (data, covered) = nearest(&to, &labels);
     let labelled = labelled_within(&to, &labels);
     if covered < LEAST_COVERED && labelled < MOST_LABELLED {
-        return Err(SegmentError::LabelsElsewhere { covered, labelled, scan, labels: given });
+        return Err(SegmentError::LabelsElsewhere { covered, labelled, scan: Box::new(scan), labels: Box::new(given) });
     }
     let mut said = Vec::new();
     if !on_voxels(&to, &from) {
