@@ -19,10 +19,6 @@ const GUESSED_MM: f64 = 1.4;
 const LEAST_EDGE: f32 = 0.15;
 /// And it is steeper than noise makes a border by itself, by this factor.
 const OVER_NOISE: f32 = 1.6;
-/// Nothing in the head but air and fat is as dark, HU; elsewhere it is a streak of metal.
-const BELOW_WATER: f32 = -15.0;
-/// Streaks are bright and dim besides: the part of a ventricle that they spoil is so many times the part that is too dark.
-const TORN: f64 = 3.0;
 /// Doubtful spots that are told, and the least of their size, mm2.
 const MOST_SPOTS: usize = 4;
 const LEAST_SPOT: usize = 40;
@@ -69,19 +65,12 @@ pub(super) fn borders(hu: &Raster<f32>, v: &Ventricles, brain: f32, noise: Noise
             guessed.data[n] = !clear;
             wrong += if clear { clear_mm } else { GUESSED_MM };
         }
-        let torn = 1.0 - TORN * darker_than_water(hu, &inside) as f64 / volume.max(1.0);
-        let whole = (1.0 - wrong / (2.0 * volume.max(1.0))).clamp(0.0, 1.0) * torn.max(0.0);
-        expected[class] = if volume > 0.0 { whole } else { 0.0 };
+        expected[class] = if volume > 0.0 { (1.0 - wrong / (2.0 * volume)).clamp(0.0, 1.0) } else { 0.0 };
         doubts.extend(spots(&guessed, &v.lattice, *structure));
     }
     doubts.sort_by(|a, b| b.mm2.total_cmp(&a.mm2));
     doubts.truncate(MOST_SPOTS);
     Borders { expected, doubts }
-}
-
-/// Voxels of a set that are darker than any fluid, by the smoothed scan.
-pub(super) fn darker_than_water(hu: &Raster<f32>, inside: &Mask) -> usize {
-    hu.data.iter().zip(&inside.data).filter(|(v, i)| **i && **v < BELOW_WATER).count()
 }
 
 /// Mean error of a border with an edge: a wider smoothing moves it more, and noise moves the crossing by itself over the

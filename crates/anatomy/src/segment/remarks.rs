@@ -64,12 +64,6 @@ fn findings(evidence: &Evidence<'_>, across: [f64; 2], size: impl Fn(Structure) 
         out.push(format!("lateral ventricles of unlike size: left {left:.1} mL, right {right:.1} mL"));
     }
     out.extend(blood_in(evidence));
-    let too_dark_ml = evidence.ventricles.too_dark_ml;
-    if too_dark_ml > 1.0 {
-        out.push(format!(
-            "{too_dark_ml:.0} mL deep in the brain are darker than water: air, or streaks of metal; the ventricles there are guesses"
-        ));
-    }
     for (side, share) in [("left", across[0]), ("right", across[1])] {
         if share > ACROSS {
             let percent = 100.0 * share;

@@ -2,7 +2,7 @@
 
 use super::blood::{Clot, clot};
 use super::boundary;
-use super::confidence::{Borders, Doubt, borders, darker_than_water};
+use super::confidence::{Borders, Doubt, borders};
 use super::error::SegmentError;
 use super::fit::{Picture, fitted};
 use super::lattice::Lattice;
@@ -35,8 +35,6 @@ const CHOROID_GAP: f32 = 4.0;
 const SURFACE_ROOM: usize = 9;
 /// The layer that tells the level of the tissue beside a ventricle, mm from it: beyond partial volume, and near.
 const BESIDE: core::ops::Range<f32> = 1.5..5.0;
-/// Bone and the air of sinuses dim nothing so far below the inner skull, mm.
-const DEEP: f32 = 10.0;
 /// A lateral ventricle has at least this, mL.
 const LEAST_ML: f64 = 0.4;
 
@@ -74,8 +72,6 @@ pub(crate) struct Ventricles {
     pub(crate) edge: f32,
     /// Blood in the ventricles, voxels of `lattice`.
     pub(crate) clot: Option<Clot>,
-    /// What is darker than any fluid deep in the brain around the ventricles, mL.
-    pub(crate) too_dark_ml: f64,
     /// Expected Dice of left, right and third.
     pub(crate) expected: [f64; 3],
     /// Where the surface is a guess.
@@ -120,19 +116,8 @@ pub(crate) fn ventricles(scene: &Scene<'_>) -> Result<Ventricles, SegmentError> 
     }
     enough(&classes)?;
     let (classes, field) = crop.surface(&classes, &flooded, (fluid, edge));
-    let deep = crop.depth.zip(&crop.cavity, |d, c| c && d > DEEP);
-    let too_dark_ml = darker_than_water(&crop.hu, &deep) as f64 / 1000.0;
-    let mut found = Ventricles {
-        lattice: crop.lattice,
-        classes,
-        field,
-        fluid,
-        edge,
-        clot,
-        too_dark_ml,
-        expected: [0.0; 3],
-        doubts: Vec::new(),
-    };
+    let mut found =
+        Ventricles { lattice: crop.lattice, classes, field, fluid, edge, clot, expected: [0.0; 3], doubts: Vec::new() };
     let Borders { expected, doubts } = borders(&crop.hu, &found, scene.brain, scene.noise);
     (found.expected, found.doubts) = (expected, doubts);
     Ok(found)
