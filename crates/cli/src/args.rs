@@ -391,10 +391,10 @@ pub(crate) struct MeshArgs {
     #[arg(long, value_name = "LABEL=FACTOR,..")]
     pub(crate) density: Option<String>,
     /// Growth of the edges with the distance from what is fine, mm a mm (0.01 to 2; 0.7 if not given).
-    #[arg(long, value_name = "MM", value_parser = growth)]
+    #[arg(long, value_name = "MM", value_parser = crate::mesh::growth)]
     pub(crate) growth: Option<f64>,
     /// Longest edge over the finest (1 to 64; 5 if not given).
-    #[arg(long, value_name = "RATIO", value_parser = coarsest)]
+    #[arg(long, value_name = "RATIO", value_parser = crate::mesh::coarsest)]
     pub(crate) coarsest: Option<f64>,
     /// Refuse a mesh in which a label's surface is not two-manifold or has another topology than the labels, naming the label
     /// and a place, instead of a remark.
@@ -589,18 +589,6 @@ pub(crate) fn rate(text: &str) -> Result<f64, String> {
 pub(crate) fn in_range(text: &str, least: f64, most: f64) -> Result<f64, String> {
     let n: f64 = text.trim().parse().map_err(|_| format!("\"{text}\" is no number"))?;
     if (least..=most).contains(&n) { Ok(n) } else { Err(format!("{n} is not within {least} to {most}")) }
-}
-
-fn growth(text: &str) -> Result<f64, String> {
-    in_limits(text, monro_anatomy::tetra::GROWTH)
-}
-
-fn coarsest(text: &str) -> Result<f64, String> {
-    in_limits(text, monro_anatomy::tetra::COARSEST)
-}
-
-fn in_limits(text: &str, limits: std::ops::RangeInclusive<f64>) -> Result<f64, String> {
-    in_range(text, *limits.start(), *limits.end())
 }
 
 /// A number of tetrahedra that the mesher takes.

@@ -1,6 +1,6 @@
 //! `monro mesh`: graded tetrahedra from any label volume, or again from a case.
 
-use crate::args::MeshArgs;
+use crate::args::{MeshArgs, in_range};
 use crate::console::{Console, seconds_json};
 use crate::mesh_file::{AnyMesh, Format};
 use anyhow::{Context, Result, bail};
@@ -170,6 +170,16 @@ fn parse_density(text: &str) -> Result<Vec<(u16, f64)>> {
         .map(one)
         .collect::<Option<_>>()
         .with_context(|| format!("--density \"{text}\" is not LABEL=FACTOR,..."))
+}
+
+/// Growth of edges, mm a mm.
+pub(crate) fn growth(text: &str) -> Result<f64, String> {
+    in_range(text, *tetra::GROWTH.start(), *tetra::GROWTH.end())
+}
+
+/// Longest edge over the finest.
+pub(crate) fn coarsest(text: &str) -> Result<f64, String> {
+    in_range(text, *tetra::COARSEST.start(), *tetra::COARSEST.end())
 }
 
 /// Writes aside and renames, so that an interrupted run leaves no half file.
