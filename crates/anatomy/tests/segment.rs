@@ -67,7 +67,7 @@ fn check_landmarks(ct: &Volume<i16>, found: &Segmentation, folder: &str) {
         ("nasion_skin", marks.nasion, 8.0),
     ] {
         let off = p.distance(entry(&text, name));
-        assert!(off <= limit, "{folder} {name}: {off:.1} mm off");
+        assert!(off <= limit, "{folder} {name}: {off:.1} mm off; {:?}", marks.findings);
     }
 }
 

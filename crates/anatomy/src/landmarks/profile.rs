@@ -14,6 +14,8 @@ const NASION: [f64; 3] = [-45.0, -26.0, -7.0];
 const BESIDE: f64 = 25.0;
 /// Least dip, mm: less is noise of the scan's steps.
 const LEAST_DIP: f64 = 0.4;
+/// A dip from here on is taken, but said to be uncertain, mm.
+const FAINT_DIP: f64 = 0.15;
 /// Longest ray, mm, and the step along it.
 const FAR: f64 = 190.0;
 const FINE: f64 = 0.25;
@@ -97,24 +99,24 @@ impl Profile {
             let dip = self.dip(n);
             // Half a millimetre per 12 degrees squared from the usual place decides between dips of like depth.
             let value = dip - 0.5 * ((Self::angle(n as f64) - NASION[1]) / 12.0).powi(2);
-            if dip >= LEAST_DIP && value > best.0 {
+            if dip >= FAINT_DIP && value > best.0 {
                 best = (value, n, dip);
             }
         }
-        if best.2 < LEAST_DIP {
-            let depth_mm = (index(NASION[0])..=index(NASION[2])).map(|n| self.dip(n)).fold(0.0, f64::max);
-            let usual = index(NASION[1]);
-            if self.radius[usual].is_none() {
-                return Err(LandmarkError::NoNasion { depth_mm, needed_mm: LEAST_DIP });
-            }
-            findings.push(format!(
-                "nasion not found (the midline skin dips by only {depth_mm:.1} mm where it should lie): its usual place was \
-                 taken, so entry points may be off by 10 mm along the skin; look at the path, or give one with --plan \
-                 FILE.mrk.json"
-            ));
-            return Ok(usual as f64);
+        let (_, at, depth_mm) = best;
+        if depth_mm >= LEAST_DIP {
+            return Ok(at as f64);
         }
-        Ok(best.1 as f64)
+        let usual = index(NASION[1]);
+        let (at, place) = if depth_mm > 0.0 { (at, "that dip") } else { (usual, "its usual place") };
+        if self.radius[at].is_none() {
+            return Err(LandmarkError::NoNasion { depth_mm, needed_mm: LEAST_DIP });
+        }
+        findings.push(format!(
+            "nasion uncertain (the midline skin dips by only {depth_mm:.1} mm where it should lie): {place} was taken, so entry \
+             points may be off by 10 mm along the skin; look at the path, or give one with --plan FILE.mrk.json"
+        ));
+        Ok(at as f64)
     }
 
     /// How far sample `n` lies below the highest chord between its two sides, mm; 0 where it does not dip.

@@ -244,14 +244,22 @@ impl Made {
         wanted: usize,
         done: &mut impl FnMut(Stage),
     ) -> Result<Self, MeshError> {
-        let first = Self::once(fields, size, wanted, done)?;
-        if first.has_count(wanted, COUNT) || first.raw.tets.is_empty() {
-            return Ok(first);
+        let (mut best, mut aim) = (Self::once(fields, size, wanted, done)?, wanted as f64);
+        let tries = if wanted < FEW { MORE_TRIES } else { 1 };
+        for _ in 0..tries {
+            if best.has_count(wanted, COUNT) || best.raw.tets.is_empty() {
+                break;
+            }
+            // What the best is short of is asked for on top.
+            aim *= wanted as f64 / best.raw.tets.len() as f64;
+            aim = aim.clamp(0.8 * wanted as f64, 1.25 * wanted as f64);
+            let other = Self::once(fields, size, aim as usize, done)?;
+            if other.miss(wanted) >= best.miss(wanted) {
+                break;
+            }
+            best = other;
         }
-        // What the first is short of is asked for on top.
-        let aim = (wanted as f64).powi(2) / first.raw.tets.len() as f64;
-        let second = Self::once(fields, size, aim.clamp(0.8 * wanted as f64, 1.25 * wanted as f64) as usize, done)?;
-        Ok(if second.miss(wanted) < first.miss(wanted) { second } else { first })
+        Ok(best)
     }
 
     fn once(
@@ -361,6 +369,9 @@ const MOST_COARSER_OUTSIDE: f64 = 8.0;
 const COUNT: f64 = 0.02;
 /// and refused where it still misses by this part.
 const ACCEPTED: f64 = 0.05;
+/// A small mesh that misses its count is made again so often: one element more or less at its surface moves many.
+const FEW: usize = 5_000;
+const MORE_TRIES: usize = 4;
 
 /// A cut lattice and the finest edges wanted in it and in the mesh to be made of it.
 struct Start {
