@@ -6,7 +6,7 @@ use super::head::fill_slices;
 use super::lattice::Lattice;
 use super::midplane::midplane;
 use super::regrid::onto_grid;
-use super::remarks::volumes_ml;
+use super::remarks::{share_across, volumes_ml};
 use super::working::{AIR, Working, any_in_block, block_mean, working};
 use crate::image::{Raster, distance_to, fill_holes, largest};
 use monro_geometry::{Patient, Plane, Structure, Volume};
@@ -122,10 +122,7 @@ fn sides(labels: &Volume<u8>, midsagittal: &Plane<Patient>) -> Vec<String> {
             let [i, j, k] = labels.grid().voxel(n);
             labels.grid().centre(i, j, k)
         };
-        let (all, other) = own.fold((0usize, 0usize), |(all, other), n| {
-            (all + 1, other + usize::from(side * midsagittal.signed_distance(place(n)) < 0.0))
-        });
-        let share = 100.0 * other as f64 / all.max(1) as f64;
+        let share = 100.0 * share_across(midsagittal, side, own.map(place));
         (share > ACROSS_PERCENT).then(|| {
             let (name, wrong) = (s.name().replace('_', " "), if side > 0.0 { "right" } else { "left" });
             format!("{share:.0} % of the {name} are labelled on the {wrong} side: are left and right exchanged?")

@@ -28,11 +28,7 @@ pub struct Geometry {
 impl From<&Grid> for Geometry {
     fn from(grid: &Grid) -> Self {
         let spacing_mm = grid.spacing();
-        let unit = |a: usize| {
-            let step =
-                grid.patient_from_voxel().vector(Vector::from_array(core::array::from_fn(|b| f64::from(a == b))));
-            (step * (1.0 / spacing_mm[a])).to_array()
-        };
+        let unit = |a: usize| (step(grid.patient_from_voxel(), a) * (1.0 / spacing_mm[a])).to_array();
         let axes = core::array::from_fn(unit);
         Self { dims: grid.dims(), spacing_mm, first_mm: grid.centre(0, 0, 0).to_array(), axes }
     }
@@ -58,6 +54,11 @@ impl fmt::Display for Geometry {
     }
 }
 
+/// Where one step along an axis leads.
+fn step<To, From>(map: &Affine<To, From>, axis: usize) -> Vector<To> {
+    map.vector(Vector::from_array(core::array::from_fn(|a| f64::from(a == axis))))
+}
+
 fn same(a: &Grid, b: &Grid) -> bool {
     let spacing = a.spacing().iter().copied().fold(f64::INFINITY, f64::min);
     a.dims() == b.dims() && a.corners().iter().zip(b.corners()).all(|(p, q)| p.distance(q) < ON_VOXEL * spacing)
@@ -67,10 +68,7 @@ fn same(a: &Grid, b: &Grid) -> bool {
 fn on_voxels(to: &Grid, from: &Grid) -> bool {
     let map: Affine<Voxel, Voxel> = to.voxel_from_patient().after(from.patient_from_voxel());
     let whole = |v: [f64; 3]| v.iter().all(|c| (c - c.round()).abs() < ON_VOXEL);
-    let unit = |a: usize| {
-        let step = map.vector(Vector::from_array(core::array::from_fn(|b| f64::from(a == b))));
-        (step.norm() - 1.0).abs() < ON_VOXEL
-    };
+    let unit = |a: usize| (step(&map, a).norm() - 1.0).abs() < ON_VOXEL;
     let end = |corner: usize| core::array::from_fn(|a| (corner >> a & 1) as f64 * (from.dims()[a] - 1) as f64);
     (0..3).all(unit) && (0..8).all(|c| whole(map.point(Point::from_array(end(c))).to_array()))
 }

@@ -6,7 +6,7 @@ use super::model::Pose;
 use super::noise::Noise;
 use super::ventricles::{LEFT, RIGHT, Ventricles};
 use super::working::Working;
-use monro_geometry::{Patient, Plane, Structure, Volume};
+use monro_geometry::{Patient, Plane, Point, Structure, Volume};
 
 /// A midline shift brings this part of a ventricle across the midplane seldom; more is told.
 const ACROSS: f64 = 0.4;
@@ -95,14 +95,17 @@ fn across(evidence: &Evidence<'_>) -> [f64; 2] {
     let v = evidence.ventricles;
     [(LEFT, 1.0), (RIGHT, -1.0)].map(|(class, side)| {
         let voxels = (0..v.classes.data.len()).filter(|&n| v.classes.data[n] == class);
-        let (mut all, mut wrong) = (0usize, 0usize);
-        for n in voxels {
-            let p = v.lattice.point(v.classes.voxel(n).map(|c| c as f64));
-            all += 1;
-            wrong += usize::from(evidence.plane.signed_distance(p) * side < 0.0);
-        }
-        wrong as f64 / all.max(1) as f64
+        let points = voxels.map(|n| v.lattice.point(v.classes.voxel(n).map(|c| c as f64)));
+        share_across(evidence.plane, side, points)
     })
+}
+
+/// The part of some points that lies on the other side of the midplane than theirs (1 the left, -1 the right); 0 of none.
+pub(crate) fn share_across(plane: &Plane<Patient>, side: f64, points: impl Iterator<Item = Point<Patient>>) -> f64 {
+    let (all, wrong) = points.fold((0usize, 0usize), |(all, wrong), p| {
+        (all + 1, wrong + usize::from(plane.signed_distance(p) * side < 0.0))
+    });
+    wrong as f64 / all.max(1) as f64
 }
 
 /// Expected Dice: of the ventricles by their borders, less where the model of their course fits badly (then parts may be
