@@ -5,11 +5,18 @@ use rayon::prelude::*;
 /// Stands for "no site in this line"; squares of real distances stay far below.
 const FAR: f32 = 1e20;
 
+/// Lines that are looked at together, as they lie side by side.
+const TILE: usize = 16;
+
 /// Squared distance (mm2) of each cell of a `dims` array (first axis fastest) to the nearest cell with a site, with the
 /// given cell spacing in mm. All `1e20` when there is no site.
 pub(crate) fn squared_distance(sites: &[bool], dims: [usize; 3], spacing: [f64; 3]) -> Vec<f32> {
-    let mut d: Vec<f32> = sites.iter().map(|&s| if s { 0.0 } else { FAR }).collect();
-    for axis in 0..3 {
+    let mut d = vec![FAR; sites.len()];
+    if dims[0] > 0 {
+        let rows = d.par_chunks_mut(dims[0]).zip(sites.par_chunks(dims[0]));
+        rows.with_min_len(64).for_each(|(d, sites)| along_row(d, sites, spacing[0]));
+    }
+    for axis in 1..3 {
         if dims[axis] > 1 {
             pass(&mut d, dims, axis, spacing[axis]);
         }
@@ -17,19 +24,42 @@ pub(crate) fn squared_distance(sites: &[bool], dims: [usize; 3], spacing: [f64; 
     d
 }
 
+/// Along a row: from the site before and from the one behind.
+fn along_row(d: &mut [f32], sites: &[bool], spacing: f64) {
+    let squared = |cells: usize| ((cells * cells) as f64 * spacing * spacing) as f32;
+    let mut last = None;
+    for (i, &site) in sites.iter().enumerate() {
+        last = if site { Some(i) } else { last };
+        d[i] = last.map_or(FAR, |l| squared(i - l));
+    }
+    let mut next = None;
+    for (i, &site) in sites.iter().enumerate().rev() {
+        next = if site { Some(i) } else { next };
+        d[i] = next.map_or(d[i], |n| d[i].min(squared(n - i)));
+    }
+}
+
 fn pass(d: &mut [f32], dims: [usize; 3], axis: usize, spacing: f64) {
     let inner: usize = dims[..axis].iter().product();
-    let block = inner * dims[axis];
+    let n = dims[axis];
     // One block holds all lines of this axis through one plane (or the whole array for the last axis).
-    d.par_chunks_mut(block).for_each(|chunk| {
-        let mut scratch = Scratch::new(dims[axis]);
-        for line in 0..inner {
-            for (i, value) in scratch.line.iter_mut().enumerate() {
-                *value = f64::from(chunk[line + i * inner]);
+    d.par_chunks_mut(inner * n).for_each(|chunk| {
+        let mut scratch = Scratch::new(n);
+        let mut tile = vec![0f32; TILE * n];
+        for first in (0..inner).step_by(TILE) {
+            let lines = TILE.min(inner - first);
+            for i in 0..n {
+                tile[i * TILE..][..lines].copy_from_slice(&chunk[i * inner + first..][..lines]);
             }
-            scratch.transform(spacing);
-            for (i, &value) in scratch.out.iter().enumerate() {
-                chunk[line + i * inner] = value as f32;
+            for line in 0..lines {
+                scratch.line.iter_mut().zip(tile[line..].iter().step_by(TILE)).for_each(|(l, &v)| *l = f64::from(v));
+                if scratch.transform(spacing) {
+                    let out = scratch.out.iter();
+                    tile[line..].iter_mut().step_by(TILE).zip(out).for_each(|(v, &o)| *v = o as f32);
+                }
+            }
+            for i in 0..n {
+                chunk[i * inner + first..][..lines].copy_from_slice(&tile[i * TILE..][..lines]);
             }
         }
     });
@@ -48,7 +78,8 @@ impl Scratch {
         Self { line: vec![0.0; n], out: vec![0.0; n], site: Vec::with_capacity(n), begin: Vec::with_capacity(n) }
     }
 
-    fn transform(&mut self, spacing: f64) {
+    /// Whether there was any site.
+    fn transform(&mut self, spacing: f64) -> bool {
         let far = f64::from(FAR);
         let s2 = spacing * spacing;
         self.site.clear();
@@ -71,13 +102,18 @@ impl Scratch {
             self.site.push(q);
             self.begin.push(from);
         }
+        if self.site.is_empty() {
+            return false;
+        }
         let mut k = 0;
         for (i, o) in self.out.iter_mut().enumerate() {
             while k + 1 < self.site.len() && self.begin[k + 1] < i as f64 {
                 k += 1;
             }
-            *o = self.site.get(k).map_or(far, |&p| (i as f64 - p as f64).powi(2) * s2 + self.line[p]);
+            let p = self.site[k];
+            *o = (i as f64 - p as f64).powi(2) * s2 + self.line[p];
         }
+        true
     }
 }
 

@@ -212,6 +212,12 @@ impl Part {
         let (n, m) = (self.dims[axis], along.taps.len());
         let outer = self.data.len() / (inner * n);
         let mut out = vec![0f32; inner * m * outer];
+        if inner == 1 {
+            let rows = out.par_chunks_mut(m).zip(self.data.par_chunks(n));
+            rows.with_min_len(64).for_each(|(to, from)| resample_row(to, from, along, low, outside));
+            (self.data, self.dims[axis]) = (out, m);
+            return;
+        }
         out.par_chunks_mut(inner * m).zip(self.data.par_chunks(inner * n)).for_each(|(to, from)| {
             for (row, tap) in to.chunks_mut(inner).zip(&along.taps) {
                 for (i, &w) in tap.weights.iter().enumerate() {
@@ -249,6 +255,14 @@ impl Part {
         self.resample(axis, along, low, -thickness as f32);
         let scale = 1.0 / step as f32;
         self.data.par_iter_mut().for_each(|d| *d = (0.5 + *d * scale).clamp(0.0, 1.0));
+    }
+}
+
+/// Applies the taps along a row.
+fn resample_row(to: &mut [f32], from: &[f32], along: &Axis, low: usize, outside: f32) {
+    for (o, tap) in to.iter_mut().zip(&along.taps) {
+        let at = |i: usize| usize::try_from(tap.first + i as isize - low as isize).ok().and_then(|at| from.get(at));
+        *o = tap.weights.iter().enumerate().map(|(i, &w)| w * at(i).copied().unwrap_or(outside)).sum();
     }
 }
 

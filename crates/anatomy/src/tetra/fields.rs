@@ -267,10 +267,12 @@ fn smoothed(even: Even, thin: bool) -> Field {
     let grid = *even.field.grid();
     let mut data = even.field.into_data();
     let raw = if thin { data.clone() } else { Vec::new() };
-    gauss(&mut data, dims);
-    let once = data.clone();
-    gauss(&mut data, dims);
-    data.par_iter_mut().zip(&once).for_each(|(two, one)| *two = 2.0 * one - *two);
+    let w = kernel();
+    let mut flat = vec![0f32; data.len()];
+    across_planes(&data, dims, &w, &mut flat);
+    along_z(&flat, dims, &w, &mut data, |once, _| once);
+    across_planes(&data, dims, &w, &mut flat);
+    along_z(&flat, dims, &w, &mut data, |twice, once| 2.0 * once - twice);
     if !raw.is_empty() {
         keep_thin(&raw, &mut data, dims);
     }
@@ -308,58 +310,71 @@ fn kernel() -> Vec<f32> {
     raw.into_iter().map(|w| (w / sum) as f32).collect()
 }
 
-/// Separable Gaussian; zero outside (the fields have a margin of zeros). Rows are only looked at where they are not zero.
-fn gauss(data: &mut Vec<f32>, dims: [usize; 3]) {
-    let w = kernel();
+/// Convolves along x and y, a plane at a time; zero outside (the fields have a margin of zeros). Rows are only looked at
+/// where they are not zero.
+fn across_planes(data: &[f32], dims: [usize; 3], w: &[f32], out: &mut [f32]) {
+    let [nx, ny, _] = dims;
     let reach = w.len() / 2;
-    data.par_chunks_mut(dims[0] * dims[1]).for_each(|plane| {
-        let mut line = vec![0f32; dims[0]];
-        for row in plane.chunks_mut(dims[0]) {
-            let used = used(row);
-            let wide = used.start.saturating_sub(reach)..(used.end + reach).min(dims[0]);
-            convolve(&mut row[wide.clone()], &w, &mut line[..wide.len()]);
-        }
-    });
-    let along_y = across(data, dims, 1, &w);
-    *data = across(&along_y, dims, 2, &w);
+    out.par_chunks_mut(nx * ny).zip(data.par_chunks(nx * ny)).for_each_init(
+        Vec::new,
+        |rows: &mut Vec<f32>, (out, plane)| {
+            rows.clear();
+            rows.resize(nx * ny, 0.0);
+            let wide = |row: &[f32]| {
+                let used = used(row);
+                used.start.saturating_sub(reach)..(used.end + reach).min(nx)
+            };
+            let parts: Vec<Range<usize>> = plane.chunks(nx).map(wide).collect();
+            for ((from, to), part) in plane.chunks(nx).zip(rows.chunks_mut(nx)).zip(&parts) {
+                convolve(&from[part.clone()], w, &mut to[part.clone()]);
+            }
+            out.fill(0.0);
+            for (j, to) in out.chunks_mut(nx).enumerate() {
+                for (i, &weight) in w.iter().enumerate() {
+                    let Some(from) = (j + i).checked_sub(reach).filter(|&f| f < ny) else { continue };
+                    let part = parts[from].clone();
+                    add_weighted(&mut to[part.clone()], &rows[from * nx..][part], weight);
+                }
+            }
+        },
+    );
 }
 
-/// The part of a row from its first value that is not zero to its last; empty at its start if there is none.
+/// Convolves along z, whole planes at a time, and sets each cell from the result and its value before.
+fn along_z(data: &[f32], dims: [usize; 3], w: &[f32], out: &mut [f32], set: impl Fn(f32, f32) -> f32 + Sync) {
+    let plane = dims[0] * dims[1];
+    let parts: Vec<Range<usize>> = data.par_chunks(plane).map(used).collect();
+    out.par_chunks_mut(plane).enumerate().for_each_init(Vec::new, |sum: &mut Vec<f32>, (k, out)| {
+        sum.clear();
+        sum.resize(plane, 0.0);
+        for (i, &weight) in w.iter().enumerate() {
+            let Some(from) = (k + i).checked_sub(w.len() / 2).filter(|&f| f < dims[2]) else { continue };
+            let part = parts[from].clone();
+            add_weighted(&mut sum[part.clone()], &data[from * plane..][part], weight);
+        }
+        out.iter_mut().zip(&*sum).for_each(|(o, &s)| *o = set(s, *o));
+    });
+}
+
+fn add_weighted(to: &mut [f32], from: &[f32], weight: f32) {
+    to.iter_mut().zip(from).for_each(|(o, &v)| *o += weight * v);
+}
+
+/// The part of a row or plane from its first value that is not zero to its last; empty at its start if there is none.
 fn used(row: &[f32]) -> Range<usize> {
     let Some(first) = row.iter().position(|&v| v != 0.0) else { return 0..0 };
     first..row.iter().rposition(|&v| v != 0.0).map_or(first, |last| last + 1)
 }
 
-/// Convolves along y (axis 1) or z (axis 2), whole rows at a time.
-fn across(data: &[f32], dims: [usize; 3], axis: usize, w: &[f32]) -> Vec<f32> {
-    let [nx, ny, _] = dims;
-    let parts: Vec<Range<usize>> = data.par_chunks(nx).map(used).collect();
-    let mut out = vec![0f32; data.len()];
-    out.par_chunks_mut(nx * ny).enumerate().for_each(|(k, plane)| {
-        for (j, to) in plane.chunks_mut(nx).enumerate() {
-            let place = [j, k][axis - 1];
-            for (i, &weight) in w.iter().enumerate() {
-                let Some(from) = (place + i).checked_sub(w.len() / 2).filter(|&f| f < dims[axis]) else { continue };
-                let row = if axis == 1 { k * ny + from } else { from * ny + j };
-                let part = parts[row].clone();
-                let from = &data[row * nx..][part.clone()];
-                to[part].iter_mut().zip(from).for_each(|(o, &v)| *o += weight * v);
-            }
-        }
-    });
-    out
-}
-
-/// Convolves a row; `out` is scratch of the same length.
-fn convolve(data: &mut [f32], w: &[f32], out: &mut [f32]) {
+/// Convolves a row.
+fn convolve(data: &[f32], w: &[f32], out: &mut [f32]) {
     let n = data.len();
     let reach = w.len() / 2;
-    out.fill(0.0);
     for (i, &weight) in w.iter().enumerate() {
         let (to, from) = (reach.saturating_sub(i).min(n), i.saturating_sub(reach).min(n));
-        out[to..].iter_mut().zip(&data[from..]).for_each(|(o, &v)| *o += weight * v);
+        let len = n - to.max(from);
+        add_weighted(&mut out[to..to + len], &data[from..from + len], weight);
     }
-    data.copy_from_slice(out);
 }
 
 #[cfg(test)]

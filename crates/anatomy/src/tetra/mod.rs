@@ -4,6 +4,7 @@
 //! balanced octree, cutting along all label surfaces in one global order, local improvement.
 
 mod adjacency;
+mod census;
 mod coarse;
 mod cut;
 mod difference;
@@ -13,6 +14,7 @@ mod improve;
 mod lattice;
 mod octree;
 mod quality;
+mod region;
 mod repair;
 mod report;
 mod size;
@@ -245,19 +247,19 @@ impl Made {
         done: &mut impl FnMut(Stage),
     ) -> Result<Self, MeshError> {
         let (mut best, mut aim) = (Self::once(fields, size, wanted, done)?, wanted as f64);
-        let tries = if wanted < FEW { MORE_TRIES } else { 1 };
-        for _ in 0..tries {
-            if best.has_count(wanted, COUNT) || best.raw.tets.is_empty() {
+        let mut last = best.raw.tets.len();
+        for _ in 0..if wanted < FEW { MORE_TRIES } else { 1 } {
+            if best.has_count(wanted, COUNT) || last == 0 || best.is_lost(fields) {
                 break;
             }
-            // What the best is short of is asked for on top.
-            aim *= wanted as f64 / best.raw.tets.len() as f64;
+            // What the last one is short of is asked for on top.
+            aim *= wanted as f64 / last as f64;
             aim = aim.clamp(0.8 * wanted as f64, 1.25 * wanted as f64);
             let other = Self::once(fields, size, aim as usize, done)?;
-            if other.miss(wanted) >= best.miss(wanted) {
-                break;
+            last = other.raw.tets.len();
+            if other.miss(wanted) < best.miss(wanted) {
+                best = other;
             }
-            best = other;
         }
         Ok(best)
     }
@@ -296,8 +298,11 @@ impl Made {
     }
 
     fn is_good(&self, fields: &LabelFields, wanted: usize) -> bool {
-        fields.parts.is_empty()
-            || (self.has_count(wanted, ACCEPTED) && !coarse::is_lost(&self.found, self.raw.tets.len(), fields))
+        fields.parts.is_empty() || (self.has_count(wanted, ACCEPTED) && !self.is_lost(fields))
+    }
+
+    fn is_lost(&self, fields: &LabelFields) -> bool {
+        !fields.parts.is_empty() && coarse::is_lost(&self.found, self.raw.tets.len(), fields)
     }
 }
 
@@ -355,11 +360,14 @@ fn check(options: &MeshOptions) -> Result<(), MeshError> {
 const SURPLUS: f64 = 1.22;
 /// The count of the lattice may fall short of its aim by this part, and exceed it by that: coarsening does the rest.
 const SHORT: f64 = 0.06;
-const OVER: f64 = 0.1;
+const OVER: f64 = 0.16;
 const MOST_TRIES: usize = 8;
-/// Cutting adds elements in proportion to the surface, so the first guess is this over the cube root of the count more
-/// than the lattice's own.
-const CUT: f64 = 20.0;
+/// There may be no lattice between two whose counts miss the aim by more than this, as logarithms, on either side.
+const JUMP: f64 = 0.7;
+/// The part more that a lattice of the least size has than estimated, because of its grading, and the power of the size
+/// with which that falls (measured on phantoms and heads).
+const GRADING: f64 = 0.55;
+const GRADING_POWER: f64 = 0.85;
 /// Elements a lattice should have at least so that it does not miss thin parts; below, surfaces are coarsened too,
 const LEAST_LATTICE: f64 = 80_000.0;
 /// but not by more than this factor, or that one where there is no inner label.
@@ -388,21 +396,21 @@ fn lattice_aim(wanted: usize, fields: &LabelFields) -> f64 {
     (wanted as f64 * SURPLUS).max(LEAST_LATTICE.min(coarser * wanted as f64))
 }
 
-/// How many times as many elements a lattice has after cutting, at a guess.
-fn cut_ratio(aim: f64) -> f64 {
-    1.0 + CUT / aim.cbrt()
+/// How many times as many elements a lattice has as estimated: grading takes more the coarser it is.
+fn underestimate(aim: f64) -> f64 {
+    1.0 + GRADING * (LEAST_LATTICE / aim).powf(GRADING_POWER)
 }
 
-/// Elements of the lattice before cutting, at a guess.
+/// What to ask the estimate for at first.
 fn first_guess(wanted: usize, fields: &LabelFields) -> f64 {
     let aim = lattice_aim(wanted, fields);
-    aim / cut_ratio(aim)
+    aim / underestimate(aim)
 }
 
 /// Finds the finest edge that gives the count with its surplus; a mesh that cannot have it is left as near as it comes.
 fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<Start, MeshError> {
     let aim = lattice_aim(wanted, fields);
-    let mut ratio = cut_ratio(aim);
+    let mut ratio = underestimate(aim);
     let mut best: Option<Start> = None;
     let mut last: Option<(f64, f64)> = None;
     let miss = |n: usize| (n as f64 / aim).ln();
@@ -414,6 +422,10 @@ fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<Sta
             best = Some(Start { raw, bounds, lattice_edge, finest: lattice_edge });
         }
         if now.is_infinite() || (-SHORT..OVER).contains(&now) {
+            break;
+        }
+        // Far too many and far too few: a lattice sees thin parts or does not.
+        if last.is_some_and(|(_, m)| m * now < -JUMP * JUMP) {
             break;
         }
         // A secant in the logarithms, with bounded slopes and steps: where a lattice sees next to nothing, neither means
@@ -501,7 +513,8 @@ fn build(fields: &LabelFields, size: &SizeField, finest: f64) -> (RawMesh, Vec<(
     let bounds = RefCell::new(Vec::new());
     let tree = Octree::new(levels, |corner, edge| {
         let (from, to) = (place(corner.map(f64::from)), place(corner.map(|c| f64::from(c + edge))));
-        if (0..3).any(|a| to[a] < low[a] || from[a] > high[a]) {
+        // As far again as the cell is large: neighbours share elements.
+        if !size.is_near(from, to, f64::from(edge) * unit + 2.0 * fields.step) {
             return false;
         }
         let centre = place(corner.map(|c| f64::from(c) + 0.5 * f64::from(edge)));

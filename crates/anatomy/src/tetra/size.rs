@@ -1,7 +1,9 @@
 //! How long edges should be where.
 
 use super::MeshOptions;
+use super::census::{Census, each_inner};
 use super::fields::LabelFields;
+use super::region::Region;
 use super::thickness::{Thin, spread};
 use super::{finest_for, first_guess};
 use crate::surface::distance::squared_distance;
@@ -29,8 +31,10 @@ pub(super) struct SizeField {
     pub(super) thin: Thin,
     /// Relative lengths of edges that densities ask for.
     scale: Option<super::fields::Field>,
-    /// Distances inside the meshed region with the number of lattice cells that have them, for estimates.
-    inside: Vec<(f32, f32)>,
+    /// What lies at which distance, for estimates.
+    census: Census,
+    /// Where there is anything to mesh.
+    region: Region,
     growth: f64,
     coarsest: f64,
     low: [f64; 3],
@@ -57,22 +61,18 @@ impl SizeField {
         } else {
             vec![0.0; grid.len()]
         };
-        let centre = |at: usize| {
-            let [i, j, k] = grid.voxel(at);
-            grid.centre(i, j, k).to_array()
-        };
         let scale = density_scale(fields, &options.density, growth, &grid);
-        let elements = |at: usize| scale.as_ref().map_or(1.0, |s| s[at].powi(-3));
-        let inside = (0..grid.len()).filter(|&at| fields.union.at(centre(at)) >= 0.5);
-        let mut inside = census(inside.map(|at| (distance[at], elements(at))));
-        to_volume(&mut inside, fields.volumes.iter().sum());
+        let region = Region::new(&grid, |found| each_inner(&fields.union, &mut |p, _| found(p)));
         let field = |values: Vec<f32>| Some(super::fields::Field::new(Volume::new(grid, values).ok()?));
+        let (distance, scale) = (field(distance)?, scale.and_then(field));
+        let census = Census::new(fields, |p| distance.at(p), |p| scale.as_ref().map_or(1.0, |s| s.at(p)));
         let mut size = Self {
             cap: field(vec![FREE; grid.len()])?,
             thin: Thin::none(),
-            scale: scale.and_then(field),
-            distance: field(distance)?,
-            inside,
+            scale,
+            distance,
+            census,
+            region,
             growth,
             coarsest,
             low,
@@ -102,6 +102,11 @@ impl SizeField {
         (self.low, self.high)
     }
 
+    /// Whether a box with `margin` mm around it holds some of the region.
+    pub(super) fn is_near(&self, low: [f64; 3], high: [f64; 3], margin: f64) -> bool {
+        self.region.meets(low.map(|x| x - margin), high.map(|x| x + margin))
+    }
+
     /// Distance to what is to be fine, mm (to half a lattice cell).
     pub(super) fn distance(&self, p: [f64; 3]) -> f64 {
         self.distance.at(self.clamped(p))
@@ -123,36 +128,10 @@ impl SizeField {
         (finest + self.growth * (distance - CORE).max(0.0)).min(finest * self.coarsest)
     }
 
-    /// Elements that a lattice with this finest edge would have, before cutting: 12 to each cell.
+    /// Elements that a cut lattice with this finest edge would have, at a guess.
     pub(super) fn estimate(&self, finest: f64, cell: impl Fn(f64) -> f64) -> f64 {
-        let per = |&(d, cells): &(f32, f32)| f64::from(cells) * 12.0 / cell(self.edge_at(f64::from(d), finest)).powi(3);
-        self.inside.iter().map(per).sum::<f64>() * STEP.powi(3)
+        self.census.estimate(|distance| cell(self.edge_at(distance, finest)))
     }
-}
-
-/// How many cells (each with a weight) have about the same distance (to a quarter of a cell).
-fn census(cells: impl Iterator<Item = (f32, f32)>) -> Vec<(f32, f32)> {
-    let far = STEP as f32 / 4.0;
-    let mut counts: Vec<f32> = Vec::new();
-    for (distance, weight) in cells {
-        let d = (distance / far) as usize;
-        if d >= counts.len() {
-            counts.resize(d + 1, 0.0);
-        }
-        counts[d] += weight;
-    }
-    let middle = |d: usize| (d as f32 + if d == 0 { 0.0 } else { 0.5 }) * far;
-    counts.into_iter().enumerate().filter(|c| c.1 > 0.0).map(|(d, n)| (middle(d), n)).collect()
-}
-
-/// Scales the numbers of cells to a volume in mm3: parts smaller than a cell may have been missed.
-fn to_volume(inside: &mut Vec<(f32, f32)>, volume: f64) {
-    if inside.is_empty() {
-        inside.push((0.0, 1.0));
-    }
-    let cells: f64 = inside.iter().map(|c| f64::from(c.1)).sum();
-    let scale = (volume / STEP.powi(3) / cells) as f32;
-    inside.iter_mut().for_each(|c| c.1 *= scale);
 }
 
 /// Relative lengths of edges on a lattice: the inverse cube roots of the labels' densities, shorter ones reaching into

@@ -76,18 +76,19 @@ impl Work<'_> {
             mv & !mw == 0 && (aim.sag > 0.0 || mv.count_ones() == 1)
         };
         let mut edges = Vec::new();
-        let mut around = Vec::new();
+        let mut near: Vec<(u32, f64)> = Vec::new();
         for &v in at {
-            around.clear();
-            around.extend(self.stars[v as usize].iter().flat_map(|&t| self.tets[t as usize]).filter(|&w| w != v));
-            around.sort_unstable();
-            around.dedup();
-            for &w in around.iter().filter(|&&w| w > v || !asked[w as usize]) {
+            near.clear();
+            for w in self.stars[v as usize].iter().flat_map(|&t| self.tets[t as usize]).filter(|&w| w != v) {
                 let length = distance(self.points[v as usize], self.points[w as usize]);
                 let score = length / (0.5 * (wanted[v as usize] + wanted[w as usize]));
-                if score < aim.limit {
-                    edges.extend([(v, w), (w, v)].into_iter().filter(|e| may_go(e.0, e.1)).map(|(v, w)| (score, v, w)));
+                // Each is found once for every element around it.
+                if score < aim.limit && (w > v || !asked[w as usize]) && near.iter().all(|n| n.0 != w) {
+                    near.push((w, score));
                 }
+            }
+            for &(w, score) in &near {
+                edges.extend([(v, w), (w, v)].into_iter().filter(|e| may_go(e.0, e.1)).map(|(v, w)| (score, v, w)));
             }
         }
         edges.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));

@@ -14,7 +14,7 @@ impl Work<'_> {
     pub(super) fn collapse(&mut self, v: u32, w: u32, floor: f64, sag: f64) -> bool {
         let (mv, mw) = (self.masks[v as usize], self.masks[w as usize]);
         let inner = mv.count_ones() == 1;
-        if mv & !mw != 0 || (!inner && !self.surface_link(v, w)) {
+        if mv & !mw != 0 || (!inner && !self.edge_on_surfaces(v, w)) {
             return false;
         }
         // Elements with both points vanish, the others must stay good.
@@ -23,6 +23,9 @@ impl Work<'_> {
             if !tet.contains(&w) && self.worth(tet.map(|x| if x == v { w } else { x })) <= floor {
                 return false;
             }
+        }
+        if !inner && !self.surface_link(v, w) {
+            return false;
         }
         // A surface cannot go further than its point.
         let length = distance(self.points[v as usize], self.points[w as usize]);
@@ -86,15 +89,14 @@ impl Work<'_> {
         all
     }
 
-    /// Link condition for a point on a surface: the edge lies on the same surfaces as the point, and the only common
-    /// neighbours are those around the edge.
+    /// Whether an edge lies on the same surfaces as its first point.
+    fn edge_on_surfaces(&self, v: u32, w: u32) -> bool {
+        self.edge_mask(v, w) == self.masks[v as usize]
+    }
+
+    /// Link condition for a point and an edge on the same surfaces: the only common neighbours are those around the edge.
     fn surface_link(&self, v: u32, w: u32) -> bool {
         let Some(ring) = Ring::new(self, v, w) else { return false };
-        let labels = ring.tets[..ring.len].iter().fold(0u64, |m, &t| m | 1 << self.labels[t as usize]);
-        let outside = if ring.closed { 0 } else { OUTSIDE_BIT };
-        if labels | outside != self.masks[v as usize] {
-            return false;
-        }
         let (a, b) = (self.neighbours(v), self.neighbours(w));
         if a.len() > MOST_NEIGHBOURS || b.len() > MOST_NEIGHBOURS {
             return false;
@@ -122,14 +124,11 @@ impl Work<'_> {
 
     /// Labels around an edge, with the outside.
     fn edge_mask(&self, a: u32, b: u32) -> u64 {
-        match Ring::new(self, a, b) {
-            Some(r) => {
-                let labels = r.tets[..r.len].iter().fold(0u64, |m, &t| m | 1 << self.labels[t as usize]);
-                labels | if r.closed { 0 } else { OUTSIDE_BIT }
-            }
-            // Too long a ring to order: assume the worst.
-            None => u64::MAX,
-        }
+        // Too long a ring to order: assume the worst.
+        Ring::new(self, a, b).map_or(u64::MAX, |ring| {
+            let labels = ring.tets[..ring.len].iter().fold(0u64, |m, &t| m | 1 << self.labels[t as usize]);
+            labels | if ring.closed { 0 } else { OUTSIDE_BIT }
+        })
     }
 
     fn face_on_surface(&self, a: u32, b: u32, c: u32) -> bool {

@@ -20,10 +20,14 @@ const BARS: [f64; 4] = [0.30, 0.38, 0.44, 0.47];
 const LAST_BARS: [f64; 3] = [0.40, 0.46, 0.485];
 /// Worst elements may be left to the last resorts below this bar: leaving the surface by a little, changing the label.
 const RESORT: f64 = 0.45;
-/// Their neighbours are bettered up to this.
-const ROOMY: f64 = 0.65;
-/// By how much of an edge they may leave the surface.
-const LOOSE: [f64; 12] = [0.04, 0.08, 0.12, 0.16, 0.2, 0.2, 0.25, 0.3, 0.3, 0.3, 0.35, 0.4];
+/// Their neighbours are bettered up to this, and up to that when next to none are left.
+const ROOMY: f64 = 0.55;
+const ROOMIER: f64 = 0.65;
+/// By how much of an edge they may leave the surface;
+const LOOSE: [f64; 14] = [0.03, 0.06, 0.06, 0.09, 0.12, 0.16, 0.2, 0.25, 0.3, 0.3, 0.35, 0.4, 0.5, 0.6];
+/// from which of these on neighbours are bettered, and labels changed.
+const ROOM_FROM: usize = 1;
+const RELABEL_FROM: usize = 2;
 /// An element that changes its label may be as thick as this part of its longest edge, as its surface moves by as much;
 const THIN: f64 = 0.15;
 /// as thick as it is from this looseness on, when next to none are left. Then two rings of neighbours are bettered, too.
@@ -50,20 +54,25 @@ impl Work<'_> {
     /// The last passes, with resorts for elements that nothing else betters.
     pub(super) fn finish(&mut self) {
         LAST_BARS.into_iter().for_each(|bar| self.pass(bar));
-        for loose in LOOSE {
+        for (i, loose) in LOOSE.into_iter().enumerate() {
             if self.below(RESORT).is_empty() {
                 break;
             }
             self.loose = loose;
             self.pass(RESORT);
-            self.relabel_worst(RESORT, if loose < ANY { THIN } else { f64::INFINITY });
-            self.make_room(RESORT, if loose < ANY { 1 } else { 2 });
+            if i >= RELABEL_FROM {
+                self.relabel_worst(RESORT, if loose < ANY { THIN } else { f64::INFINITY });
+            }
+            if i >= ROOM_FROM {
+                self.make_room(RESORT, if loose < ANY { 1 } else { 2 });
+            }
         }
         self.loose = 0.0;
     }
 
     /// Betters the good neighbours of elements below a bar, so many rings of them, which are then less in their way.
     fn make_room(&mut self, bar: f64, rings: usize) {
+        let up_to = if rings > 1 { ROOMIER } else { ROOMY };
         for t in self.below(bar) {
             if !self.is_alive(t) {
                 continue;
@@ -76,8 +85,8 @@ impl Work<'_> {
                 near.dedup();
             }
             for u in near {
-                if self.is_alive(u) && self.quality[u as usize] < ROOMY {
-                    self.mend(u, ROOMY);
+                if self.is_alive(u) && self.quality[u as usize] < up_to {
+                    self.mend(u, up_to);
                 }
             }
         }

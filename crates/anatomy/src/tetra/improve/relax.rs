@@ -1,7 +1,22 @@
 //! Moving single points: inside freely, on a surface along it, on a line where three labels meet along that.
 
+use super::super::quality::quality;
 use super::super::vec3::{V3, add, cross, distance, dot, scale, sub};
 use super::work::{OUTSIDE_BIT, Work};
+
+/// Moves uphill at most, elements that are looked at together, and how much better than the worst they may be.
+const ASCENTS: usize = 5;
+const ACTIVE: usize = 10;
+const SAME: f64 = 0.04;
+/// Lengths of the moves, in edges.
+const STEPS: [f64; 3] = [0.2, 0.08, 0.03];
+/// A slope of less than this for an edge's length leads nowhere.
+const FLAT: f64 = 0.02;
+/// Steps in the search for the shortest vector in a hull at most, and the part of its square that it may be off by.
+const HULL_STEPS: usize = 8;
+const HULL_GAP: f64 = 1e-2;
+/// Steps along the axes, in edges.
+const AXIAL: [f64; 4] = [0.3, 0.12, 0.05, 0.02];
 
 /// What a point may do.
 pub(super) enum Freedom {
@@ -11,6 +26,25 @@ pub(super) enum Freedom {
     /// On the line where two surfaces meet.
     Line(Pair, Pair),
     Fixed,
+}
+
+/// Directions in which a point may go: all, across a normal, or along a line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Along {
+    All,
+    Plane(V3),
+    Line(V3),
+}
+
+impl Along {
+    /// The part of a vector in these directions.
+    fn part(self, g: V3) -> V3 {
+        match self {
+            Self::All => g,
+            Self::Plane(n) => sub(g, scale(n, dot(g, n))),
+            Self::Line(n) => scale(n, dot(g, n)),
+        }
+    }
 }
 
 /// A label and what lies behind its surface (`None`: the outside).
@@ -96,7 +130,7 @@ impl Work<'_> {
         }
     }
 
-    /// Moves a point to where its worst element is better: the middle of its star, else a pattern search.
+    /// Moves a point to where its worst element is better: to the middle of its star, then uphill.
     pub(super) fn relax(&mut self, v: u32) -> bool {
         let freedom = self.freedom(v);
         if matches!(freedom, Freedom::Fixed) && self.loose == 0.0 {
@@ -108,34 +142,79 @@ impl Work<'_> {
         if self.try_place(v, &freedom, middle, edge, &mut best) {
             self.try_place(v, &freedom, self.middle(v).0, edge, &mut best);
         }
-        let mut step = 0.12 * edge;
-        for _ in 0..3 {
-            let directions = self.directions(&freedom, v);
-            let mut moved = false;
-            for d in directions {
-                let target = add(self.points[v as usize], scale(d, step));
-                moved |= self.try_place(v, &freedom, target, edge, &mut best);
-            }
-            if !moved {
-                step *= 0.4;
-            }
+        self.climb(v, &freedom, edge, &mut best);
+        if self.loose > 0.0 && best <= start {
+            self.try_axes(v, &freedom, edge, &mut best);
         }
         best > start
     }
 
-    fn directions(&self, freedom: &Freedom, v: u32) -> [V3; 6] {
-        let axes = match *freedom {
-            Freedom::Surface(pair) if self.loose == 0.0 => {
-                let g = self.fields.between(pair.0, pair.1, self.points[v as usize]).1;
-                let low = if g[0].abs() < 0.6 * dot(g, g).sqrt() { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-                let s = unit(cross(g, low));
-                let t = unit(cross(g, s));
-                let half = std::f64::consts::FRAC_1_SQRT_2;
-                [s, t, scale(add(s, t), half)]
+    /// Moves uphill: where the point may leave its surface, along it first.
+    fn climb(&mut self, v: u32, freedom: &Freedom, edge: f64, best: &mut f64) {
+        let (mut first, mut along) = (0, self.along(v, freedom));
+        for _ in 0..ASCENTS {
+            let uphill = self.uphill(v, along, *best, edge);
+            let from = self.points[v as usize];
+            let step = |i: usize, d: V3| add(from, scale(d, STEPS[i] * edge));
+            let gone =
+                uphill.and_then(|d| (first..STEPS.len()).find(|&i| self.try_place(v, freedom, step(i, d), edge, best)));
+            match gone {
+                Some(i) => first = i,
+                None if along != Along::All && self.loose > 0.0 => (along, first) = (Along::All, 0),
+                None => break,
             }
-            _ => [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-        };
-        [axes[0], axes[1], axes[2], scale(axes[0], -1.0), scale(axes[1], -1.0), scale(axes[2], -1.0)]
+        }
+    }
+
+    fn along(&self, v: u32, freedom: &Freedom) -> Along {
+        let normal = |pair: &Pair| unit(self.fields.between(pair.0, pair.1, self.points[v as usize]).1);
+        match freedom {
+            Freedom::Free | Freedom::Fixed => Along::All,
+            Freedom::Surface(pair) => Along::Plane(normal(pair)),
+            Freedom::Line(one, two) => Along::Line(unit(cross(normal(one), normal(two)))),
+        }
+    }
+
+    /// Tries steps along the axes, for the last resorts: the worst elements may want opposite things.
+    fn try_axes(&mut self, v: u32, freedom: &Freedom, edge: f64, best: &mut f64) {
+        for step in AXIAL {
+            for axis in 0..3 {
+                for side in [-1.0, 1.0] {
+                    let mut target = self.points[v as usize];
+                    target[axis] += side * step * edge;
+                    self.try_place(v, freedom, target, edge, best);
+                }
+            }
+        }
+    }
+
+    /// The direction in which the worst elements around a point get better together: the shortest vector in the hull of
+    /// their slopes. `None` where there is none to speak of.
+    fn uphill(&self, v: u32, along: Along, worst: f64, edge: f64) -> Option<V3> {
+        let mut slopes = [[0.0; 3]; ACTIVE];
+        let mut count = 0;
+        for &t in &self.stars[v as usize] {
+            if count < ACTIVE && self.quality[t as usize] < worst + SAME {
+                slopes[count] = along.part(self.slope(t, v, edge));
+                count += 1;
+            }
+        }
+        let d = shortest_in_hull(&slopes[..count]);
+        let length = dot(d, d).sqrt();
+        (length * edge > FLAT).then(|| scale(d, 1.0 / length))
+    }
+
+    /// Change of an element's quality with the place of one of its points, per mm.
+    fn slope(&self, t: u32, v: u32, edge: f64) -> V3 {
+        let tet = self.tets[t as usize];
+        let corners = self.corners(tet);
+        let k = tet.iter().position(|&x| x == v).unwrap_or(0);
+        let h = 1e-4 * edge;
+        std::array::from_fn(|a| {
+            let mut moved = corners;
+            moved[k][a] += h;
+            (quality(moved) - self.quality[t as usize]) / h
+        })
     }
 
     /// Volume-weighted mean of the star's centroids (half a step of optimal Delaunay smoothing), and a mean edge.
@@ -201,7 +280,43 @@ impl Work<'_> {
     }
 }
 
+/// About the point nearest to the origin in the hull of some vectors, by Gilbert's steps.
+fn shortest_in_hull(all: &[V3]) -> V3 {
+    let Some(&first) = all.first() else { return [0.0; 3] };
+    let mut x = first;
+    for _ in 0..HULL_STEPS {
+        let Some(&s) = all.iter().min_by(|a, b| dot(**a, x).total_cmp(&dot(**b, x))) else { break };
+        let towards = sub(s, x);
+        let gap = -dot(towards, x);
+        if gap <= HULL_GAP * dot(x, x) {
+            break;
+        }
+        x = add(x, scale(towards, (gap / dot(towards, towards)).min(1.0)));
+    }
+    x
+}
+
 fn unit(a: V3) -> V3 {
     let n = dot(a, a).sqrt();
     if n > 0.0 { scale(a, 1.0 / n) } else { [1.0, 0.0, 0.0] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_shortest_vector_in_a_hull_makes_acute_angles_with_all(
+            all in proptest::collection::vec(proptest::array::uniform3(-1.0..1.0f64), 1..6),
+            shift in 1.1..3.0f64,
+        ) {
+            // All on one side of a plane, so that the hull does not hold the origin.
+            let all: Vec<V3> = all.into_iter().map(|[x, y, z]| [x + shift, y, z]).collect();
+            let x = shortest_in_hull(&all);
+            prop_assert!(all.iter().all(|&s| dot(s, x) > 0.0), "{x:?} {all:?}");
+            prop_assert!(all.iter().all(|&s| dot(x, x) <= dot(s, s) + 1e-12));
+        }
+    }
 }

@@ -24,7 +24,8 @@ impl Ring {
     pub(super) fn new(work: &Work<'_>, a: u32, b: u32) -> Option<Self> {
         let mut parts = [(0u32, 0u32, 0u32); LONGEST];
         let mut len = 0;
-        for &t in &work.stars[a as usize] {
+        let stars = [a, b].map(|v| &work.stars[v as usize]);
+        for &t in if stars[1].len() < stars[0].len() { stars[1] } else { stars[0] } {
             let tet = work.tets[t as usize];
             if let Some((u, v)) = across(tet, a, b) {
                 if len == LONGEST {
