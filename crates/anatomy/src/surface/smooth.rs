@@ -18,9 +18,10 @@ pub enum Smoothing {
 }
 
 impl Default for Smoothing {
-    /// 20 passes with pass band 0.05: 0.075 mm from the truth on 0.9 mm masks, where the bare steps are 0.15 mm off.
+    /// 20 passes with pass band 0.25: the ventricles of phantoms in voxels of 0.9 x 0.9 x 1.25 mm are 0.09 mm from their
+    /// truth on average, where the bare steps are 0.13 mm off and a pass band of 0.05 leaves 0.25 mm.
     fn default() -> Self {
-        Self::WindowedSinc { iterations: 20, pass_band: 0.05 }
+        Self::WindowedSinc { iterations: 20, pass_band: 0.25 }
     }
 }
 
