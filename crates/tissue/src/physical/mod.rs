@@ -2,10 +2,12 @@
 //!
 //! Each substep minimises the energy of implicit Euler, `m/(2 h^2) |x - x~|^2 + E(x)`, vertex by vertex (vertex block
 //! descent, Chen et al. 2024). With this energy (see [`elastic`]) each vertex's own problem is exactly quadratic, so its
-//! 3x3 solve is its exact minimum and no step can raise the energy. The large volumetric modulus would make that crawl; it
-//! is carried by a nodal pressure instead, updated after each sweep (Uzawa) and kept from step to step, whose fixed point
-//! is the same equilibrium.
+//! 3x3 solve is its exact minimum, and no step of less than twice its length can raise the energy (over-relaxation, half as
+//! far again, carries smooth motion further). The large volumetric modulus would make that crawl; it is carried by a nodal
+//! pressure instead, updated after every second sweep (Uzawa) and kept from step to step, whose fixed point is the same
+//! equilibrium.
 
+mod around;
 pub(crate) mod descent;
 pub(crate) mod elastic;
 mod pressure;

@@ -3,7 +3,7 @@
 use super::elastic::Elastic;
 use super::strips::{self, Spoke, Step};
 use crate::bytes;
-use crate::fast::{Places, Row, WIDTH};
+use crate::fast::{Places, Plans, Row, WIDTH};
 use crate::slabs::{Round, Slabs};
 
 /// Unfinished batches that are looked through for a place: many fill well, few keep the vertices of a batch near each other.
@@ -111,7 +111,10 @@ pub(super) fn rounds(elastic: &Elastic, rest: &[[f32; 4]], mass: &[f32], slabs: 
         own.map(|(i, own)| rings.part(own, &rest[round.cuts[i]..round.cuts[i + 1]], round.cuts[i])).collect::<Vec<_>>()
     };
     let (even_parts, odd_parts) = (parts(&even, 0), parts(&odd, 1));
-    [(even, even_parts), (odd, odd_parts)]
+    [(even, even_parts), (odd, odd_parts)].map(|(mut round, parts)| {
+        round.plans = Plans::new(&parts.iter().map(|p| p.weight.len()).collect::<Vec<_>>());
+        (round, parts)
+    })
 }
 
 impl Rings<'_> {

@@ -1,16 +1,14 @@
 //! One sweep of vertex block descent through a part: each vertex goes to its own minimum.
 
+use super::around::{Around, Element, Force, Matrix, Sums, Vector, area, away};
 use super::rings::{Batch, Part};
 use super::touch::Touching;
 use crate::fast::{Kernel, Lanes, Row, WIDTH};
 
-/// Three components, and the six different entries of a symmetric matrix (xx, yy, zz, xy, xz, yz).
-type Vector<V> = [V; 3];
-type Matrix<V> = [V; 6];
-
-/// An element, by six times its volume `v`: derivative of its energy by `v` at `v = 0` (kPa/6), and the second derivative
-/// (kPa/mm3/36).
-pub(crate) type Element = [f32; 2];
+/// A vertex goes this many times as far as its own minimum (successive over-relaxation): smooth motions converge in fewer
+/// sweeps, and below 2 no energy rises. More than this, pressures that follow made blocks breathe (docs/speed.md). Where a
+/// tool or a spring holds on, the energy is not quadratic, and vertices go to their minimum.
+const BEYOND: f32 = 1.5;
 
 /// What is the same in all sweeps of a substep. Arrays of vertices are those of the part.
 #[derive(Clone, Copy)]
@@ -69,13 +67,6 @@ impl Kernel for Sweep<'_> {
     }
 }
 
-/// Sums over what is around the vertices of a batch.
-struct Sums<V> {
-    /// Force of neighbours and elements.
-    force: Vector<V>,
-    hessian: Matrix<V>,
-}
-
 impl<'a> Sweep<'a> {
     #[inline(always)]
     fn batch<V: Lanes>(&mut self, b: usize) {
@@ -101,13 +92,16 @@ impl<'a> Sweep<'a> {
             g[a] = g[a] - V::load(&self.memory.before[b][a], first) + mass * (p[a] - target[a]);
             h[a] = h[a] + stiff;
         }
+        let mut beyond = V::splat(BEYOND);
         if s.touching.any(batch) {
             touch(&s.touching, self.vertices, batch, first, &mut g, &mut h);
+            let own = |l: usize| if s.touching.touches(batch.vertices[l]) { 1.0 } else { BEYOND };
+            beyond = V::load(&core::array::from_fn(own), first);
         }
         let d = solve(&h, &g);
         let mut motion = V::splat(0.0);
         for a in 0..3 {
-            p[a] = p[a] - d[a];
+            p[a] = p[a] - beyond * d[a];
             motion = motion + d[a] * d[a];
         }
         motion.store(&mut self.memory.motion[b], first);
@@ -117,9 +111,12 @@ impl<'a> Sweep<'a> {
     /// Force with what resists motion from rest, less the elastic force alone.
     #[inline(always)]
     fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, undamped: &'a [Element]) {
-        let damped = V::splat(1.0) + V::splat(self.substep.damping);
-        let (elastic, _) = self.force(b, batch, first, (undamped, V::splat(1.0)));
-        let (force, _) = self.force(b, batch, first, (self.substep.elements, damped));
+        let (one, damped) = (V::splat(1.0), V::splat(1.0) + V::splat(self.substep.damping));
+        let p: [V; 4] = self.part.own.view(self.vertices).gather(b, 0, first);
+        let zero = [V::splat(0.0); 3];
+        let mut both = (Force { sum: zero, damped }, Force { sum: zero, damped: one });
+        self.walk(batch, first, &p, (self.substep.elements, undamped), &mut both);
+        let (force, elastic) = (self.rest(b, first, both.0.sum, damped), self.rest(b, first, both.1.sum, one));
         for a in 0..3 {
             (force[a] - elastic[a]).store(&mut self.memory.before[b][a], first);
         }
@@ -134,79 +131,56 @@ impl<'a> Sweep<'a> {
         first: usize,
         (elements, damped): (&[Element], V),
     ) -> (Vector<V>, Matrix<V>) {
-        let part = self.part;
-        let p: [V; 4] = part.own.view(self.vertices).gather(b, 0, first);
-        let Sums { mut force, hessian } = self.sums::<V>(batch, first, &p, (elements, damped));
-        let far: [V; 4] = part.own.view(self.substep.far).gather(b, 0, first);
+        let p: [V; 4] = self.part.own.view(self.vertices).gather(b, 0, first);
+        let force = Force { sum: [V::splat(0.0); 3], damped };
+        let mut sums = Sums { force, hessian: [V::splat(0.0); 6] };
+        self.walk(batch, first, &p, elements, &mut sums);
+        (self.rest(b, first, sums.force.sum, damped), sums.hessian)
+    }
+
+    /// Adds what does not change in a substep to the sums around the vertices.
+    #[inline(always)]
+    fn rest<V: Lanes>(&self, b: usize, first: usize, mut force: Vector<V>, damped: V) -> Vector<V> {
+        let far: [V; 4] = self.part.own.view(self.substep.far).gather(b, 0, first);
         for a in 0..3 {
             // At rest without damping the two cancel to the last bit.
-            force[a] = force[a] + V::load(&part.base[b][a], first) * damped + far[a] * damped;
+            force[a] = force[a] + V::load(&self.part.base[b][a], first) * damped + far[a] * damped;
         }
-        (force, hessian)
+        force
     }
 
     /// Walks around the vertices `p`.
     #[inline(always)]
-    fn sums<V: Lanes>(&self, batch: &Batch, first: usize, p: &[V; 4], (elements, damped): (&[Element], V)) -> Sums<V> {
+    fn walk<'e, V: Lanes, A: Around<V>>(
+        &'e self,
+        batch: &Batch,
+        first: usize,
+        p: &[V; 4],
+        elements: A::Elements<'e>,
+        sums: &mut A,
+    ) {
         let part = self.part;
-        let mut out = Sums { force: [V::splat(0.0); 3], hessian: [V::splat(0.0); 6] };
-        let (ring, elements) = (part.ring.view(self.vertices), part.tets.pairs(elements));
+        let ring = part.ring.view(self.vertices);
+        let elements = A::see(elements, &part.tets);
         let (start, count) = (batch.steps.start, batch.steps.len());
         let (weights, keeps) = (&part.weight[batch.steps.clone()], &part.keeps_first[batch.steps.clone()]);
         let mut a = away(ring.gather(start, 0, first), p);
         let mut b = away(ring.gather(start + 1, 0, first), p);
-        pull(&mut out.force, V::load(&weights[0], first) * damped, &a);
-        pull(&mut out.force, V::load(&weights[1], first) * damped, &b);
+        sums.neighbour(V::load(&weights[0], first), &a);
+        sums.neighbour(V::load(&weights[1], first), &b);
         for k in 2..count {
             let c = away(ring.gather(start + k, 0, first), p);
-            pull(&mut out.force, V::load(&weights[k], first) * damped, &c);
+            sums.neighbour(V::load(&weights[k], first), &c);
             let n = area(&a, &b, &c);
-            let [still, rise]: [V; 2] = elements.gather(batch.elements + k - 2, 0, first);
             // Six times the volume is minus this.
             let volume = n[0] * a[0] + n[1] * a[1] + n[2] * a[2];
-            add(&mut out.force, &mut out.hessian, (still - rise * volume, rise), &n);
+            sums.element((&elements, batch.elements + k - 2, first), &n, volume);
             let keeps = keeps[k];
             for i in 0..3 {
                 (a[i], b[i]) = (V::choose(keeps, first, a[i], c[i]), V::choose(keeps, first, c[i], b[i]));
             }
         }
-        out
     }
-}
-
-/// A vertex as seen from `p`.
-#[inline(always)]
-fn away<V: Lanes>(q: [V; 4], p: &[V; 4]) -> Vector<V> {
-    [q[0] - p[0], q[1] - p[1], q[2] - p[2]]
-}
-
-/// Adds `weight` times a vector.
-#[inline(always)]
-fn pull<V: Lanes>(sum: &mut Vector<V>, weight: V, d: &Vector<V>) {
-    for a in 0..3 {
-        sum[a] = sum[a] + weight * d[a];
-    }
-}
-
-/// Six times the gradient of an element's volume by the vertex that the corners `a`, `b` and `c` are seen from.
-#[inline(always)]
-fn area<V: Lanes>(a: &Vector<V>, b: &Vector<V>, c: &Vector<V>) -> Vector<V> {
-    let (ux, uy, uz) = (b[0] - a[0], b[1] - a[1], b[2] - a[2]);
-    let (vx, vy, vz) = (c[0] - a[0], c[1] - a[1], c[2] - a[2]);
-    [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx]
-}
-
-/// Adds an element with the first and second derivative `slope` and `rise` of its energy.
-#[inline(always)]
-fn add<V: Lanes>(force: &mut Vector<V>, hessian: &mut Matrix<V>, (slope, rise): (V, V), n: &Vector<V>) {
-    let m = [rise * n[0], rise * n[1], rise * n[2]];
-    for a in 0..3 {
-        force[a] = force[a] + slope * n[a];
-        hessian[a] = hessian[a] + m[a] * n[a];
-    }
-    hessian[3] = hessian[3] + m[0] * n[1];
-    hessian[4] = hessian[4] + m[0] * n[2];
-    hessian[5] = hessian[5] + m[1] * n[2];
 }
 
 /// What tools and springs add, vertex by vertex.

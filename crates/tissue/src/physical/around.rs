@@ -1,0 +1,126 @@
+//! What is summed on a walk around vertices: forces of neighbours and elements, and their derivatives.
+
+use crate::fast::{Lanes, Pairs, Places};
+
+/// Three components, and the six different entries of a symmetric matrix (xx, yy, zz, xy, xz, yz).
+pub(super) type Vector<V> = [V; 3];
+pub(super) type Matrix<V> = [V; 6];
+
+/// An element, by six times its volume `v`: derivative of its energy by `v` at `v = 0` (kPa/6), and the second derivative
+/// (kPa/mm3/36).
+pub(crate) type Element = [f32; 2];
+
+/// Elements seen through places.
+pub(super) type Seen<'e> = Pairs<'e, 1, u32>;
+
+/// What is summed on a walk around the vertices of a batch.
+pub(super) trait Around<V: Lanes> {
+    /// The elements that it goes by.
+    type Elements<'e>;
+    /// These, seen through places.
+    type View<'e>;
+
+    fn see<'e>(elements: Self::Elements<'e>, places: &'e Places<1, u32>) -> Self::View<'e>;
+
+    /// A neighbour at `d` with its weight in the shear matrix.
+    fn neighbour(&mut self, weight: V, d: &Vector<V>);
+
+    /// Elements of row `at.1`, lanes from `at.2`: six times the gradient of their volumes, and minus six times these.
+    fn element(&mut self, at: (&Self::View<'_>, usize, usize), n: &Vector<V>, volume: V);
+}
+
+/// Force of neighbours, times `damped`, and elements.
+pub(super) struct Force<V> {
+    pub(super) sum: Vector<V>,
+    pub(super) damped: V,
+}
+
+/// The force, and its derivative by elements.
+pub(super) struct Sums<V> {
+    pub(super) force: Force<V>,
+    pub(super) hessian: Matrix<V>,
+}
+
+impl<V: Lanes> Force<V> {
+    #[inline(always)]
+    fn add_neighbour(&mut self, weight: V, d: &Vector<V>) {
+        for (sum, d) in self.sum.iter_mut().zip(d) {
+            *sum = *sum + weight * self.damped * *d;
+        }
+    }
+
+    /// With the derivative of the element's energy by six times its volume.
+    #[inline(always)]
+    fn add_element(&mut self, slope: V, n: &Vector<V>) {
+        for (sum, n) in self.sum.iter_mut().zip(n) {
+            *sum = *sum + slope * *n;
+        }
+    }
+}
+
+impl<V: Lanes> Around<V> for Sums<V> {
+    type Elements<'e> = &'e [Element];
+    type View<'e> = Seen<'e>;
+
+    #[inline(always)]
+    fn see<'e>(elements: &'e [Element], places: &'e Places<1, u32>) -> Seen<'e> {
+        places.pairs(elements)
+    }
+
+    #[inline(always)]
+    fn neighbour(&mut self, weight: V, d: &Vector<V>) {
+        self.force.add_neighbour(weight, d);
+    }
+
+    #[inline(always)]
+    fn element(&mut self, (elements, row, first): (&Seen<'_>, usize, usize), n: &Vector<V>, volume: V) {
+        let [still, rise]: [V; 2] = elements.gather(row, 0, first);
+        self.force.add_element(still - rise * volume, n);
+        let m = [rise * n[0], rise * n[1], rise * n[2]];
+        for a in 0..3 {
+            self.hessian[a] = self.hessian[a] + m[a] * n[a];
+        }
+        self.hessian[3] = self.hessian[3] + m[0] * n[1];
+        self.hessian[4] = self.hessian[4] + m[0] * n[2];
+        self.hessian[5] = self.hessian[5] + m[1] * n[2];
+    }
+}
+
+/// Forces of elements of two kinds.
+impl<V: Lanes> Around<V> for (Force<V>, Force<V>) {
+    type Elements<'e> = (&'e [Element], &'e [Element]);
+    type View<'e> = (Seen<'e>, Seen<'e>);
+
+    #[inline(always)]
+    fn see<'e>(elements: Self::Elements<'e>, places: &'e Places<1, u32>) -> Self::View<'e> {
+        (places.pairs(elements.0), places.pairs(elements.1))
+    }
+
+    #[inline(always)]
+    fn neighbour(&mut self, weight: V, d: &Vector<V>) {
+        self.0.add_neighbour(weight, d);
+        self.1.add_neighbour(weight, d);
+    }
+
+    #[inline(always)]
+    fn element(&mut self, (seen, row, first): (&Self::View<'_>, usize, usize), n: &Vector<V>, volume: V) {
+        for (force, elements) in [(&mut self.0, &seen.0), (&mut self.1, &seen.1)] {
+            let [still, rise]: [V; 2] = elements.gather(row, 0, first);
+            force.add_element(still - rise * volume, n);
+        }
+    }
+}
+
+/// A vertex as seen from `p`.
+#[inline(always)]
+pub(super) fn away<V: Lanes>(q: [V; 4], p: &[V; 4]) -> Vector<V> {
+    [q[0] - p[0], q[1] - p[1], q[2] - p[2]]
+}
+
+/// Six times the gradient of an element's volume by the vertex that the corners `a`, `b` and `c` are seen from.
+#[inline(always)]
+pub(super) fn area<V: Lanes>(a: &Vector<V>, b: &Vector<V>, c: &Vector<V>) -> Vector<V> {
+    let (ux, uy, uz) = (b[0] - a[0], b[1] - a[1], b[2] - a[2]);
+    let (vx, vy, vz) = (c[0] - a[0], c[1] - a[1], c[2] - a[2]);
+    [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx]
+}
