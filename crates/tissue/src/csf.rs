@@ -5,6 +5,7 @@
 //! multiplier is the pressure, found by integral control over the substeps with the stiffness of a cavity in a wide elastic
 //! solid, `dp = 4/3 mu dV / V` (Lame), as the gain.
 
+use crate::fast::Row;
 use crate::vec3::{V3, cross, six_volume, sub, xyz};
 use crate::{Csf, FrameSettings, Model, State};
 
@@ -37,8 +38,14 @@ impl FluidSpace {
         self.tets.iter().map(|t| f64::from(six_volume(corners(t))) / 6.0).sum()
     }
 
+    /// Volume above that at rest, ml, from six times the growth of all elements, mm3.
+    pub(crate) fn grown_ml(&self, growth: &[Row]) -> f64 {
+        let growth = growth.as_flattened();
+        self.tets.iter().map(|&t| f64::from(growth[t as usize])).sum::<f64>() / 6.0 * 1e-3
+    }
+
     /// Volume above that at rest, ml.
-    pub(crate) fn change_ml(&self, model: &Model, state: &State) -> f64 {
+    fn change_ml(&self, model: &Model, state: &State) -> f64 {
         if self.tets.is_empty() { 0.0 } else { (self.volume_mm3(model, &state.positions) - self.rest_mm3) * 1e-3 }
     }
 

@@ -21,6 +21,7 @@
 mod bytes;
 mod contact;
 mod csf;
+mod cuts;
 mod error;
 mod fast;
 mod material;
@@ -31,6 +32,7 @@ mod paper;
 mod physical;
 mod reaction;
 mod report;
+mod rigid;
 mod slabs;
 mod sphere_tree;
 mod state;

@@ -1,11 +1,12 @@
 //! The constant part of a simulation.
 
+use crate::cuts;
 use crate::membrane::{self, Membranes};
 use crate::options::{AttachmentKind, CollisionResponse, Mode, ModelOptions};
 use crate::paper::{PaperModel, Shape};
 use crate::physical::PhysicalModel;
 use crate::physical::elastic::Elastic;
-use crate::slabs::{self, Slabs};
+use crate::slabs::Slabs;
 use crate::sphere_tree::SphereTree;
 use crate::vec3::{six_volume, xyz};
 use crate::volumes::Volumes;
@@ -84,8 +85,9 @@ impl Model {
         validate::mesh(mesh)?;
         validate::options(mesh, options)?;
         let origin = centre(mesh);
-        let slab_of = slabs::of_vertices(mesh.vertices.len(), &mesh.tets);
-        let mut order = spatial_order(mesh.vertices.iter().map(|&p| (p - origin).to_array()));
+        let points: Vec<[f64; 3]> = mesh.vertices.iter().map(|&p| (p - origin).to_array()).collect();
+        let slab_of = cuts::slabs(&points, &mesh.tets, &held(points.len(), options));
+        let mut order = spatial_order(points.into_iter());
         order.sort_by_key(|&v| slab_of[v as usize]);
         let slabs = Slabs::new(&order.iter().map(|&v| slab_of[v as usize]).collect::<Vec<u32>>());
         if let Some(vertices) = slabs.too_full() {
@@ -275,6 +277,14 @@ impl Model {
     pub(crate) fn to_patient(&self, p: [f32; 4]) -> Point<Patient> {
         self.origin + Vector::new(p[0].into(), p[1].into(), p[2].into())
     }
+}
+
+/// Vertices of the mesh that are fixed.
+fn held(vertices: usize, options: &ModelOptions) -> Vec<bool> {
+    let mut held = vec![false; vertices];
+    let fixed = options.attachments.iter().filter(|a| a.kind == AttachmentKind::Fixed);
+    fixed.for_each(|a| held[a.node as usize] = true);
+    held
 }
 
 fn centre(mesh: &TetMesh) -> Point<Patient> {

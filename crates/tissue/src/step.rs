@@ -164,7 +164,8 @@ impl Stepper {
         report.events = failures;
         report.events.extend(jumped);
         report.events.append(&mut self.events);
-        if failed_for_good {
+        // Where elements were turned, what was measured last may be the state before.
+        if failed_for_good || survey.inverted > 0 {
             survey = self.survey(model, &state.positions);
         }
         report.inverted = survey.inverted;
@@ -223,7 +224,7 @@ impl Stepper {
         self.previous.clone_from(&state.positions);
         match &model.solver {
             Solver::Paper(solver) => {
-                predict(solver, model, state, settings, dt);
+                predict(solver, state, settings, dt);
                 self.relax(solver, model, state, settings, dt as f32);
             }
             Solver::Physical(solver) => self.descend(&solver.descent, model, state, settings, dt as f32),
@@ -348,7 +349,8 @@ impl Stepper {
         report.max_displacement_mm = f64::from(moved.fold(0f32, f32::max).sqrt());
         report.residual_mm = self.residual.into();
         report.csf_kpa = state.csf_kpa;
-        report.csf_change_ml = self.fluid.change_ml(model, state);
+        // The state has just been surveyed.
+        report.csf_change_ml = self.fluid.grown_ml(&self.growth);
         let free = state.positions.iter().filter(|p| p[3] > 0.0).count();
         report.active_nodes = match model.solver {
             Solver::Paper(_) => (self.space * free as f64).round() as usize,
@@ -404,10 +406,10 @@ fn come_free(model: &Model, state: &mut State) {
 }
 
 /// Equations (1) and (2), the latter with the time step multiplied, not added.
-fn predict(solver: &PaperModel, model: &Model, state: &mut State, settings: &FrameSettings, dt: f64) {
+fn predict(solver: &PaperModel, state: &mut State, settings: &FrameSettings, dt: f64) {
     let kick = settings.gravity_mm_s2.map(|g| (g * dt) as f32);
     let damping = 1.0 - (1.0 - solver.damping).powf(dt);
-    paper::damp(&state.positions, &mut state.velocities, &model.mass, damping as f32);
+    paper::damp(&state.positions, &mut state.velocities, damping as f32);
     for (p, v) in state.positions.iter_mut().zip(&mut state.velocities) {
         if p[3] > 0.0 {
             for a in 0..3 {

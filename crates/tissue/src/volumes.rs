@@ -77,18 +77,27 @@ impl Volumes {
 
     /// Sums over all elements; `growth` is memory to work in.
     pub(crate) fn survey(&self, positions: &[[f32; 4]], growth: &mut Vec<Row>, pool: &Pool) -> Survey {
-        self.measure(positions, growth, pool);
+        growth.resize(self.rest.len(), [0.0; WIDTH]);
+        let mut pieces = [Survey::default(); slabs::PIECES];
+        pool.each_part(growth, &self.cuts, &mut pieces, &|i, out, piece| {
+            widest(Growth { of: self, positions, first: self.cuts[i], out });
+            *piece = self.sums(self.cuts[i], out);
+        });
+        let growth = pieces.iter().map(|p| p.growth).sum();
+        Survey { growth, inverted: pieces.iter().map(|p| p.inverted).sum() }
+    }
+
+    /// Sums over the elements of some rows, from row `first` on.
+    fn sums(&self, first: usize, growth: &[Row]) -> Survey {
         let (mut sums, mut inverted) = ([0f64; WIDTH], [0u32; WIDTH]);
-        let full = self.tets / WIDTH;
-        for (growth, rest) in growth.iter().zip(&self.rest).take(full) {
+        for (k, (growth, rest)) in growth.iter().zip(&self.rest[first..]).enumerate() {
+            // The last row may have some too many.
+            let lanes = self.tets - (first + k) * WIDTH;
             for l in 0..WIDTH {
-                sums[l] += f64::from(growth[l]);
-                inverted[l] += u32::from(growth[l] <= -rest[l]);
+                let own = l < lanes;
+                sums[l] += if own { f64::from(growth[l]) } else { 0.0 };
+                inverted[l] += u32::from(own && growth[l] <= -rest[l]);
             }
-        }
-        for l in 0..self.tets - full * WIDTH {
-            sums[l] += f64::from(growth[full][l]);
-            inverted[l] += u32::from(growth[full][l] <= -self.rest[full][l]);
         }
         Survey { growth: sums.iter().sum::<f64>() / 6.0, inverted: inverted.iter().sum::<u32>() as usize }
     }

@@ -78,13 +78,19 @@ fn a_shaken_block_keeps_its_volume_and_calms_down_whatever_the_mesh_and_the_iter
 fn momentum_is_kept_and_a_struck_block_calms_down() {
     let mesh = block([3, 3, 3], 6.0, |_| 4);
     let model = Model::new(&mesh, &options(physical(), &[])).expect("model");
-    let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
-    let settings = FrameSettings { iterations: 40, ..FrameSettings::default() };
+    for (iterations, calm) in [(10, 0.5), (40, 0.25)] {
+        strike(&mesh, &model, iterations, calm);
+    }
+}
+
+/// A rod squeezes a flying block once and goes away: what it gave remains, the rest of the motion dies.
+fn strike(mesh: &monro_geometry::TetMesh, model: &Model, iterations: u32, calm: f64) {
+    let (mut state, mut stepper) = (model.rest_state(), Stepper::new(model));
+    let settings = FrameSettings { iterations, ..FrameSettings::default() };
     let kick = FrameSettings { gravity_mm_s2: [600.0, 0.0, -1200.0], ..settings };
-    stepper.step(&model, &mut state, &[], &kick);
-    // A rod squeezes the block once and goes away: what it gave remains, the rest of the motion dies.
-    stepper.step(&model, &mut state, &[rod([9.0, 9.0, 18.5], [9.0, 9.0, 16.0])], &settings);
-    let masses = nodal_volumes(&mesh);
+    stepper.step(model, &mut state, &[], &kick);
+    stepper.step(model, &mut state, &[rod([9.0, 9.0, 18.5], [9.0, 9.0, 16.0])], &settings);
+    let masses = nodal_volumes(mesh);
     let momentum = |s: &State| {
         let velocities = (0..mesh.vertices.len()).map(|v| (model.velocity(s, v), masses[v], model.position(s, v)));
         velocities
@@ -96,12 +102,13 @@ fn momentum_is_kept_and_a_struck_block_calms_down() {
     };
     let (before, lively) = (momentum(&state), internal(&state));
     for _ in 0..120 {
-        stepper.step(&model, &mut state, &[], &settings);
+        stepper.step(model, &mut state, &[], &settings);
     }
     let after = momentum(&state);
-    assert!((after.0 - before.0).norm() < 0.01 * before.0.norm(), "{before:?} {after:?}");
-    assert!((after.1 - before.1).norm() < 0.01 * before.1.norm(), "{before:?} {after:?}");
-    assert!(internal(&state) < 0.2 * lively, "{} of {lively}", internal(&state));
+    assert!((after.0 - before.0).norm() < 1e-4 * before.0.norm(), "{before:?} {after:?}");
+    assert!((after.1 - before.1).norm() < 0.005 * before.1.norm(), "{before:?} {after:?}");
+    // A fifth of it is spin, which stays.
+    assert!(internal(&state) < calm * lively, "{} of {lively}", internal(&state));
 }
 
 fn nodal_volumes(mesh: &monro_geometry::TetMesh) -> Vec<f64> {
@@ -271,12 +278,13 @@ fn the_predicted_space_gives_the_whole_solution_within_two_per_cent_of_the_motio
         let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
         let settings = FrameSettings { predicted_space, ..FrameSettings::default() };
         let z = |f: i32| 38.0 - f64::from(f.min(25)) / 6.0;
-        let mut active = 0;
+        let mut active = Vec::new();
         for f in 0..60 {
             let motion = rod([23.0, 25.0, z(f)], [23.0, 25.0, z(f + 1)]);
-            active = stepper.step(&model, &mut state, &[motion], &settings).active_nodes;
+            active.push(stepper.step(&model, &mut state, &[motion], &settings).active_nodes);
         }
-        (state, active)
+        // While the rod moves: what is left when it stands is slow everywhere.
+        (state, active[..25].iter().sum::<usize>() / 25)
     };
     let ((part, fewer), (whole, all)) = (run(true), run(false));
     let apart = (0..mesh.vertices.len()).map(|v| model.position(&part, v).distance(model.position(&whole, v)));
@@ -284,5 +292,5 @@ fn the_predicted_space_gives_the_whole_solution_within_two_per_cent_of_the_motio
     let dimple = 36.0 - (38.0 - 26.0 / 6.0);
     println!("{apart} {fewer} {all}");
     assert!(apart < 0.02 * dimple, "{apart} mm of {dimple} mm");
-    assert!(fewer < all, "{fewer} of {all} nodes");
+    assert!(fewer < all * 3 / 4, "{fewer} of {all} nodes");
 }

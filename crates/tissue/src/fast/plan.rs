@@ -30,6 +30,11 @@ impl Plans {
         Self(THREADS.map(|threads| Plan::new(weights, threads)).collect())
     }
 
+    /// How long the slowest of so many threads works, in units of weight.
+    pub(crate) fn span(&self, weights: &[usize], threads: usize) -> usize {
+        self.of(threads).map_or_else(|| weights.iter().sum(), |plan| plan.span(weights))
+    }
+
     /// The plan for so many threads, if there is one.
     pub(super) fn of(&self, threads: usize) -> Option<&Plan> {
         self.0.get(threads.checked_sub(*THREADS.start())?)

@@ -11,15 +11,15 @@ use crate::bytes;
 use crate::contact::Coupling;
 use crate::fast::{Pool, WIDTH, plain, widest};
 use crate::model::{Region, Tether};
+use crate::rigid::Rigid;
 use crate::slabs::{self, Round, Slabs};
-use crate::vec3::V3;
+use crate::vec3::{V3, shift, sub, xyz};
 use crate::volumes::Volumes;
-
-/// With a predicted space, one sweep in so many goes over the whole tissue.
-const WHOLE_EVERY: u32 = 3;
 
 /// Sweeps for each step of the pressures: after a single over-relaxed one they would follow what is not there yet.
 const SWEEPS_A_STEP: u32 = 2;
+/// The same with a predicted space.
+const SWEEPS_A_STEP_WITHIN: u32 = 4;
 
 /// Constants of the sweeps.
 #[derive(Debug, Clone)]
@@ -27,10 +27,12 @@ pub(crate) struct Descent {
     /// Two rounds of parts that can be done at the same time.
     rounds: [(Round, Vec<Part>); 2],
     far: SingleRows,
-    far_cuts: Vec<usize>,
+    node_cuts: Vec<usize>,
     pressures: Pressures,
     /// Largest coordinate at rest, mm.
     reach: f32,
+    /// No vertex is held.
+    free: bool,
     /// Largest damping time of the regions, s.
     pub(crate) damping_s: f32,
 }
@@ -61,6 +63,19 @@ pub(crate) struct Substep {
     pub(crate) iterations: u32,
     pub(crate) gravity: V3,
     pub(crate) predicted_space: bool,
+}
+
+impl Substep {
+    /// Whether sweep `k` goes over the whole tissue also with a predicted space: the first, one half way, the last.
+    fn is_whole(&self, k: u32) -> bool {
+        [0, self.iterations / 2, self.iterations - 1].contains(&k)
+    }
+
+    /// Whether the pressures take a step after sweep `k`.
+    fn steps_pressures(&self, k: u32) -> bool {
+        let every = if self.predicted_space { SWEEPS_A_STEP_WITHIN } else { SWEEPS_A_STEP };
+        (k + 1).is_multiple_of(every) || k + 1 == self.iterations
+    }
 }
 
 /// A state to be advanced.
@@ -95,9 +110,10 @@ impl Descent {
         let mut out = Self {
             rounds: rings::rounds(elastic, rest, mass, slabs),
             far: SingleRows::new(&elastic.far),
-            far_cuts: slabs::even_cuts(rest.len()),
+            node_cuts: slabs::even_cuts(rest.len()),
             pressures: Pressures::new(elastic, region, regions),
             reach: rest.iter().flat_map(|p| &p[..3]).fold(0f32, |m, v| m.max(v.abs())),
+            free: rest.iter().all(|p| p[3] > 0.0),
             damping_s: region.iter().map(|&r| regions[r as usize].material.damping_s as f32).fold(0.0, f32::max),
         };
         out.balance(rest, Tissue { volumes, region });
@@ -155,19 +171,22 @@ impl Descent {
         self.begin(body, scratch, step, pool);
         let rates = (damping_ratio(self.damping_s, step.dt), 1.0 / (step.dt * step.dt));
         for k in 0..step.iterations {
-            let whole = !step.predicted_space || k.is_multiple_of(WHOLE_EVERY);
+            let whole = !step.predicted_space || step.is_whole(k);
             scratch.memory.iter_mut().flatten().for_each(|m| m.only_active = !whole);
             self.sweep(body, scratch, rates, None, pool);
-            if step.predicted_space && whole {
+            if step.predicted_space && whole && k + 1 < step.iterations {
                 let touching =
                     Touching { touches: &scratch.touches, couplings: body.couplings, rest: body.rest, first: 0 };
                 scratch.active_nodes =
                     region::predict(&self.rounds, &mut scratch.memory, touching, (k == 0, self.reach));
             }
-            if (k + 1).is_multiple_of(SWEEPS_A_STEP) || k + 1 == step.iterations {
+            if step.steps_pressures(k) {
                 let DescentScratch { elements, grown, .. } = scratch;
                 self.pressures.update((body.tissue(), body.positions), body.pressure, elements, grown, (true, pool));
             }
+        }
+        if self.free && body.couplings.is_empty() && body.tethers.is_empty() {
+            keep_momentum(body.positions, &scratch.target);
         }
         for c in body.couplings.iter_mut() {
             c.force = penalty_force(c, c.point(body.positions));
@@ -185,22 +204,28 @@ impl Descent {
         scratch.touches.list(body.couplings, body.tethers, body.positions.len());
         scratch.active_nodes = body.positions.len();
         self.average_shear(body, scratch, pool);
-        scratch.target.clear();
-        scratch.target.extend_from_slice(body.positions);
+        scratch.target.resize(body.positions.len(), [0.0; 4]);
         self.resist(body, scratch, step, pool);
-        for (i, ((p, v), target)) in body.positions.iter_mut().zip(body.velocities).zip(&mut scratch.target).enumerate()
-        {
-            let push = body.push.get(i).copied().unwrap_or_default();
-            if p[3] > 0.0 {
-                for a in 0..3 {
-                    // The sweeps start without the fall: at rest under a load they then have nothing to undo.
-                    p[a] += step.dt * v[a];
-                    target[a] = p[a] + step.dt * step.dt * (step.gravity[a] + push[a]);
-                }
-            }
-        }
+        self.predict(body, &mut scratch.target, step, pool);
         let DescentScratch { elements, grown, .. } = scratch;
         self.pressures.update((body.tissue(), body.positions), body.pressure, elements, grown, (false, pool));
+    }
+
+    /// Moves on by inertia, and sets where loads would take each vertex.
+    fn predict(&self, body: &mut Body<'_>, target: &mut [[f32; 4]], step: Substep, pool: &Pool) {
+        let (velocities, push, fall) = (body.velocities, body.push, step.dt * step.dt);
+        let mut targets = slabs::split(target, &self.node_cuts);
+        pool.each_part(body.positions, &self.node_cuts, &mut targets, &|i, positions, targets| {
+            for (k, (p, target)) in positions.iter_mut().zip(targets.iter_mut()).enumerate() {
+                let v = self.node_cuts[i] + k;
+                let push = push.get(v).copied().unwrap_or_default();
+                if p[3] > 0.0 {
+                    // The sweeps start without the fall: at rest under a load they then have nothing to undo.
+                    (0..3).for_each(|a| p[a] += step.dt * velocities[v][a]);
+                    (0..3).for_each(|a| target[a] = p[a] + fall * (step.gravity[a] + push[a]));
+                }
+            }
+        });
     }
 
     /// Sets the elements without pressures, and notes what resists motion from here on.
@@ -249,12 +274,21 @@ impl Descent {
         scratch.displacement.clear();
         scratch.displacement.extend(body.positions.iter().zip(body.rest).map(away));
         let displacement = &scratch.displacement;
-        pool.each_part(&mut scratch.far, &self.far_cuts, &mut [(); slabs::PIECES], &|i, far, ()| {
+        pool.each_part(&mut scratch.far, &self.node_cuts, &mut [(); slabs::PIECES], &|i, far, ()| {
             for (k, far) in far.iter_mut().enumerate() {
-                let v = self.far_cuts[i] + k;
+                let v = self.node_cuts[i] + k;
                 *far = weighted(self.far.row(v), displacement, displacement[v]);
             }
         });
+    }
+}
+
+/// Takes off what the sweeps did to the motion of the whole: forces within a body neither push nor turn it, so with nothing
+/// else that acts it is where its inertia and its loads took it. Vertex after vertex goes to its minimum, which keeps this
+/// only in the limit, and slowly: no elastic force helps.
+fn keep_momentum(positions: &mut [[f32; 4]], target: &[[f32; 4]]) {
+    if let Some(rigid) = Rigid::of(positions, |i| sub(xyz(target[i]), xyz(positions[i]))) {
+        positions.iter_mut().for_each(|p| shift(p, 1.0, rigid.at(xyz(*p))));
     }
 }
 

@@ -14,7 +14,8 @@ pub(super) struct Touches {
     first: Vec<u32>,
     /// Stiffness of the springs on each vertex, mN/mm.
     spring: Vec<f32>,
-    /// Whether there is anything at all.
+    /// Whether anything acts on each vertex, and whether anything does on any.
+    touched: Vec<bool>,
     any: bool,
 }
 
@@ -40,6 +41,10 @@ impl Touches {
         for t in tethers {
             self.spring[t.node as usize] += t.stiffness;
         }
+        self.touched.clear();
+        self.touched.resize(vertices, false);
+        self.list.iter().for_each(|t| self.touched[t.0 as usize] = true);
+        tethers.iter().for_each(|t| self.touched[t.node as usize] = true);
         self.any = !self.list.is_empty() || !tethers.is_empty();
     }
 }
@@ -64,8 +69,7 @@ impl Touching<'_> {
     /// Whether anything acts on a vertex.
     #[inline(always)]
     pub(super) fn touches(&self, v: u32) -> bool {
-        let v = v as usize;
-        self.touches.first[v] < self.touches.first[v + 1] || self.touches.spring[v] > 0.0
+        self.touches.touched[v as usize]
     }
 
     /// Adds what couplings and springs do to vertex `v`; `vertices` are those of the part.
