@@ -18,8 +18,8 @@ use crate::volumes::Volumes;
 
 /// Sweeps for each step of the pressures: after a single over-relaxed one they would follow what is not there yet.
 const SWEEPS_A_STEP: u32 = 2;
-/// The same with a predicted space.
-const SWEEPS_A_STEP_WITHIN: u32 = 4;
+/// With a predicted space, one sweep in so many goes over the whole tissue.
+const WHOLE_EVERY: u32 = 3;
 
 /// Constants of the sweeps.
 #[derive(Debug, Clone)]
@@ -66,15 +66,15 @@ pub(crate) struct Substep {
 }
 
 impl Substep {
-    /// Whether sweep `k` goes over the whole tissue also with a predicted space: the first, one half way, the last.
+    /// Whether sweep `k` goes over the whole tissue.
     fn is_whole(&self, k: u32) -> bool {
-        [0, self.iterations / 2, self.iterations - 1].contains(&k)
+        !self.predicted_space || k.is_multiple_of(WHOLE_EVERY)
     }
 
-    /// Whether the pressures take a step after sweep `k`.
+    /// Whether the pressures take a step after sweep `k`: with a predicted space, when the whole has followed it.
     fn steps_pressures(&self, k: u32) -> bool {
-        let every = if self.predicted_space { SWEEPS_A_STEP_WITHIN } else { SWEEPS_A_STEP };
-        (k + 1).is_multiple_of(every) || k + 1 == self.iterations
+        let due = if self.predicted_space { k > 0 && self.is_whole(k) } else { (k + 1).is_multiple_of(SWEEPS_A_STEP) };
+        due || k + 1 == self.iterations
     }
 }
 
@@ -171,7 +171,7 @@ impl Descent {
         self.begin(body, scratch, step, pool);
         let rates = (damping_ratio(self.damping_s, step.dt), 1.0 / (step.dt * step.dt));
         for k in 0..step.iterations {
-            let whole = !step.predicted_space || step.is_whole(k);
+            let whole = step.is_whole(k);
             scratch.memory.iter_mut().flatten().for_each(|m| m.only_active = !whole);
             self.sweep(body, scratch, rates, None, pool);
             if step.predicted_space && whole && k + 1 < step.iterations {
