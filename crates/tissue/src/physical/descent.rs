@@ -16,6 +16,10 @@ use crate::slabs::{self, Round, Slabs};
 use crate::vec3::{V3, shift, sub, xyz};
 use crate::volumes::Volumes;
 
+/// A vertex goes this many times as far as its own minimum (successive over-relaxation): smooth motions converge in fewer
+/// sweeps, and below 2 no energy rises. More than this, pressures that follow made blocks breathe (docs/speed.md). The last
+/// sweep of a substep goes to the minimum: it takes away what over-relaxation leaves, which is rough.
+const BEYOND: f32 = 1.5;
 /// Sweeps for each step of the pressures: after a single over-relaxed one they would follow what is not there yet.
 const SWEEPS_A_STEP: u32 = 2;
 /// With a predicted space, one sweep in so many goes over the whole tissue.
@@ -134,7 +138,8 @@ impl Descent {
                 let (mut vertices, mut memory) = (rest[own.clone()].to_vec(), Memory::default());
                 let touching = Touching { touches: &touches, couplings: &[], rest, first: own.start };
                 let (target, far) = (&zero[own.clone()], &zero[own.clone()]);
-                let substep = Shared { elements: &nothing, target, far, damping: -1.0, inertia: 0.0, touching };
+                let substep =
+                    Shared { elements: &nothing, target, far, damping: -1.0, inertia: 0.0, beyond: 1.0, touching };
                 let note = Some(&elements[..]);
                 plain(Sweep { part, substep, vertices: &mut vertices, memory: &mut memory, note });
                 part.base = memory.before;
@@ -169,11 +174,12 @@ impl Descent {
     /// Advances the positions by one substep; returns the largest motion of a vertex in the last sweep, mm.
     pub(crate) fn advance(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, step: Substep, pool: &Pool) -> f32 {
         self.begin(body, scratch, step, pool);
-        let rates = (damping_ratio(self.damping_s, step.dt), 1.0 / (step.dt * step.dt));
+        let (damping, inertia) = (damping_ratio(self.damping_s, step.dt), 1.0 / (step.dt * step.dt));
         for k in 0..step.iterations {
             let whole = step.is_whole(k);
             scratch.memory.iter_mut().flatten().for_each(|m| m.only_active = !whole);
-            self.sweep(body, scratch, rates, None, pool);
+            let beyond = if k + 1 < step.iterations { BEYOND } else { 1.0 };
+            self.sweep(body, scratch, (damping, inertia, beyond), None, pool);
             if step.predicted_space && whole && k + 1 < step.iterations {
                 let touching =
                     Touching { touches: &scratch.touches, couplings: body.couplings, rest: body.rest, first: 0 };
@@ -235,19 +241,20 @@ impl Descent {
         if damping > 0.0 {
             let mut undamped = core::mem::take(&mut scratch.undamped);
             self.pressures.still(body.tissue(), 0.0, &mut undamped, &mut Grown::default(), pool);
-            self.sweep(body, scratch, (damping, 0.0), Some(&undamped), pool);
+            self.sweep(body, scratch, (damping, 0.0, 1.0), Some(&undamped), pool);
             scratch.undamped = undamped;
         } else {
             scratch.memory.iter_mut().flatten().for_each(|m| m.before.fill([[0.0; WIDTH]; 3]));
         }
     }
 
-    /// One pass over the free vertices, with damping time over time step and one over the square of the time step.
+    /// One pass over the free vertices, with damping time over time step, one over the square of the time step, and how far
+    /// a vertex goes.
     fn sweep(
         &self,
         body: &mut Body<'_>,
         scratch: &mut DescentScratch,
-        (damping, inertia): (f32, f32),
+        (damping, inertia, beyond): (f32, f32, f32),
         note: Option<&[Element]>,
         pool: &Pool,
     ) {
@@ -257,7 +264,7 @@ impl Descent {
                 let own = round.cuts[i]..round.cuts[i + 1];
                 let touching = Touching { touches, couplings: body.couplings, rest: body.rest, first: own.start };
                 let (target, far) = (&target[own.clone()], &far[own]);
-                let substep = Shared { elements, target, far, damping, inertia, touching };
+                let substep = Shared { elements, target, far, damping, inertia, beyond, touching };
                 widest(Sweep { part: &parts[i], substep, vertices, memory, note });
             });
         }

@@ -5,11 +5,6 @@ use super::rings::{Batch, Part};
 use super::touch::Touching;
 use crate::fast::{Kernel, Lanes, Row, WIDTH};
 
-/// A vertex goes this many times as far as its own minimum (successive over-relaxation): smooth motions converge in fewer
-/// sweeps, and below 2 no energy rises. More than this, pressures that follow made blocks breathe (docs/speed.md). Where a
-/// tool or a spring holds on, the energy is not quadratic, and vertices go to their minimum.
-const BEYOND: f32 = 1.5;
-
 /// What is the same in all sweeps of a substep. Arrays of vertices are those of the part.
 #[derive(Clone, Copy)]
 pub(super) struct Substep<'a> {
@@ -21,6 +16,9 @@ pub(super) struct Substep<'a> {
     /// Damping time over time step, and one over the square of the time step.
     pub(super) damping: f32,
     pub(super) inertia: f32,
+    /// A vertex goes this many times as far as its own minimum. Where a tool or a spring holds on, the energy is not
+    /// quadratic, and vertices go to their minimum.
+    pub(super) beyond: f32,
     pub(super) touching: Touching<'a>,
 }
 
@@ -92,10 +90,10 @@ impl<'a> Sweep<'a> {
             g[a] = g[a] - V::load(&self.memory.before[b][a], first) + mass * (p[a] - target[a]);
             h[a] = h[a] + stiff;
         }
-        let mut beyond = V::splat(BEYOND);
+        let mut beyond = V::splat(s.beyond);
         if s.touching.any(batch) {
             touch(&s.touching, self.vertices, batch, first, &mut g, &mut h);
-            let own = |l: usize| if s.touching.touches(batch.vertices[l]) { 1.0 } else { BEYOND };
+            let own = |l: usize| if s.touching.touches(batch.vertices[l]) { 1.0 } else { s.beyond };
             beyond = V::load(&core::array::from_fn(own), first);
         }
         let d = solve(&h, &g);
