@@ -1,5 +1,6 @@
 //! `monro bench`: speed and memory on this machine. Nothing here is asserted by a test.
 
+pub(crate) mod args;
 mod ball;
 mod error;
 mod frame;
@@ -9,10 +10,11 @@ mod mesh;
 mod samples;
 mod segment;
 
-use crate::args::{BenchCommand, ModeArg};
+use crate::args::ModeArg;
 use crate::console::{Console, seconds_json};
 use crate::{demo, simulate};
 use anyhow::Result;
+use args::BenchCommand;
 use monro_case::Case;
 use monro_guidance::Random;
 use monro_guidance::simulation::{Scene, Trial, TrialOptions, quantile, rms};

@@ -10,7 +10,7 @@ mod tissue_model;
 
 pub use deformation::{DeformedSampler, Follower};
 pub use insertion::{Frame, Insertion, InsertionSettings, Mode};
-pub use tissue_model::{BURR_HOLE_RADIUS_MM, ModelSettings};
+pub use tissue_model::{BURR_HOLE_RADIUS_MM, Materials, ModelSettings};
 
 use monro_geometry::EmbeddingError;
 use monro_guidance::NeedleError;

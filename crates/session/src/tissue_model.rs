@@ -2,7 +2,7 @@
 
 use monro_geometry::{Bvh, Patient, Point, Structure, TetMesh, TriangleMesh};
 use monro_guidance::Plan;
-use monro_tissue::{Attachment, AttachmentKind, CollisionResponse, Material, Mode, ModelOptions};
+use monro_tissue::{Attachment, AttachmentKind, CollisionResponse, Material, Mode, ModelOptions, ThinMembrane};
 use std::collections::BTreeMap;
 
 /// Radius of the opening in skull and dura around the path, mm: a twist-drill or small burr hole (5 to 14 mm across).
@@ -16,14 +16,40 @@ pub struct ModelSettings {
     pub mode: Mode,
     /// What happens where the catheter meets the tissue.
     pub collision: CollisionResponse,
+    /// What it is made of.
+    pub materials: Materials,
+}
+
+impl ModelSettings {
+    /// A mode with tissue that is punctured and cut, and the default materials.
+    pub const fn of(mode: Mode) -> Self {
+        Self { mode, collision: CollisionResponse::Insertion, materials: Materials::HEAD }
+    }
+}
+
+/// Materials of the regions of a case.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Materials {
+    /// Brain, with the thin fluid around it.
+    pub brain: Material,
+    /// All ventricles.
+    pub ventricles: Material,
+}
+
+impl Materials {
+    /// A head: the brain is wrapped in pia, which matters only in the burr hole, since the rest of its surface is held.
+    pub const HEAD: Self = Self {
+        brain: Material { membrane: Some(ThinMembrane::PIA), ..Material::BRAIN },
+        ventricles: Material::VENTRICLE,
+    };
 }
 
 /// Options of the soft body for a case: brain tissue, fluid ventricles, the skull side held except in the burr hole.
 pub(crate) fn options(tets: &TetMesh, opening: Point<Patient>, settings: &ModelSettings) -> ModelOptions {
     let label = |s: Structure| u16::from(s.label());
-    let mut materials = BTreeMap::from([(label(Structure::Brain), Material::BRAIN)]);
+    let mut materials = BTreeMap::from([(label(Structure::Brain), settings.materials.brain)]);
     for s in Structure::ALL.into_iter().filter(|s| s.is_ventricle()) {
-        materials.insert(label(s), Material::VENTRICLE);
+        materials.insert(label(s), settings.materials.ventricles);
     }
     ModelOptions {
         mode: settings.mode,

@@ -78,6 +78,21 @@ pub enum ModelError {
         /// Density, kg/m3.
         density_kg_m3: f64,
     },
+    /// The thin membrane around a region has a value outside its range.
+    #[error(
+        "the thin membrane of label {label} is unusable: E {young_kpa} kPa, nu {poisson}, thickness {thickness_mm} mm \
+         (wanted: E > 0, 0 <= nu <= 0.5, thickness > 0; leave it out for none)"
+    )]
+    ThinMembrane {
+        /// The label.
+        label: u16,
+        /// Young's modulus, kPa.
+        young_kpa: f64,
+        /// Poisson's ratio.
+        poisson: f64,
+        /// Thickness, mm.
+        thickness_mm: f64,
+    },
     /// An option of the mode is out of range.
     #[error("{name} is {value}, wanted {wanted}")]
     Option {

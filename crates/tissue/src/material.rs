@@ -18,6 +18,21 @@ pub struct Material {
     pub insertion: Insertion,
     /// Whether the region is a fluid: no membrane between two fluids.
     pub fluid: bool,
+    /// Stiffness of the thin membrane that bounds the region (physical mode); `None` for none. A wall to a fluid has the
+    /// fluid's, a wall between two solids the stiffer of both.
+    pub membrane: Option<ThinMembrane>,
+}
+
+/// A membrane thin against the elements beside it: stiff in its plane, without resistance to bending. It stays whole where
+/// a tool punctures it: what is torn around a catheter is not modelled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ThinMembrane {
+    /// Young's modulus, kPa.
+    pub young_kpa: f64,
+    /// Poisson's ratio, `0..=0.5`.
+    pub poisson: f64,
+    /// Thickness, mm.
+    pub thickness_mm: f64,
 }
 
 /// Stiffness of each of the paper's constraints in `0..=1`: 0 does nothing, 1 satisfies the constraint fully each step.
@@ -62,6 +77,7 @@ impl Material {
         paper: PaperCoefficients { stretch: 0.5, dihedral: 0.2, triangle: 0.2, volume: 0.9, hetero: 0.3 },
         insertion: Insertion::BRAIN,
         fluid: false,
+        membrane: None,
     };
 
     /// A ventricle as a very soft, compressible region: E 0.5 kPa and nu 0.3 are a numerical stand-in for a fluid, soft
@@ -74,7 +90,43 @@ impl Material {
         paper: PaperCoefficients { stretch: 0.1, dihedral: 0.05, triangle: 0.05, volume: 0.5, hetero: 0.02 },
         insertion: Insertion::VENTRICLE,
         fluid: true,
+        membrane: None,
     };
+
+    /// Falx and tentorium: folds of the dura, as a region of their own (automatic segmentation does not find them). E is the
+    /// pooled mean of human cranial dura in tension (68.1 MPa, 13 studies: Pearcy et al. 2022, doi 10.1007/s10237-022-01566-5;
+    /// head models mostly take 31.5); nu and density are choices. A catheter is not meant to go through it: its resistance
+    /// is a choice, ten times the brain's.
+    pub const DURA: Self = Self {
+        young_kpa: 68_000.0,
+        poisson: 0.45,
+        density_kg_m3: 1130.0,
+        damping_s: 0.02,
+        paper: PaperCoefficients { stretch: 1.0, dihedral: 0.5, triangle: 0.5, volume: 0.9, hetero: 0.5 },
+        insertion: Insertion {
+            puncture_force_mn: 10.0 * Insertion::BRAIN.puncture_force_mn,
+            puncture_depth_mm: 10.0,
+            cut_force_mn: 10.0 * Insertion::BRAIN.cut_force_mn,
+            ..Insertion::BRAIN
+        },
+        fluid: false,
+        membrane: None,
+    };
+}
+
+impl ThinMembrane {
+    /// Pia: E is of the order found from brain shift between prone and supine positions (1.2 MPa, Bennion et al. 2022,
+    /// PMC9748497); the thickness and nu are choices.
+    pub const PIA: Self = Self { young_kpa: 1200.0, poisson: 0.45, thickness_mm: 0.02 };
+
+    /// Ependyma: one layer of cells without a measured modulus. As stiff as the brain under it, a choice, it adds a
+    /// thousandth of what an element of 3 mm has, so ventricles have none unless a study asks for it.
+    pub const EPENDYMA: Self = Self { young_kpa: 3.0, poisson: 0.49, thickness_mm: 0.02 };
+
+    pub(crate) fn is_valid(&self) -> bool {
+        let positive = |v: f64| v.is_finite() && v > 0.0;
+        positive(self.young_kpa) && positive(self.thickness_mm) && (0.0..=0.5).contains(&self.poisson)
+    }
 }
 
 impl Insertion {

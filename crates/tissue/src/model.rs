@@ -120,7 +120,8 @@ impl Model {
             }
             Mode::Physical(o) => {
                 let of = (&region[..], &regions[..]);
-                Solver::Physical(PhysicalModel::new((&rest, &mass), &tets, of, (&slabs, &volumes), o.nodal_shear))
+                let mesh = (&tets[..], &membranes);
+                Solver::Physical(PhysicalModel::new((&rest, &mass), mesh, of, (&slabs, &volumes), o.nodal_shear))
             }
         };
         let tet_number = inverse(&tet_order);
@@ -265,7 +266,8 @@ impl Model {
         match &self.solver {
             Solver::Paper(_) => None,
             Solver::Physical(p) => {
-                Some(Elastic::new(&self.rest, &self.tets, &self.region, &self.regions, p.nodal_shear))
+                let (mesh, of) = ((&self.tets[..], &self.membranes), (&self.region[..], &self.regions[..]));
+                Some(Elastic::new(&self.rest, mesh, of, p.nodal_shear))
             }
         }
     }

@@ -1,7 +1,7 @@
 //! `monro bench error`: how far each solver is from the reference of a scene, against the time it took.
 
 use super::text;
-use crate::args::ErrorArgs;
+use crate::bench::args::ErrorArgs;
 use crate::console::Console;
 use crate::solve::scene::{self, Scene};
 use crate::solve::{physical, stepping::Stepping};

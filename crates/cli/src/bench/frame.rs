@@ -3,7 +3,7 @@
 use super::ball::{self, Probe};
 use super::samples::Samples;
 use super::{peak_memory_mib, text};
-use crate::args::{ConstraintsArg, FrameArgs};
+use crate::bench::args::{ConstraintsArg, FrameArgs};
 use crate::console::Console;
 use anyhow::{Context, Result};
 use monro_geometry::{Embedding, Patient, Point, TetMesh, Vector};

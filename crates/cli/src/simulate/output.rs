@@ -1,6 +1,6 @@
 //! Series, meshes and summary of an insertion as files.
 
-use super::{KPA_PER_MMHG, Run};
+use super::{KPA_PER_MMHG, Run, materials};
 use crate::NOTICE;
 use anyhow::{Context, Result};
 use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
@@ -100,6 +100,7 @@ fn summary(done: &Run) -> Value {
         "rollbacks": done.rows.iter().map(|r| r.frame.step.rollbacks).sum::<u32>(),
         "elements": done.rest.tets.len(),
         "speed_mm_s": done.settings.speed_mm_s,
+        "materials": materials::json(&done.settings.model.materials),
         "mode": match done.settings.model.mode { monro_session::Mode::Paper(_) => "paper", monro_session::Mode::Physical(_) => "physical" },
     })
 }

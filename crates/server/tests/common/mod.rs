@@ -8,7 +8,7 @@ use monro_geometry::{Grid, Patient, Point, TetMesh, TriangleMesh, Vector, Volume
 use monro_guidance::{Plan, Side};
 use monro_server::{ServeOptions, Tracker};
 use monro_session::{Mode, ModelSettings};
-use monro_tissue::{CollisionResponse, PaperOptions};
+use monro_tissue::PaperOptions;
 use std::path::{Path, PathBuf};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::TcpStream;
@@ -160,7 +160,7 @@ pub fn options(case_dir: PathBuf) -> ServeOptions {
         certificate: None,
         names: Vec::new(),
         tracker: Tracker::Sim,
-        model: ModelSettings { mode: Mode::Paper(PaperOptions::default()), collision: CollisionResponse::Insertion },
+        model: ModelSettings::of(Mode::Paper(PaperOptions::default())),
         recording: None,
         igtl: None,
     }

@@ -177,7 +177,7 @@ pub(crate) mod tests {
     use monro_case::{Manifest, SCHEMA, Source};
     use monro_geometry::{TetMesh, TriangleMesh};
     use monro_guidance::{Plan, Side};
-    use monro_tissue::{CollisionResponse, PaperOptions};
+    use monro_tissue::PaperOptions;
 
     const CELLS: usize = 6;
     const SIZE_MM: f64 = 10.0;
@@ -235,8 +235,7 @@ pub(crate) mod tests {
     }
 
     fn deformation() -> Deformation {
-        let settings =
-            ModelSettings { mode: Mode::Paper(PaperOptions::default()), collision: CollisionResponse::Insertion };
+        let settings = ModelSettings::of(Mode::Paper(PaperOptions::default()));
         Deformation::new(&case(), &settings).expect("deformation")
     }
 

@@ -86,10 +86,10 @@ mod tests {
     use crate::Mode;
     use crate::live::deformation::tests::case;
     use crate::live::{PlainEvent, Script};
-    use monro_tissue::{CollisionResponse, PaperOptions};
+    use monro_tissue::PaperOptions;
 
     fn settings() -> ModelSettings {
-        ModelSettings { mode: Mode::Paper(PaperOptions::default()), collision: CollisionResponse::Insertion }
+        ModelSettings::of(Mode::Paper(PaperOptions::default()))
     }
 
     fn entries() -> Vec<Entry> {

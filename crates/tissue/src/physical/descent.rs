@@ -2,6 +2,7 @@
 
 use super::around::Element;
 use super::elastic::Elastic;
+use super::film::FilmsAround;
 use super::pressure::{Grown, Pressures, Tissue};
 use super::region;
 use super::rings::{self, Part, SingleRows};
@@ -33,6 +34,7 @@ pub(crate) struct Descent {
     far: SingleRows,
     node_cuts: Vec<usize>,
     pressures: Pressures,
+    films: FilmsAround,
     /// Largest coordinate at rest, mm.
     reach: f32,
     /// No vertex is held.
@@ -116,6 +118,7 @@ impl Descent {
             far: SingleRows::new(&elastic.far),
             node_cuts: slabs::even_cuts(rest.len()),
             pressures: Pressures::new(elastic, region, regions),
+            films: FilmsAround::new(&elastic.films, rest),
             reach: rest.iter().flat_map(|p| &p[..3]).fold(0f32, |m, v| m.max(v.abs())),
             free: rest.iter().all(|p| p[3] > 0.0),
             damping_s: region.iter().map(|&r| regions[r as usize].material.damping_s as f32).fold(0.0, f32::max),
@@ -136,7 +139,8 @@ impl Descent {
             for (i, part) in parts.iter_mut().enumerate() {
                 let own = round.cuts[i]..round.cuts[i + 1];
                 let (mut vertices, mut memory) = (rest[own.clone()].to_vec(), Memory::default());
-                let touching = Touching { touches: &touches, couplings: &[], rest, first: own.start };
+                let touching =
+                    Touching { touches: &touches, films: &self.films, couplings: &[], rest, first: own.start };
                 let (target, far) = (&zero[own.clone()], &zero[own.clone()]);
                 let substep =
                     Shared { elements: &nothing, target, far, damping: -1.0, inertia: 0.0, beyond: 1.0, touching };
@@ -163,6 +167,7 @@ impl Descent {
             ("elements around vertices", self.rounds.iter().flat_map(|r| &r.1).map(Part::bytes).sum()),
             ("averaged shear", self.far.bytes()),
             ("pressures", self.pressures.bytes()),
+            ("thin membranes", self.films.bytes()),
         ]
     }
 
@@ -181,8 +186,8 @@ impl Descent {
             let beyond = if k + 1 < step.iterations { BEYOND } else { 1.0 };
             self.sweep(body, scratch, (damping, inertia, beyond), None, pool);
             if step.predicted_space && whole && k + 1 < step.iterations {
-                let touching =
-                    Touching { touches: &scratch.touches, couplings: body.couplings, rest: body.rest, first: 0 };
+                let (touches, films) = (&scratch.touches, &self.films);
+                let touching = Touching { touches, films, couplings: body.couplings, rest: body.rest, first: 0 };
                 scratch.active_nodes =
                     region::predict(&self.rounds, &mut scratch.memory, touching, (k == 0, self.reach));
             }
@@ -259,10 +264,12 @@ impl Descent {
         pool: &Pool,
     ) {
         let DescentScratch { target, far, elements, memory, touches, .. } = scratch;
+        let films = &self.films;
         for ((round, parts), memory) in self.rounds.iter().zip(memory) {
             pool.each_planned(&round.plans, body.positions, &round.cuts, memory, &|i, vertices, memory| {
                 let own = round.cuts[i]..round.cuts[i + 1];
-                let touching = Touching { touches, couplings: body.couplings, rest: body.rest, first: own.start };
+                let touching =
+                    Touching { touches, films, couplings: body.couplings, rest: body.rest, first: own.start };
                 let (target, far) = (&target[own.clone()], &far[own]);
                 let substep = Shared { elements, target, far, damping, inertia, beyond, touching };
                 widest(Sweep { part: &parts[i], substep, vertices, memory, note });

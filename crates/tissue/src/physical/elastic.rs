@@ -11,6 +11,8 @@
 //! Laplacian with weights `mu V b_i . b_j`. And `J` is linear in each vertex, so all the rest acts through the gradient of
 //! a tetrahedron's volume, the area of the opposite face.
 
+use super::film::{Film, films};
+use crate::membrane::Membranes;
 use crate::model::Region;
 use crate::vec3::xyz;
 
@@ -56,6 +58,8 @@ pub(crate) struct Elastic {
     pub(crate) base: Vec<D3>,
     /// Positions at rest.
     pub(crate) rest: Vec<D3>,
+    /// Triangles of thin membranes.
+    pub(crate) films: Vec<Film>,
 }
 
 /// Derivatives at one state, for products with the Hessian.
@@ -68,11 +72,11 @@ pub(crate) struct Tangent {
     patch_rate: Vec<f64>,
 }
 
-fn sub(a: D3, b: D3) -> D3 {
+pub(super) fn sub(a: D3, b: D3) -> D3 {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-fn cross(a: D3, b: D3) -> D3 {
+pub(super) fn cross(a: D3, b: D3) -> D3 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
@@ -102,7 +106,12 @@ fn gradient_change(p: [D3; 4], d: [D3; 4]) -> [D3; 4] {
 }
 
 impl Elastic {
-    pub(crate) fn new(rest: &[[f32; 4]], tets: &[[u32; 4]], region: &[u8], regions: &[Region], share: f64) -> Self {
+    pub(crate) fn new(
+        rest: &[[f32; 4]],
+        (tets, membranes): (&[[u32; 4]], &Membranes),
+        (region, regions): (&[u8], &[Region]),
+        share: f64,
+    ) -> Self {
         let at: Vec<D3> = rest.iter().map(|&p| xyz(p).map(f64::from)).collect();
         let shapes: Vec<Shape> = tets.iter().map(|t| volume_gradient(t.map(|v| at[v as usize]))).collect();
         let volume: Vec<f64> = shapes.iter().map(|s| s.0).collect();
@@ -121,7 +130,21 @@ impl Elastic {
         }
         let near = laplacian(rest.len(), tets, &shapes, &mu);
         let far = averaging(rest.len(), (tets, &shapes, &mu), (&patch, &patch_volume), share);
-        Self { tets: tets.to_vec(), volume, mu, bulk, patch, patch_volume, patch_bulk, near, far, base, rest: at }
+        let films = films(membranes, regions, &at);
+        Self {
+            tets: tets.to_vec(),
+            volume,
+            mu,
+            bulk,
+            patch,
+            patch_volume,
+            patch_bulk,
+            near,
+            far,
+            base,
+            rest: at,
+            films,
+        }
     }
 
     /// Energy, and its gradient by each node (mN): minus the elastic force.
@@ -149,6 +172,11 @@ impl Elastic {
             let mean = self.patch[t].iter().map(|&p| tangent.patch_rate[p as usize]).sum::<f64>() / 4.0;
             tangent.pressure[t] += mean;
             scatter(gradient, tet, &tangent.gradient[t], tangent.pressure[t]);
+        }
+        for film in &self.films {
+            let (own, g) = film.gradient(&film.nodes.map(|n| x[n as usize]));
+            energy += own;
+            scatter(gradient, &film.nodes, &g, 1.0);
         }
         energy
     }
@@ -192,6 +220,10 @@ impl Elastic {
             let turned = gradient_change(tet.map(|n| x[n as usize]), tet.map(|n| d[n as usize]));
             scatter(out, tet, &turned, tangent.pressure[t]);
         }
+        for film in &self.films {
+            let [x, d] = [x, d].map(|of| film.nodes.map(|n| of[n as usize]));
+            scatter(out, &film.nodes, &film.product(&x, &d), 1.0);
+        }
     }
 
     /// Elements that have no volume left.
@@ -199,9 +231,9 @@ impl Elastic {
         self.tets.iter().filter(|t| volume_gradient(t.map(|n| x[n as usize])).0 <= 0.0).count()
     }
 
-    /// An upper bound of the Hessian's diagonal 3x3 blocks (the patch term replaced by its elementwise bound), as the six
+    /// The Hessian's diagonal 3x3 blocks, positive (the patch term replaced by its elementwise bound), as the six
     /// entries xx, yy, zz, xy, xz, yz.
-    pub(crate) fn diagonal(&self, tangent: &Tangent) -> Vec<[f64; 6]> {
+    pub(crate) fn diagonal(&self, x: &[D3], tangent: &Tangent) -> Vec<[f64; 6]> {
         let mut out: Vec<[f64; 6]> = (0..self.rest.len())
             .map(|i| {
                 let d = self.near.diagonal(i) + self.far.diagonal(i);
@@ -217,12 +249,18 @@ impl Elastic {
                 block.iter_mut().zip(products).for_each(|(b, p)| *b += c * p);
             }
         }
+        for film in &self.films {
+            let x = film.nodes.map(|n| x[n as usize]);
+            for (i, &n) in film.nodes.iter().enumerate() {
+                out[n as usize].iter_mut().zip(film.block(&x, i)).for_each(|(b, h)| *b += h);
+            }
+        }
         out
     }
 }
 
-fn scatter(out: &mut [D3], tet: &[u32; 4], g: &[D3; 4], factor: f64) {
-    for (g, &n) in g.iter().zip(tet) {
+fn scatter<const N: usize>(out: &mut [D3], corners: &[u32; N], g: &[D3; N], factor: f64) {
+    for (g, &n) in g.iter().zip(corners) {
         (0..3).for_each(|a| out[n as usize][a] += factor * g[a]);
     }
 }
@@ -347,7 +385,7 @@ mod tests {
         let model = Model::new(&mesh, &crate::model::tests::paper_options()).expect("model");
         let mut regions = model.regions.clone();
         regions[0].material = Material { poisson, ..Material::BRAIN };
-        Elastic::new(&model.rest, &model.tets, &model.region, &regions, share)
+        Elastic::new(&model.rest, (&model.tets, &model.membranes), (&model.region, &regions), share)
     }
 
     /// The reference energy of one element by its deformation gradient, all of it in the element.

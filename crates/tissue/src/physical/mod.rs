@@ -10,6 +10,7 @@
 mod around;
 pub(crate) mod descent;
 pub(crate) mod elastic;
+pub(crate) mod film;
 mod pressure;
 mod region;
 mod rings;
@@ -17,6 +18,7 @@ mod strips;
 mod sweep;
 mod touch;
 
+use crate::membrane::Membranes;
 use crate::model::Region;
 use crate::slabs::Slabs;
 use crate::volumes::Volumes;
@@ -34,12 +36,12 @@ pub(crate) struct PhysicalModel {
 impl PhysicalModel {
     pub(crate) fn new(
         (rest, mass): (&[[f32; 4]], &[f32]),
-        tets: &[[u32; 4]],
+        (tets, membranes): (&[[u32; 4]], &Membranes),
         (region, regions): (&[u8], &[Region]),
         (slabs, volumes): (&Slabs, &Volumes),
         nodal_shear: f64,
     ) -> Self {
-        let elastic = Elastic::new(rest, tets, region, regions, nodal_shear);
+        let elastic = Elastic::new(rest, (tets, membranes), (region, regions), nodal_shear);
         let descent = Descent::new(&elastic, rest, mass, (region, regions), (slabs, volumes));
         Self { descent, nodal_shear }
     }

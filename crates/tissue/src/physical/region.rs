@@ -40,7 +40,7 @@ pub(super) fn predict(
         for (b, (batch, motion)) in part.batches.iter().zip(&memory.motion).enumerate() {
             let inside = !anew && before.binary_search(&(b as u32)).is_ok();
             let least = (whole * if inside { LEAVE } else { JOIN }).max(still);
-            if mean(&motion[..batch.count]) / batch.count as f64 > least || touching.any(batch) {
+            if mean(&motion[..batch.count]) / batch.count as f64 > least || touching.held(batch) {
                 memory.active.push(b as u32);
                 nodes += batch.count;
             }

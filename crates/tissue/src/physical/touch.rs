@@ -1,5 +1,6 @@
 //! What couplings and springs do to single vertices.
 
+use super::film::FilmsAround;
 use super::rings::Batch;
 use crate::contact::{Coupling, Rule};
 use crate::model::Tether;
@@ -53,6 +54,7 @@ impl Touches {
 #[derive(Clone, Copy)]
 pub(super) struct Touching<'a> {
     pub(super) touches: &'a Touches,
+    pub(super) films: &'a FilmsAround,
     pub(super) couplings: &'a [Coupling],
     /// All vertices at rest.
     pub(super) rest: &'a [[f32; 4]],
@@ -60,21 +62,30 @@ pub(super) struct Touching<'a> {
 }
 
 impl Touching<'_> {
+    /// Whether a tool or a spring acts on a vertex of the batch.
+    pub(super) fn held(&self, batch: &Batch) -> bool {
+        self.touches.any && batch.vertices[..batch.count].iter().any(|&v| self.touches.touched[v as usize])
+    }
+
     /// Whether anything acts on a vertex of the batch.
     #[inline(always)]
     pub(super) fn any(&self, batch: &Batch) -> bool {
-        self.touches.any && batch.vertices[..batch.count].iter().any(|&v| self.touches(v))
+        let somewhere = self.touches.any || self.films.any();
+        somewhere && batch.vertices[..batch.count].iter().any(|&v| self.touches(v))
     }
 
     /// Whether anything acts on a vertex.
     #[inline(always)]
     pub(super) fn touches(&self, v: u32) -> bool {
-        self.touches.touched[v as usize]
+        self.touches.touched[v as usize] || self.films.on(v)
     }
 
-    /// Adds what couplings and springs do to vertex `v`; `vertices` are those of the part.
+    /// Adds what couplings, springs and thin membranes do to vertex `v`; `vertices` are those of the part.
     pub(super) fn act(&self, v: u32, vertices: &[[f32; 4]], g: &mut V3, h: &mut [f32; 6]) {
         let i = v as usize;
+        if self.films.on(v) {
+            self.films.act(v, (vertices, self.first), self.rest, (g, h));
+        }
         let spring = self.touches.spring[i];
         if spring > 0.0 {
             *g = axpy(*g, spring, sub(xyz(vertices[i - self.first]), xyz(self.rest[i])));

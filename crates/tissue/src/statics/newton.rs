@@ -294,7 +294,7 @@ impl Problem<'_> {
 
     /// Inverses of the Hessian's diagonal blocks, prescribed components taken out.
     fn preconditioner(&self, at: &Point) -> Vec<[f64; 6]> {
-        let mut blocks = self.elastic.diagonal(&at.tangent);
+        let mut blocks = self.elastic.diagonal(&at.x, &at.tangent);
         self.spheres.add_diagonal(&at.x, &mut blocks);
         for (b, s) in blocks.iter_mut().zip(&self.loads.support) {
             // Entries xx, yy, zz, xy, xz, yz.

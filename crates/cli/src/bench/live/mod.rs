@@ -11,7 +11,7 @@ mod display;
 mod http;
 mod peer;
 
-use crate::args::LiveBenchArgs;
+use crate::bench::args::LiveBenchArgs;
 use crate::console::Console;
 use crate::{demo, prepare, simulate};
 use anyhow::{Context, Result, bail};

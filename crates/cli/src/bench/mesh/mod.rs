@@ -6,7 +6,8 @@ mod surfaces;
 mod truth;
 
 use super::peak_memory_mib;
-use crate::args::{MeshBenchArgs, PhantomKind};
+use crate::args::PhantomKind;
+use crate::bench::args::MeshBenchArgs;
 use crate::console::Console;
 use crate::{mesh, phantom};
 use anyhow::Result;
