@@ -11,7 +11,7 @@ use crate::material::Insertion;
 use crate::membrane::OUTSIDE;
 use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
-use crate::vec3::{V3, axpy, dot, norm, sub, xyz};
+use crate::vec3::{V3, axpy, dot, norm, scale, sub, xyz};
 use crate::{CollisionResponse, Event, Material, Model, State};
 use monro_geometry::{Patient, Point};
 
@@ -219,7 +219,7 @@ pub(crate) fn settle(
     positions: &[[f32; 4]],
     (tool, rod): (usize, &Rod),
     memory: &mut ToolState,
-    couplings: &[Coupling],
+    couplings: &mut [Coupling],
     events: &mut Vec<Event>,
 ) {
     let forward = rod.back.map(|v| -v);
@@ -247,7 +247,11 @@ pub(crate) fn settle(
         }
     }
     if model.collision == CollisionResponse::Insertion {
-        yield_membrane(model, (tool, rod, forward), memory, press, events);
+        let borne = yield_membrane(model, (tool, rod, forward), memory, press, events);
+        // A step may go far beyond the moment at which the membrane gave way; the tool never felt more than that.
+        let pushing =
+            couplings.iter_mut().filter(|c| c.tool == tool as u32 && c.tip && matches!(c.rule, Rule::Push { .. }));
+        pushing.for_each(|c| c.force = scale(c.force, borne));
     }
 }
 
@@ -261,13 +265,14 @@ fn slip(anchor: &mut Anchor, coupling: &Coupling, stretch: f32, axis: V3, limit:
     }
 }
 
+/// Lets the membrane in front of the tip yield when it is time. Returns the share of the force on the tip that it bore.
 fn yield_membrane(
     model: &Model,
     (tool, rod, forward): (usize, &Rod, V3),
     memory: &mut ToolState,
     press: Option<(f32, u32)>,
     events: &mut Vec<Event>,
-) {
+) -> f32 {
     let slipped = memory.ahead.filter(|&r| Some(r) != memory.inside);
     let (force, to) = match (press, slipped) {
         (Some(press), _) => press,
@@ -275,27 +280,35 @@ fn yield_membrane(
         (None, Some(r)) => (0.0, u32::from(r)),
         (None, None) => {
             memory.press = None;
-            return;
+            return 1.0;
         }
     };
     if force <= 0.0 && memory.press.is_none() && press.is_some() {
-        return;
+        return 1.0;
     }
     let start = *memory.press.get_or_insert(rod.tip);
     let depth = dot(sub(rod.tip, start), forward);
     if to == u32::from(OUTSIDE) || (press.is_some() && !gives_way(model, to, force, depth)) {
-        return;
+        return 1.0;
     }
+    let borne = borne(model, to, force);
     events.push(Event::Punctured {
         tool,
         from: memory.inside.map(|r| model.regions[r as usize].label),
         to: model.regions[to as usize].label,
         point: patient(model, rod.tip),
-        force_mn: force.into(),
+        force_mn: (borne * force).into(),
         depth_mm: depth.into(),
     });
     memory.seen = memory.inside.is_some();
     (memory.inside, memory.press) = (Some(to as u8), None);
+    borne
+}
+
+/// The share of a force (mN) that the membrane in front of region `to` bears before it yields.
+fn borne(model: &Model, to: u32, force: f32) -> f32 {
+    let most = model.regions[to as usize].material.insertion.puncture_force_mn as f32;
+    if model.forces_are_physical() && force > most { most / force } else { 1.0 }
 }
 
 /// Whether the membrane in front of region `to` yields to this force (mN, where forces mean something) or dimple (mm).
