@@ -9,6 +9,7 @@
 
 mod balance;
 mod bisect;
+mod held;
 mod loads;
 mod newton;
 mod refine;
@@ -64,7 +65,8 @@ pub struct EmbeddedRod {
 pub struct Support {
     /// Vertex of the mesh.
     pub node: u32,
-    /// Which set it belongs to: new vertices of a refined mesh are held between vertices of one set.
+    /// Which set it belongs to: new vertices of a refined mesh are held between vertices of one set, and where two sets
+    /// adjoin on one smooth side of the body.
     pub set: u32,
     /// Displacement of each component, mm; `None` leaves it free.
     pub displacement_mm: [Option<f64>; 3],

@@ -1,7 +1,8 @@
 //! Carries a static problem over to a finer mesh, and its answer back.
 
 use super::bisect::{Cuts, Fine, P, key};
-use super::{EmbeddedRod, SphereContact, StaticProblem, Support};
+use super::held::{self, Before};
+use super::{EmbeddedRod, SphereContact, StaticProblem};
 use crate::membrane;
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 use std::collections::{BTreeMap, BTreeSet};
@@ -82,18 +83,10 @@ impl Refined {
 
     /// Supports and pressures of the new vertices.
     fn inherit(&mut self, cuts: &Cuts, tets: &[[u32; 4]], outer: &[[u32; 3]], eight: bool) {
-        let mut sets: BTreeMap<u32, BTreeMap<u32, [Option<f64>; 3]>> = BTreeMap::new();
-        for s in &self.problem.supports {
-            sets.entry(s.set).or_default().insert(s.node, s.displacement_mm);
-        }
-        for (set, held) in sets {
-            for e in held_edges(&held, tets, outer) {
-                let Some(&node) = cuts.get(&e) else { continue };
-                let [a, b] = e.map(|v| held[&v]);
-                let displacement_mm = core::array::from_fn(|k| Some(0.5 * (a[k]? + b[k]?)));
-                self.problem.supports.push(Support { node, set, displacement_mm });
-            }
-        }
+        // The points of the old mesh are the first of the new one.
+        let before = Before { points: &self.fine.points, tets, outer };
+        let new = held::inherited(&self.problem.supports, &before, cuts);
+        self.problem.supports.extend(new);
         for p in &mut self.problem.pressures {
             let old = core::mem::take(&mut p.faces);
             old.into_iter().for_each(|f| self.fine.cut_face(f, cuts, eight, &mut p.faces));
@@ -124,21 +117,6 @@ impl Refined {
     pub(super) const fn given(&self) -> usize {
         self.fine.first
     }
-}
-
-/// Edges of outer faces and of elements whose vertices are all held by one set.
-fn held_edges(held: &BTreeMap<u32, [Option<f64>; 3]>, tets: &[[u32; 4]], outer: &[[u32; 3]]) -> BTreeSet<[u32; 2]> {
-    let mut out = BTreeSet::new();
-    let mut all = |nodes: &[u32]| {
-        if nodes.iter().all(|v| held.contains_key(v)) {
-            for (i, &a) in nodes.iter().enumerate() {
-                out.extend(nodes[..i].iter().map(|&b| key(a, b)));
-            }
-        }
-    };
-    tets.iter().for_each(|t| all(t));
-    outer.iter().for_each(|f| all(f));
-    out
 }
 
 fn outer_faces(fine: &Fine) -> Vec<[u32; 3]> {
