@@ -5,7 +5,7 @@ mod common;
 use common::{block, nodes, options, physical};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 use monro_tissue::{
-    Material, Model, ModelOptions, Pressure, StaticError, StaticOptions, StaticProblem, StaticSolution, Support,
+    Finer, Material, Model, ModelOptions, Pressure, StaticError, StaticOptions, StaticProblem, StaticSolution, Support,
     equilibrium,
 };
 
@@ -135,6 +135,51 @@ fn a_hanging_bar_carries_its_weight_and_pressure_pushes_inwards() {
     // Bulk modulus E / (3 (1 - 2 nu)) = 2.5 kPa, for small strain: 0.5 kPa shrinks each length by about 0.2/3.
     let shrunk = (sum / count - far / many) / 10.0;
     assert!((shrunk - 0.2 / 3.0).abs() < 0.01, "{shrunk}");
+}
+
+/// Stretch of a block squeezed from all sides by a pressure: `mu l + (hat (l^3 - 1) - mu) l^2 + p l^2 = 0`, by bisection.
+fn squeezed(m: &Material, kpa: f64) -> f64 {
+    let (mu, hat) = (m.shear_kpa(), m.lame_kpa() + m.shear_kpa());
+    let stress = |l: f64| mu * l + (hat * (l.powi(3) - 1.0) - mu + kpa) * l * l;
+    let (mut low, mut high) = (0.5, 1.5);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if stress(middle) > 0.0 { high = middle } else { low = middle }
+    }
+    0.5 * (low + high)
+}
+
+/// A shaken block of 20 mm on rollers at three sides, pressed upon by 0.3 kPa at the other three.
+fn pressed_block(poisson: f64) -> (TetMesh, ModelOptions, StaticProblem) {
+    let mesh = shaken(block([4, 4, 4], 5.0, |_| 4), 5.0, 0.15);
+    let at = |v: u32, a: usize| mesh.vertices[v as usize].to_array()[a];
+    let mut problem = StaticProblem::default();
+    for a in 0..3 {
+        let way = core::array::from_fn(|k| (k == a).then_some(0.0));
+        let rollers = nodes(&mesh, |p| p.to_array()[a] == 0.0).into_iter();
+        problem.supports.extend(rollers.map(|node| Support { node, set: a as u32, displacement_mm: way }));
+    }
+    let far = |f: &[u32; 3]| (0..3).any(|a| f.iter().all(|&v| at(v, a) == 20.0));
+    let faces = mesh.boundary(|_| true).into_iter().filter(far).collect();
+    problem.pressures.push(Pressure { faces, kpa: 0.3 });
+    (mesh, material(poisson), problem)
+}
+
+#[test]
+fn a_block_on_rollers_under_pressure_shrinks_evenly_however_fine_its_mesh() {
+    for poisson in [0.3, 0.49] {
+        let (mesh, o, problem) = pressed_block(poisson);
+        let l = squeezed(&o.materials[&4], 0.3);
+        for finer in [Finer::Times(0), Finer::Times(1), Finer::UpTo(80_000)] {
+            let how = StaticOptions { finer, ..StaticOptions::default() };
+            let solved = equilibrium(&mesh, &o, &problem, &how, &mut || true).expect("solved");
+            assert!(solved.converged, "{poisson} {finer:?}: {} after {} steps", solved.residual, solved.steps);
+            for (p, d) in mesh.vertices.iter().zip(&solved.displacement) {
+                let off = (*d - (*p - Point::ORIGIN) * (l - 1.0)).norm();
+                assert!(off < 1e-4 * 20.0 * (1.0 - l), "{poisson} {finer:?}: {off} mm at {p:?}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -53,44 +53,57 @@ impl Loads {
         Ok(Self { support, dead, pushed, rods })
     }
 
-    /// Adds a share of the loads to the gradient of the energy and returns their potential.
-    pub(crate) fn add(&self, share: f64, x: &[D3], rest: &[D3], gradient: &mut [D3]) -> f64 {
-        let mut energy = 0.0;
-        for (i, f) in self.dead.iter().enumerate() {
-            for a in 0..3 {
-                gradient[i][a] -= share * f[a];
-                energy -= share * f[a] * (x[i][a] - rest[i][a]);
-            }
+    /// Adds minus a share of the loads to the gradient of the energy.
+    pub(crate) fn add(&self, share: f64, x: &[D3], gradient: &mut [D3]) {
+        for (g, f) in gradient.iter_mut().zip(&self.dead) {
+            (0..3).for_each(|a| g[a] -= share * f[a]);
         }
         for (t, kpa) in &self.pushed {
-            let (p, kpa) = (t.map(|n| x[n as usize]), share * kpa);
-            // The potential of a follower pressure is minus pressure times swept volume, exact for a closed cavity.
-            energy -= kpa * dot_cross(p[0], p[1], p[2]) / 6.0;
-            let third = area(p).map(|v| kpa * v / 3.0);
+            let third = area(t.map(|n| x[n as usize])).map(|v| share * kpa * v / 3.0);
             for &n in t {
                 (0..3).for_each(|a| gradient[n as usize][a] -= third[a]);
             }
         }
-        energy
+    }
+
+    /// Work of a share of the loads on the straight way of all nodes from `x` to `y`, mN mm. A pressure that follows an
+    /// open surface has no potential in general: the volume it sweeps depends on where the surface is thought closed.
+    pub(crate) fn work(&self, share: f64, x: &[D3], y: &[D3]) -> f64 {
+        let mut work = 0.0;
+        for ((f, x), y) in self.dead.iter().zip(x).zip(y) {
+            work += (0..3).map(|a| f[a] * (y[a] - x[a])).sum::<f64>();
+        }
+        for (t, kpa) in &self.pushed {
+            let (p, q) = (t.map(|n| x[n as usize]), t.map(|n| y[n as usize]));
+            let middle: [D3; 3] = core::array::from_fn(|i| core::array::from_fn(|a| 0.5 * (p[i][a] + q[i][a])));
+            // The area is quadratic along the way, so Simpson's rule is exact.
+            let [first, between, last] = [area(p), area(middle), area(q)];
+            for a in 0..3 {
+                let way: f64 = (0..3).map(|i| q[i][a] - p[i][a]).sum();
+                work += kpa * (first[a] + 4.0 * between[a] + last[a]) / 18.0 * way;
+            }
+        }
+        share * work
     }
 
     /// Forces of all loads on the nodes at rest, mN.
     pub(super) fn at_rest(&self, rest: &[D3]) -> Vec<D3> {
         let mut gradient = vec![[0.0; 3]; rest.len()];
-        self.add(1.0, rest, rest, &mut gradient);
+        self.add(1.0, rest, &mut gradient);
         gradient.iter().map(|g| g.map(|v| -v)).collect()
     }
 
-    /// Adds the product of the loads' Hessian with `d`.
+    /// Adds the product of the loads' Hessian with `d`: the symmetric part of the pressure's derivative, which is all of it
+    /// where the pressed surface is closed, or its border held or guided in a plane.
     pub(crate) fn add_hessian(&self, share: f64, x: &[D3], d: &[D3], out: &mut [D3]) {
         for (t, kpa) in &self.pushed {
-            let kpa = share * kpa;
             let (p, q) = (t.map(|n| x[n as usize]), t.map(|n| d[n as usize]));
-            // Derivative of the volume form, which is symmetric; for a closed surface it equals that of the area form.
-            for i in 0..3 {
-                let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-                let (u, v) = (cross(q[j], p[k]), cross(p[j], q[k]));
-                (0..3).for_each(|a| out[t[i] as usize][a] -= kpa * (u[a] + v[a]) / 6.0);
+            let opposite: [D3; 3] = core::array::from_fn(|i| sub(p[(i + 1) % 3], p[(i + 2) % 3]));
+            for j in 0..3 {
+                for i in (0..3).filter(|&i| i != j) {
+                    let change = cross(q[i], sub(opposite[i], opposite[j]));
+                    (0..3).for_each(|a| out[t[j] as usize][a] -= share * kpa * change[a] / 12.0);
+                }
             }
         }
     }
@@ -160,12 +173,10 @@ fn cross(a: D3, b: D3) -> D3 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-fn dot_cross(a: D3, b: D3, c: D3) -> f64 {
-    let n = cross(a, b);
-    n[0] * c[0] + n[1] * c[1] + n[2] * c[2]
+fn sub(a: D3, b: D3) -> D3 {
+    core::array::from_fn(|k| a[k] - b[k])
 }
 
 pub(super) fn area([a, b, c]: [D3; 3]) -> D3 {
-    let (u, v): (D3, D3) = (core::array::from_fn(|i| b[i] - a[i]), core::array::from_fn(|i| c[i] - a[i]));
-    cross(u, v).map(|n| 0.5 * n)
+    cross(sub(b, a), sub(c, a)).map(|n| 0.5 * n)
 }

@@ -56,6 +56,7 @@ struct Problem<'a> {
 #[derive(Clone)]
 struct Point {
     x: Vec<D3>,
+    /// Of the tissue and of the spheres; what the loads give is told by the way between two states only.
     energy: f64,
     gradient: Vec<D3>,
     tangent: Tangent,
@@ -211,7 +212,7 @@ impl Problem<'_> {
     fn evaluate(&self, x: Vec<D3>) -> Point {
         let (mut gradient, mut tangent) = (Vec::new(), Tangent::default());
         let mut energy = self.elastic.gradient(&x, &mut gradient, &mut tangent);
-        energy += self.loads.add(self.share, &x, &self.elastic.rest, &mut gradient);
+        self.loads.add(self.share, &x, &mut gradient);
         energy += self.spheres.add(&x, &mut gradient);
         Point { x, energy, gradient, tangent }
     }
@@ -317,7 +318,8 @@ impl Problem<'_> {
         for _ in 0..40 {
             let next = self.evaluate(shifted(&at.x, d, sign * s));
             // Near the end rounding is larger than the gain in energy, and the force out of balance tells more.
-            if next.energy <= at.energy - 1e-4 * s * slope.abs() || self.out_of_balance(&next) < 0.25 * before {
+            let gained = self.loads.work(self.share, &at.x, &next.x) + at.energy - next.energy;
+            if gained >= 1e-4 * s * slope.abs() || self.out_of_balance(&next) < 0.25 * before {
                 return Some(next);
             }
             s *= 0.5;
