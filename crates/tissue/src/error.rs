@@ -56,10 +56,14 @@ pub enum ModelError {
         vertices: usize,
     },
     /// A label has no material.
-    #[error("label {label} (tetrahedron {tet}) has no material; add one to the options")]
+    #[error(
+        "label {label} has no material, but {tets} tetrahedra have it (the first is {tet}); add one to the options"
+    )]
     NoMaterial {
         /// The label.
         label: u16,
+        /// How many elements have it.
+        tets: usize,
         /// The first element that has it.
         tet: usize,
     },

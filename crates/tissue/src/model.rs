@@ -457,7 +457,7 @@ pub(crate) mod tests {
         assert_eq!(refuse(&m, &o), Some(ModelError::DuplicateTet { first: 2, second: 12 }));
         let mut m = good.clone();
         m.labels[7] = 99;
-        assert_eq!(refuse(&m, &o), Some(ModelError::NoMaterial { label: 99, tet: 7 }));
+        assert_eq!(refuse(&m, &o), Some(ModelError::NoMaterial { label: 99, tets: 1, tet: 7 }));
         assert_eq!(refuse(&TetMesh::default(), &o), Some(ModelError::Empty));
         let mut bad = o.clone();
         bad.materials.insert(4, Material { poisson: 0.5, ..Material::BRAIN });

@@ -66,7 +66,9 @@ pub(crate) fn options(mesh: &TetMesh, options: &ModelOptions) -> Result<(), Mode
     }
     share("number of materials", options.materials.len() as f64, 0.0, 255.0, "at most 255")?;
     if let Some(tet) = mesh.labels.iter().position(|l| !options.materials.contains_key(l)) {
-        return Err(ModelError::NoMaterial { label: mesh.labels[tet], tet });
+        let label = mesh.labels[tet];
+        let tets = mesh.labels.iter().filter(|&&l| l == label).count();
+        return Err(ModelError::NoMaterial { label, tets, tet });
     }
     for (attachment, a) in options.attachments.iter().enumerate() {
         if a.node as usize >= mesh.vertices.len() {

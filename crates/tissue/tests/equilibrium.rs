@@ -5,8 +5,8 @@ mod common;
 use common::{block, nodes, options, physical};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 use monro_tissue::{
-    Finer, Material, Model, ModelOptions, Pressure, StaticError, StaticOptions, StaticProblem, StaticSolution, Support,
-    equilibrium,
+    Finer, Material, Model, ModelOptions, Pressure, StaticError, StaticOptions, StaticProblem, StaticSolution, Stop,
+    Support, equilibrium,
 };
 
 fn material(poisson: f64) -> ModelOptions {
@@ -251,4 +251,52 @@ fn elements_crushed_beyond_their_size_are_told() {
     };
     assert_eq!(press(2.0), 0);
     assert!(press(12.0) > 0);
+}
+
+#[test]
+fn a_finer_mesh_that_is_given_up_leaves_the_answer_of_the_mesh_before_and_is_told() {
+    let (mesh, o, mut problem) = pressed_block(0.49);
+    problem.body_force_mn_mm3 = [0.0, 0.0, -1e-3];
+    let ask = |finer: Finer, times: u32| {
+        let (how, mut asked) = (StaticOptions { finer, ..StaticOptions::default() }, 0);
+        let solved = equilibrium(&mesh, &o, &problem, &how, &mut || {
+            asked += 1;
+            asked < times
+        });
+        (solved.expect("solved"), asked)
+    };
+    let (coarse, asked) = ask(Finer::Times(0), u32::MAX);
+    for finer in [Finer::Times(1), Finer::UpTo(80_000)] {
+        // Time is up a little after the given mesh is solved.
+        let (solved, _) = ask(finer, asked + 20);
+        assert_eq!(solved.displacement, coarse.displacement);
+        assert_eq!((solved.tets, solved.residual), (mesh.tets.len(), coarse.residual));
+        // The default is as fine as it gets; a number of times was asked for and is missing.
+        assert_eq!(solved.converged, finer == Finer::UpTo(80_000));
+        let given_up = solved.unfinished.expect("told");
+        assert_eq!((given_up.tets, given_up.stop), (8 * mesh.tets.len(), Some(Stop::Asked)));
+        assert!(given_up.residual > 1e-6, "{given_up:?}");
+    }
+}
+
+#[test]
+fn a_pressed_patch_with_a_free_border_comes_to_balance_on_every_mesh() {
+    // A pressure whose border moves has no energy at all.
+    let mesh = shaken(block([4, 4, 4], 5.0, |_| 4), 5.0, 0.15);
+    let mut problem = StaticProblem::default();
+    problem.supports.extend(held(nodes(&mesh, |p| p.z == 0.0), [Some(0.0); 3]));
+    let inside = |v: &u32| {
+        let p = mesh.vertices[*v as usize];
+        p.z == 20.0 && p.x <= 10.0 && p.y <= 10.0
+    };
+    let faces: Vec<[u32; 3]> = mesh.boundary(|_| true).into_iter().filter(|f| f.iter().all(inside)).collect();
+    assert!(!faces.is_empty());
+    for kpa in [0.6, -0.6] {
+        problem.pressures = vec![Pressure { faces: faces.clone(), kpa }];
+        for times in 0..3 {
+            let how = StaticOptions { finer: Finer::Times(times), ..StaticOptions::default() };
+            let solved = equilibrium(&mesh, &material(0.49), &problem, &how, &mut || true).expect("solved");
+            assert!(solved.converged, "{kpa} kPa, {times} times finer: {}", solved.residual);
+        }
+    }
 }

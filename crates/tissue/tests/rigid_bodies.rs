@@ -132,7 +132,7 @@ fn bodies_that_cannot_be_are_named() {
     let far = StaticProblem { rods: vec![rod], ..StaticProblem::default() };
     assert_eq!(ask(&far), Some(StaticError::Rod { rod: 0, radius_mm: 1.0 }));
     let flat = StaticProblem { rods: vec![EmbeddedRod { radius_mm: 0.0, ..rod }], ..StaticProblem::default() };
-    assert!(matches!(ask(&flat), Some(StaticError::Body { what: "rod", index: 0, .. })));
+    assert!(matches!(ask(&flat), Some(StaticError::Radius { what: "rod", index: 0, .. })));
 }
 
 #[test]

@@ -227,8 +227,9 @@ impl Elastic {
     }
 
     /// Elements that have no volume left.
-    pub(crate) fn turned(&self, x: &[D3]) -> usize {
-        self.tets.iter().filter(|t| volume_gradient(t.map(|n| x[n as usize])).0 <= 0.0).count()
+    pub(crate) fn turned<'a>(&'a self, x: &'a [D3]) -> impl Iterator<Item = u32> + 'a {
+        let flat = |t: &[u32; 4]| volume_gradient(t.map(|n| x[n as usize])).0 <= 0.0;
+        self.tets.iter().zip(0..).filter(move |(t, _)| flat(t)).map(|(_, i)| i)
     }
 
     /// The Hessian's diagonal 3x3 blocks, positive (the patch term replaced by its elementwise bound), as the six

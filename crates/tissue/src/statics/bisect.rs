@@ -17,6 +17,8 @@ pub(super) struct Fine {
     pub(super) points: Vec<P>,
     pub(super) tets: Vec<[u32; 4]>,
     pub(super) labels: Vec<u16>,
+    /// The element before any subdivision that each element is a part of.
+    pub(super) part_of: Vec<u32>,
     /// The two vertices that each new vertex was put between, in order of creation.
     pub(super) parents: Vec<[u32; 2]>,
     /// Number of vertices before any subdivision.
@@ -34,8 +36,8 @@ pub(super) fn key(a: u32, b: u32) -> [u32; 2] {
 
 impl Fine {
     pub(super) fn new(points: Vec<P>, tets: Vec<[u32; 4]>, labels: Vec<u16>) -> Self {
-        let first = points.len();
-        Self { points, tets, labels, parents: Vec::new(), first }
+        let (first, part_of) = (points.len(), (0..tets.len() as u32).collect());
+        Self { points, tets, labels, part_of, parents: Vec::new(), first }
     }
 
     fn length2(&self, e: [u32; 2]) -> f64 {
@@ -80,11 +82,17 @@ impl Fine {
         for &e in &marked {
             self.midpoint(&mut cuts, e);
         }
-        let (old, labels) = (core::mem::take(&mut self.tets), core::mem::take(&mut self.labels));
-        for (tet, label) in old.into_iter().zip(labels) {
-            self.cut(tet, label, &cuts);
+        for (tet, kept) in self.taken() {
+            self.cut(tet, kept, &cuts);
         }
         Some(cuts)
+    }
+
+    /// All elements, each with its label and what it is a part of, to be put back in pieces.
+    fn taken(&mut self) -> Vec<([u32; 4], (u16, u32))> {
+        let tets = core::mem::take(&mut self.tets);
+        let kept = core::mem::take(&mut self.labels).into_iter().zip(core::mem::take(&mut self.part_of));
+        tets.into_iter().zip(kept).collect()
     }
 
     fn centroid(&self, t: usize) -> P {
@@ -108,23 +116,23 @@ impl Fine {
     }
 
     /// Cuts an element along its cut edges, the longest first.
-    fn cut(&mut self, tet: [u32; 4], label: u16, cuts: &Cuts) {
+    fn cut(&mut self, tet: [u32; 4], kept: (u16, u32), cuts: &Cuts) {
         let Some(e) = self.longest(tet, |e| cuts.contains_key(&e)) else {
             self.tets.push(tet);
-            self.labels.push(label);
+            self.labels.push(kept.0);
+            self.part_of.push(kept.1);
             return;
         };
         let middle = cuts[&e];
         for end in e {
-            self.cut(tet.map(|v| if v == end { middle } else { v }), label, cuts);
+            self.cut(tet.map(|v| if v == end { middle } else { v }), kept, cuts);
         }
     }
 
     /// Every element into eight.
     pub(super) fn eight(&mut self) -> Cuts {
         let mut cuts = Cuts::new();
-        let (old, labels) = (core::mem::take(&mut self.tets), core::mem::take(&mut self.labels));
-        for (t, label) in old.into_iter().zip(labels) {
+        for (t, (label, whole)) in self.taken() {
             let [ab, ac, ad, bc, bd, cd] = EDGES.map(|[i, j]| self.midpoint(&mut cuts, key(t[i], t[j])));
             self.tets.extend([[t[0], ab, ac, ad], [ab, t[1], bc, bd], [ac, bc, t[2], cd], [ad, bd, cd, t[3]]]);
             // The octahedron around one of its three diagonals, with the four others in a ring.
@@ -137,6 +145,7 @@ impl Fine {
                 self.tets.extend(inner);
             }
             self.labels.extend([label; 8]);
+            self.part_of.extend([whole; 8]);
         }
         cuts
     }

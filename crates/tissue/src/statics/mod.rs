@@ -12,81 +12,24 @@ mod bisect;
 mod held;
 mod loads;
 mod newton;
+mod problem;
 mod refine;
 mod sphere;
 
-use crate::{Model, ModelError, ModelOptions};
-use monro_geometry::{Patient, Point, TetMesh, Vector};
+use crate::{Model, ModelOptions};
+use monro_geometry::{Patient, TetMesh, Vector};
+use problem::{outside, validate};
 use refine::Refined;
-use thiserror::Error;
+use std::collections::BTreeSet;
 
-/// Supports and loads.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct StaticProblem {
-    /// Vertices with a prescribed displacement (mm) in some components; a component that is `None` is free.
-    pub supports: Vec<Support>,
-    /// Dead force per volume at rest, mN/mm3 (1 N/m3 is 1e-6 mN/mm3).
-    pub body_force_mn_mm3: [f64; 3],
-    /// Pressures on parts of the outer surface.
-    pub pressures: Vec<Pressure>,
-    /// Rigid spheres that press on the outer surface.
-    pub contacts: Vec<SphereContact>,
-    /// Rods stuck to the tissue around them.
-    pub rods: Vec<EmbeddedRod>,
-}
-
-/// A rigid sphere that moves along a straight line.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SphereContact {
-    /// Radius, mm.
-    pub radius_mm: f64,
-    /// Coulomb's coefficient; 0 for none.
-    pub friction: f64,
-    /// Its centre at first, outside of the tissue.
-    pub from: Point<Patient>,
-    /// Its centre in the end.
-    pub to: Point<Patient>,
-}
-
-/// A rigid rod with rounded ends inside the tissue, without slip: tissue no further from its axis than the radius moves
-/// with it. What a support holds stays with the support.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EmbeddedRod {
-    /// Radius, mm.
-    pub radius_mm: f64,
-    /// Ends of its axis.
-    pub ends: [Point<Patient>; 2],
-    /// Its motion, mm.
-    pub displacement_mm: Vector<Patient>,
-}
-
-/// A prescribed displacement.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Support {
-    /// Vertex of the mesh.
-    pub node: u32,
-    /// Which set it belongs to: new vertices of a refined mesh are held between vertices of one set, and where two sets
-    /// adjoin on one smooth side of the body.
-    pub set: u32,
-    /// Displacement of each component, mm; `None` leaves it free.
-    pub displacement_mm: [Option<f64>; 3],
-}
-
-/// A pressure that follows the surface and pushes it into the tissue.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Pressure {
-    /// Faces of the outer surface, in any orientation.
-    pub faces: Vec<[u32; 3]>,
-    /// Pressure, kPa.
-    pub kpa: f64,
-}
+pub use problem::{EmbeddedRod, Pressure, SphereContact, StaticError, StaticProblem, Support};
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StaticOptions {
     /// Largest allowed ratio of the force out of balance to the forces that act.
     pub tolerance: f64,
-    /// Most Newton steps.
+    /// Most Newton steps, and most steps of the imposed motion.
     pub steps: u32,
     /// Most products with the Hessian, over all steps.
     pub products: u32,
@@ -133,95 +76,51 @@ pub struct StaticSolution {
     pub residual: f64,
     /// Share of the imposed motion that was reached: below 1 only when the solver had to stop.
     pub share: f64,
-    /// Whether the tolerance was met with all of the motion imposed.
+    /// Whether the tolerance was met with all of the motion imposed, no element turned inside out, and the mesh as fine as
+    /// [`Finer::Times`] asked.
     pub converged: bool,
+    /// Why the tolerance was not met; `None` when it was.
+    pub stop: Option<Stop>,
     /// Elements of the mesh that it was found on.
     pub tets: usize,
     /// How many of them are left without volume or turned inside out: the answer means nothing around them.
     pub turned: usize,
+    /// The element of the given mesh that is the first of these, or holds it.
+    pub first_turned: Option<usize>,
+    /// A finer mesh whose solution was given up: this one is that of the mesh before it.
+    pub unfinished: Option<Unfinished>,
     /// Newton steps taken.
     pub steps: u32,
     /// Products with the Hessian.
     pub products: u32,
 }
 
-/// Why a problem was refused.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum StaticError {
-    /// Only physical mode has an energy.
-    #[error("equilibrium needs a model in physical mode")]
-    NotPhysical,
-    /// A support or a face names a vertex that does not exist.
-    #[error("vertex {vertex} does not exist: the mesh has {vertices}")]
-    Vertex {
-        /// The vertex.
-        vertex: u32,
-        /// Vertices in the mesh.
-        vertices: usize,
-    },
-    /// A displacement, force or pressure is not finite.
-    #[error("{what} is not finite")]
-    NotFinite {
-        /// Which.
-        what: &'static str,
-    },
-    /// A face of a pressure is not on the outer surface.
-    #[error("the face {0:?} is not on the outer surface; pressure can act only there")]
-    Face([u32; 3]),
-    /// A sphere or rod has no size.
-    #[error(
-        "{what} {index} has radius {radius_mm} mm and friction {friction}; wanted a radius above 0, friction from 0"
-    )]
-    Body {
-        /// Which kind.
-        what: &'static str,
-        /// Which.
-        index: usize,
-        /// Its radius, mm.
-        radius_mm: f64,
-        /// Its friction.
-        friction: f64,
-    },
-    /// A rod holds nothing.
-    #[error(
-        "rod {rod} of radius {radius_mm} mm has no free vertex inside: it lies outside of the tissue, or the mesh is too coarse"
-    )]
-    Rod {
-        /// Which.
-        rod: usize,
-        /// Its radius, mm.
-        radius_mm: f64,
-    },
-    /// A sphere begins inside the tissue.
-    #[error(
-        "the centre of sphere {sphere} begins inside tetrahedron {tet}; it comes from outside, so begin it a radius ({radius_mm} mm) away from the surface"
-    )]
-    Inside {
-        /// Which sphere.
-        sphere: usize,
-        /// The element that holds its centre at first.
-        tet: usize,
-        /// Its radius, mm.
-        radius_mm: f64,
-    },
-    /// The loads move a part of the body that nothing holds.
-    #[error(
-        "the loads push the part of the body with vertex {vertex} away: {force_mn:?} mN and a moment of {moment_mn_mm:?} mN mm about its centre are borne by no support, so there is no equilibrium; hold vertices against them"
-    )]
-    Unheld {
-        /// A vertex of the part.
-        vertex: usize,
-        /// Force that nothing bears, mN.
-        force_mn: [f64; 3],
-        /// Moment that nothing bears, mN mm.
-        moment_mn_mm: [f64; 3],
-    },
-    /// A face is named twice in one pressure.
-    #[error("the face {0:?} is listed twice in one pressure; it would be pushed twice as hard")]
-    Twice([u32; 3]),
-    /// The model itself.
-    #[error(transparent)]
-    Model(#[from] ModelError),
+/// Why the tolerance was not met.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stop {
+    /// The caller asked to stop.
+    Asked,
+    /// [`StaticOptions::steps`] were taken.
+    Steps,
+    /// [`StaticOptions::products`] were taken.
+    Products,
+    /// No step brings the forces nearer to balance.
+    Stuck,
+    /// The body flew away.
+    Lost,
+}
+
+/// What was reached on a finer mesh that was given up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unfinished {
+    /// Its elements.
+    pub tets: usize,
+    /// Force out of balance over the forces that act; infinite when it was not begun or could not be made.
+    pub residual: f64,
+    /// How many of its elements were turned inside out.
+    pub turned: usize,
+    /// Why it ended; `None` when only turned elements spoilt it.
+    pub stop: Option<Stop>,
 }
 
 /// Finds the equilibrium of a mesh at rest. The mesh is refined around rods and spheres, and as a whole as often as the
@@ -242,20 +141,37 @@ pub fn equilibrium(
     let mut refined = Refined::new(mesh, problem).around_tools();
     let mut solved = on(&refined, model, None, options, keep_going)?;
     let mut times = 0;
-    while options.finer.go_on(times, solved.tets) {
-        if !solved.converged || !keep_going() {
-            solved.converged = false;
-            break;
-        }
-        times += 1;
+    while solved.converged && options.finer.go_on(times, solved.tets) {
         let finer = refined.clone().halved();
         let start = finer.prolonged(&solved.displacement);
-        solved = on(&finer, model, Some(&start), options, keep_going)?;
-        refined = finer;
+        let next = keep_going().then(|| on(&finer, model, Some(&start), options, keep_going).ok());
+        match next {
+            Some(Some(next)) if next.converged => (solved, refined) = (next, finer),
+            other => {
+                solved.unfinished = Some(Unfinished::of(finer.mesh.tets.len(), other));
+                // Asked for, it is missing; as good as it gets, it is what there is.
+                solved.converged = !matches!(options.finer, Finer::Times(_));
+                break;
+            }
+        }
+        times += 1;
     }
     solved.reaction = refined.gathered(solved.reaction);
     solved.displacement.truncate(refined.given());
+    solved.first_turned = solved.first_turned.map(|t| refined.part_of(t));
     Ok(solved)
+}
+
+impl Unfinished {
+    /// Of what was found on a finer mesh: nothing where time was up before, nothing inside where it made no model.
+    fn of(tets: usize, found: Option<Option<StaticSolution>>) -> Self {
+        let (residual, turned) = (f64::INFINITY, 0);
+        match found {
+            None => Self { tets, residual, turned, stop: Some(Stop::Asked) },
+            Some(None) => Self { tets, residual, turned, stop: Some(Stop::Stuck) },
+            Some(Some(f)) => Self { tets, residual: f.residual, turned: f.turned, stop: f.stop },
+        }
+    }
 }
 
 fn on(
@@ -266,41 +182,6 @@ fn on(
     keep_going: &mut dyn FnMut() -> bool,
 ) -> Result<StaticSolution, StaticError> {
     Model::new(&refined.mesh, options)?.solve(&refined.problem, start, how, keep_going)
-}
-
-/// Refuses spheres that begin inside of the tissue.
-fn outside(mesh: &TetMesh, problem: &StaticProblem) -> Result<(), StaticError> {
-    let points: Vec<[f64; 3]> = mesh.vertices.iter().map(|p| p.to_array()).collect();
-    for (sphere, c) in problem.contacts.iter().enumerate() {
-        if let Some(tet) = refine::holder(&points, &mesh.tets, c.from.to_array()) {
-            return Err(StaticError::Inside { sphere, tet, radius_mm: c.radius_mm });
-        }
-    }
-    Ok(())
-}
-
-fn validate(vertices: usize, problem: &StaticProblem) -> Result<(), StaticError> {
-    let named = problem.supports.iter().map(|s| s.node);
-    let mut named = named.chain(problem.pressures.iter().flat_map(|p| p.faces.iter().flatten().copied()));
-    if let Some(vertex) = named.find(|&v| v as usize >= vertices) {
-        return Err(StaticError::Vertex { vertex, vertices });
-    }
-    let sphere = |(i, c): (usize, &SphereContact)| {
-        ("sphere", i, c.radius_mm, c.friction, c.from.is_finite() && c.to.is_finite())
-    };
-    let rod = |(i, r): (usize, &EmbeddedRod)| {
-        ("rod", i, r.radius_mm, 0.0, r.ends.iter().all(|p| p.is_finite()) && r.displacement_mm.is_finite())
-    };
-    let bodies = problem.contacts.iter().enumerate().map(sphere).chain(problem.rods.iter().enumerate().map(rod));
-    for (what, index, radius_mm, friction, finite) in bodies {
-        if !finite {
-            return Err(StaticError::NotFinite { what: "the place of a rod or sphere" });
-        }
-        if !(radius_mm.is_finite() && radius_mm > 0.0 && friction >= 0.0) {
-            return Err(StaticError::Body { what, index, radius_mm, friction });
-        }
-    }
-    Ok(())
 }
 
 impl Model {
@@ -343,6 +224,7 @@ impl Model {
         let moved: Vec<[f64; 3]> =
             solved.x.iter().zip(&elastic.rest).map(|(x, r)| core::array::from_fn(|a| x[a] - r[a])).collect();
         let rods = loads.rods.iter().map(|held| taken(held, &mut solved.reaction)).collect();
+        let turned: BTreeSet<u32> = solved.turned.iter().copied().collect();
         Ok(StaticSolution {
             displacement: back(&moved),
             reaction: back(&solved.reaction),
@@ -350,9 +232,12 @@ impl Model {
             rods,
             residual: solved.residual,
             share: solved.share,
-            converged: solved.residual <= options.tolerance && solved.share >= 1.0,
+            converged: solved.stop.is_none() && turned.is_empty(),
+            stop: solved.stop,
             tets: self.tets.len(),
-            turned: solved.turned,
+            turned: turned.len(),
+            first_turned: self.tet_number.iter().position(|t| turned.contains(t)),
+            unfinished: None,
             steps: solved.steps,
             products: solved.products,
         })

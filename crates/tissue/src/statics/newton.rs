@@ -1,8 +1,8 @@
 //! Newton's method with conjugate gradients and a line search, along a path of growing motion and load.
 
-use super::StaticOptions;
 use super::loads::Loads;
 use super::sphere::Spheres;
+use super::{StaticOptions, Stop};
 use crate::physical::elastic::{D3, Elastic, Tangent, dot};
 
 /// Tolerance on the way; only the end must be exact.
@@ -32,7 +32,9 @@ pub(super) struct Solved {
     /// Share of the imposed motion and of the loads that was reached.
     pub(super) share: f64,
     /// Elements left without volume.
-    pub(super) turned: usize,
+    pub(super) turned: Vec<u32>,
+    /// Why it ended, if not by meeting the tolerance.
+    pub(super) stop: Option<Stop>,
     pub(super) steps: u32,
     pub(super) products: u32,
 }
@@ -47,7 +49,7 @@ struct Problem<'a> {
     share: f64,
     steps: u32,
     products: u32,
-    stopped: bool,
+    stop: Option<Stop>,
     /// Square of a force out of balance that is nothing but rounding, mN2.
     rounding: f64,
 }
@@ -72,9 +74,9 @@ pub(super) fn solve(
 ) -> Solved {
     let options = *options;
     let rounding = ROUNDING * ROUNDING * inner(&elastic.base, &elastic.base);
-    let (share, stopped) = (0.0, false);
+    let (share, stop) = (0.0, None);
     let mut problem =
-        Problem { elastic, loads, spheres, options, keep_going, share, steps: 0, products: 0, stopped, rounding };
+        Problem { elastic, loads, spheres, options, keep_going, share, steps: 0, products: 0, stop, rounding };
     let (at, share) = match start {
         Some(x) => problem.from(x),
         None => problem.path(),
@@ -83,9 +85,11 @@ pub(super) fn solve(
     let reaction = at.gradient.iter().zip(&loads.support);
     let reaction = reaction.map(|(g, s)| core::array::from_fn(|a| if s[a].is_some() { g[a] } else { 0.0 })).collect();
     let contacts = problem.spheres.forces(&at.x);
-    let turned = elastic.turned(&at.x);
+    let turned = elastic.turned(&at.x).collect();
     let (steps, products) = (problem.steps, problem.products);
-    Solved { x: at.x, reaction, contacts, residual, share, turned, steps, products }
+    let met = residual <= options.tolerance && share >= 1.0;
+    let stop = if met { None } else { problem.stop.or(Some(Stop::Stuck)) };
+    Solved { x: at.x, reaction, contacts, residual, share, turned, stop, steps, products }
 }
 
 fn shifted(x: &[D3], d: &[D3], s: f64) -> Vec<D3> {
@@ -101,26 +105,28 @@ impl Problem<'_> {
     fn path(&mut self) -> (Point, f64) {
         self.spheres.place(0.0);
         let mut at = self.evaluate(self.elastic.rest.clone());
-        let longest = self.spheres.stride();
-        let (mut share, mut stride) = (0.0f64, longest);
-        loop {
+        let (mut share, mut stride) = (0.0f64, 1.0);
+        for _ in 0..self.options.steps {
+            stride = self.spheres.stride(&at.x).min(stride);
             let next = if share + 1.001 * stride >= 1.0 { 1.0 } else { share + stride };
             let tolerance = if next == 1.0 { self.options.tolerance } else { LOOSE };
             let spheres = self.spheres.clone();
             let patient = next - share > SHORTEST;
             let reached = self.advance(&at, next, tolerance, patient);
             match reached {
-                Some(there) => (at, share, stride) = (there, next, (1.5 * stride).min(longest)),
+                Some(there) => (at, share, stride) = (there, next, 1.5 * stride),
                 None => {
                     // Forces and residual are told of the state that is kept.
                     (self.spheres, self.share) = (spheres, share);
                     stride = 0.5 * (next - share);
                 }
             }
-            if share == 1.0 || self.stopped {
+            if share == 1.0 || self.spent() {
                 return (at, share);
             }
         }
+        self.stop = Some(Stop::Steps);
+        (at, share)
     }
 
     /// Solves from a state that is near: the answer on a coarser mesh.
@@ -149,11 +155,11 @@ impl Problem<'_> {
             self.steps += 1;
         }
         let settled = self.converge(&mut at, tolerance, if patient { PATIENCE } else { u32::MAX });
-        if patient && !self.stopped && (!settled || self.elastic.turned(&at.x) > 0) {
+        if patient && self.stop.is_none() && (!settled || self.elastic.turned(&at.x).next().is_some()) {
             return None;
         }
         if !settled && self.lost(&at.x) {
-            self.stopped = true;
+            self.stop = Some(Stop::Lost);
             return None;
         }
         self.spheres.settle(&at.x);
@@ -197,7 +203,7 @@ impl Problem<'_> {
                 return true;
             }
             if self.spent() || self.steps >= self.options.steps {
-                self.stopped = true;
+                self.stop = self.stop.or(Some(Stop::Steps));
                 return false;
             }
             let forcing = (0.5 * residual.sqrt()).clamp(1e-8, 0.1);
@@ -219,8 +225,12 @@ impl Problem<'_> {
 
     /// Whether products or the caller's patience have run out.
     fn spent(&mut self) -> bool {
-        self.stopped = self.stopped || self.products >= self.options.products || !(self.keep_going)();
-        self.stopped
+        if self.stop.is_none() && self.products >= self.options.products {
+            self.stop = Some(Stop::Products);
+        } else if self.stop.is_none() && !(self.keep_going)() {
+            self.stop = Some(Stop::Asked);
+        }
+        self.stop.is_some()
     }
 
     /// Keeps only the free components.

@@ -113,6 +113,11 @@ impl Refined {
         force
     }
 
+    /// The element of the given mesh that an element is a part of.
+    pub(super) fn part_of(&self, tet: usize) -> usize {
+        self.fine.part_of[tet] as usize
+    }
+
     /// Vertices of the mesh as given.
     pub(super) const fn given(&self) -> usize {
         self.fine.first

@@ -135,6 +135,15 @@ impl Sphere {
         Some(Touch { normal, pressure, held, drift, slid: dot(drift, drift).sqrt(), limit })
     }
 
+    /// Distance of the nearest site from the sphere, less than 0 when it reaches in, mm.
+    fn away(&self, sites: &[Site], x: &[D3]) -> f64 {
+        let far = |s: &Site| {
+            let out = sub(x[s.node as usize], self.centre);
+            dot(out, out)
+        };
+        sites.iter().map(far).fold(f64::INFINITY, f64::min).sqrt() - self.radius
+    }
+
     /// The next pressure of each site, and how far one reaches in or holds off, mm.
     fn next(&self, sites: &[Site], x: &[D3]) -> (Vec<f64>, f64) {
         let at = |i: usize, s: &Site| self.touch(i, s, x[s.node as usize]).map_or(0.0, |t| t.pressure);
@@ -180,13 +189,13 @@ impl Spheres {
         }
     }
 
-    /// Largest share of the way that no sphere moves further than a part of its radius in.
-    pub(super) fn stride(&self) -> f64 {
+    /// Largest share of the way that no sphere moves further than a part of its radius in, or half of what it is away.
+    pub(super) fn stride(&self, x: &[D3]) -> f64 {
         let share = |s: &Sphere| {
             let way = sub(s.to, s.from);
             // Friction depends on the path.
             let radii = if s.friction > 0.0 { 0.2 * STRIDE } else { STRIDE };
-            radii * s.radius / dot(way, way).sqrt().max(f64::MIN_POSITIVE)
+            (radii * s.radius).max(0.5 * s.away(&self.sites, x)) / dot(way, way).sqrt().max(f64::MIN_POSITIVE)
         };
         self.spheres.iter().map(share).fold(1.0, f64::min)
     }

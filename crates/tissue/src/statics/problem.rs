@@ -1,0 +1,189 @@
+//! What is imposed on a body, and when it is refused.
+
+use super::refine;
+use crate::ModelError;
+use monro_geometry::{Patient, Point, TetMesh, Vector};
+use thiserror::Error;
+
+/// Supports and loads.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct StaticProblem {
+    /// Vertices with a prescribed displacement (mm) in some components; a component that is `None` is free.
+    pub supports: Vec<Support>,
+    /// Dead force per volume at rest, mN/mm3 (1 N/m3 is 1e-6 mN/mm3).
+    pub body_force_mn_mm3: [f64; 3],
+    /// Pressures on parts of the outer surface.
+    pub pressures: Vec<Pressure>,
+    /// Rigid spheres that press on the outer surface.
+    pub contacts: Vec<SphereContact>,
+    /// Rods stuck to the tissue around them.
+    pub rods: Vec<EmbeddedRod>,
+}
+
+/// A rigid sphere that moves along a straight line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SphereContact {
+    /// Radius, mm.
+    pub radius_mm: f64,
+    /// Coulomb's coefficient; 0 for none.
+    pub friction: f64,
+    /// Its centre at first, outside of the tissue.
+    pub from: Point<Patient>,
+    /// Its centre in the end.
+    pub to: Point<Patient>,
+}
+
+/// A rigid rod with rounded ends inside the tissue, without slip: tissue no further from its axis than the radius moves
+/// with it. What a support holds stays with the support.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EmbeddedRod {
+    /// Radius, mm.
+    pub radius_mm: f64,
+    /// Ends of its axis.
+    pub ends: [Point<Patient>; 2],
+    /// Its motion, mm.
+    pub displacement_mm: Vector<Patient>,
+}
+
+/// A prescribed displacement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Support {
+    /// Vertex of the mesh.
+    pub node: u32,
+    /// Which set it belongs to: new vertices of a refined mesh are held between vertices of one set, and where two sets
+    /// adjoin on one smooth side of the body.
+    pub set: u32,
+    /// Displacement of each component, mm; `None` leaves it free.
+    pub displacement_mm: [Option<f64>; 3],
+}
+
+/// A pressure that follows the surface and pushes it into the tissue.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pressure {
+    /// Faces of the outer surface, in any orientation.
+    pub faces: Vec<[u32; 3]>,
+    /// Pressure, kPa.
+    pub kpa: f64,
+}
+
+/// Why a problem was refused.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum StaticError {
+    /// Only physical mode has an energy.
+    #[error("equilibrium needs a model in physical mode")]
+    NotPhysical,
+    /// A support or a face names a vertex that does not exist.
+    #[error("vertex {vertex} does not exist: the mesh has {vertices}")]
+    Vertex {
+        /// The vertex.
+        vertex: u32,
+        /// Vertices in the mesh.
+        vertices: usize,
+    },
+    /// A displacement, force or pressure is not finite.
+    #[error("{what} is not finite")]
+    NotFinite {
+        /// Which.
+        what: &'static str,
+    },
+    /// A face of a pressure is not on the outer surface.
+    #[error("the face {0:?} is not on the outer surface; pressure can act only there")]
+    Face([u32; 3]),
+    /// A sphere or rod has no size.
+    #[error("{what} {index} has radius {radius_mm} mm; wanted a number above 0")]
+    Radius {
+        /// Which kind.
+        what: &'static str,
+        /// Which.
+        index: usize,
+        /// Its radius, mm.
+        radius_mm: f64,
+    },
+    /// A sphere's friction is no coefficient.
+    #[error("sphere {sphere} has friction {friction}; wanted a number from 0 (Coulomb's coefficient)")]
+    Friction {
+        /// Which sphere.
+        sphere: usize,
+        /// Its friction.
+        friction: f64,
+    },
+    /// A rod holds nothing.
+    #[error(
+        "rod {rod} of radius {radius_mm} mm has no free vertex inside: it lies outside of the tissue, or the mesh is too coarse"
+    )]
+    Rod {
+        /// Which.
+        rod: usize,
+        /// Its radius, mm.
+        radius_mm: f64,
+    },
+    /// A sphere begins inside the tissue.
+    #[error(
+        "the centre of sphere {sphere} begins inside tetrahedron {tet}; it comes from outside, so begin it a radius ({radius_mm} mm) away from the surface"
+    )]
+    Inside {
+        /// Which sphere.
+        sphere: usize,
+        /// The element that holds its centre at first.
+        tet: usize,
+        /// Its radius, mm.
+        radius_mm: f64,
+    },
+    /// The loads move a part of the body that nothing holds.
+    #[error(
+        "the loads push the part of the body with vertex {vertex} away: {force_mn:?} mN and a moment of {moment_mn_mm:?} mN mm about its centre are borne by no support, so there is no equilibrium; hold vertices against them"
+    )]
+    Unheld {
+        /// A vertex of the part.
+        vertex: usize,
+        /// Force that nothing bears, mN.
+        force_mn: [f64; 3],
+        /// Moment that nothing bears, mN mm.
+        moment_mn_mm: [f64; 3],
+    },
+    /// A face is named twice in one pressure.
+    #[error("the face {0:?} is listed twice in one pressure; it would be pushed twice as hard")]
+    Twice([u32; 3]),
+    /// The model itself.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+/// Refuses spheres that begin inside of the tissue.
+pub(super) fn outside(mesh: &TetMesh, problem: &StaticProblem) -> Result<(), StaticError> {
+    let points: Vec<[f64; 3]> = mesh.vertices.iter().map(|p| p.to_array()).collect();
+    for (sphere, c) in problem.contacts.iter().enumerate() {
+        if let Some(tet) = refine::holder(&points, &mesh.tets, c.from.to_array()) {
+            return Err(StaticError::Inside { sphere, tet, radius_mm: c.radius_mm });
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn validate(vertices: usize, problem: &StaticProblem) -> Result<(), StaticError> {
+    let named = problem.supports.iter().map(|s| s.node);
+    let mut named = named.chain(problem.pressures.iter().flat_map(|p| p.faces.iter().flatten().copied()));
+    if let Some(vertex) = named.find(|&v| v as usize >= vertices) {
+        return Err(StaticError::Vertex { vertex, vertices });
+    }
+    for (index, c) in problem.contacts.iter().enumerate() {
+        body("sphere", index, c.radius_mm, c.from.is_finite() && c.to.is_finite())?;
+        if !(c.friction.is_finite() && c.friction >= 0.0) {
+            return Err(StaticError::Friction { sphere: index, friction: c.friction });
+        }
+    }
+    for (index, r) in problem.rods.iter().enumerate() {
+        body("rod", index, r.radius_mm, r.ends.iter().all(|p| p.is_finite()) && r.displacement_mm.is_finite())?;
+    }
+    Ok(())
+}
+
+fn body(what: &'static str, index: usize, radius_mm: f64, finite: bool) -> Result<(), StaticError> {
+    if !finite {
+        Err(StaticError::NotFinite { what: "the place of a rod or sphere" })
+    } else if radius_mm.is_finite() && radius_mm > 0.0 {
+        Ok(())
+    } else {
+        Err(StaticError::Radius { what, index, radius_mm })
+    }
+}
