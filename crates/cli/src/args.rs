@@ -222,7 +222,32 @@ pub(crate) struct SimulateArgs {
     pub(crate) force: bool,
 }
 
+/// What "monro solve --json" prints.
+const SOLVE_FIELDS: &str = "\
+What is printed (forces in N, along the axes of the scene):
+  reactions_N     force of each set on the tissue, in the components that the set holds (0 in the others; what two
+                  sets hold counts in both)
+  reactions_held  these components
+  punch_forces_N, rod_forces_N
+                  force of each sphere, of each rod on the tissue; punch_force_N, rod_force_N: of the first, along its
+                  motion, positive when the tissue resists
+  converged       the tolerance (residual 1e-6) was met with all motion and load imposed, no element is turned, and the
+                  mesh is as fine as --refine asked
+  residual        force out of balance over supports' forces and loads
+  share           share of the imposed motion and load that was reached, 0 to 1
+  tets_solved     elements that the answer was found on, after refinement
+  turned          how many of them are turned inside out or without volume
+  newton_steps, products
+                  work done on that mesh: Newton steps, products of the tangent stiffness with a vector
+  max_displacement_mm, seconds, case, mesh, mode, out, remarks
+Paper mode has no forces: frames (stepped), residual_mm (largest motion in the last one), note.";
+
+fn milliseconds(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| "wanted whole milliseconds from 0, as 60000 for a minute".into())
+}
+
 #[derive(Debug, Args)]
+#[command(after_help = SOLVE_FIELDS)]
 pub(crate) struct SolveArgs {
     /// The scene: a JSON file with its meshes beside it, in SI, or the folder of a scene.json.
     #[arg(value_name = "SCENE.json")]
@@ -239,8 +264,8 @@ pub(crate) struct SolveArgs {
     /// Which soft body.
     #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
     pub(crate) mode: ModeArg,
-    /// Stop after so many milliseconds with the best so far; its residual is printed.
-    #[arg(long, value_name = "N")]
+    /// Stop after so many milliseconds with the best so far, and say so [default: 600000, ten minutes].
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = milliseconds)]
     pub(crate) budget_ms: Option<u64>,
     /// How often every element is cut into eight inside the solver (physical mode; default: as long as that gives no more
     /// than 80,000). Around rods and spheres the mesh is refined in any case.

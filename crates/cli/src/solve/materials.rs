@@ -44,14 +44,18 @@ fn moduli(m: &Value) -> Result<(f64, f64)> {
         }
     };
     ensure!(young.is_finite() && young > 0.0, "Young's modulus is {young} Pa, wanted more than 0");
-    ensure!(
-        POISSON.contains(&poisson),
-        "Poisson's ratio is {poisson}, wanted from {} to below {}: at 0.5 the volume cannot change at all and its \
-         stiffness is infinite; say 0.499 for what hardly changes it",
-        POISSON.start,
-        POISSON.end
-    );
+    ensure!(POISSON.contains(&poisson), "Poisson's ratio is {poisson}, {}", wanted(poisson));
     Ok((young, poisson))
+}
+
+fn wanted(poisson: f64) -> String {
+    let (low, high) = (POISSON.start, POISSON.end);
+    let why = if poisson >= high {
+        "at 0.5 the volume cannot change at all and its stiffness is infinite; say 0.499 for what hardly changes it"
+    } else {
+        "below 0 are only foams that widen when they are pulled; say 0 for what keeps its width"
+    };
+    format!("wanted from {low} to below {high}: {why}")
 }
 
 /// The region of each element, each with a material.
@@ -67,14 +71,18 @@ pub(super) fn regions(grid: &UnstructuredGrid, materials: &BTreeMap<u16, Materia
     };
     let one = |(tet, &v): (usize, &f64)| {
         let label = Some(v as u16).filter(|&l| f64::from(l) == v);
-        let label =
-            label.with_context(|| format!("tetrahedron {tet} has region {v}, wanted a number from 0 to 65535"))?;
-        ensure!(
-            materials.contains_key(&label),
-            "tetrahedron {tet} is of region {label}, but the case has materials for the regions {} only",
+        label.with_context(|| format!("tetrahedron {tet} has region {v}, wanted a number from 0 to 65535"))
+    };
+    let labels = array.values.iter().enumerate().map(one).collect::<Result<Vec<u16>>>()?;
+    if let Some(first) = labels.iter().position(|l| !materials.contains_key(l)) {
+        let label = labels[first];
+        bail!(
+            "{} of {} tetrahedra are of region {label} (the first is {first}), but the case has materials for the \
+             regions {} only; add \"{label}\" to its \"materials\"",
+            labels.iter().filter(|&&l| l == label).count(),
+            labels.len(),
             names()
         );
-        Ok(label)
-    };
-    array.values.iter().enumerate().map(one).collect()
+    }
+    Ok(labels)
 }

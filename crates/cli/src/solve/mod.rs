@@ -1,13 +1,15 @@
 //! `monro solve`: a static scene (JSON and meshes in SI) to its equilibrium.
 
 mod materials;
+mod outcome;
 mod remarks;
 pub(crate) mod scene;
 pub(crate) mod stepping;
+mod units;
 
 use crate::args::{ModeArg, SolveArgs};
 use crate::console::Console;
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
 use monro_geometry::{Patient, Vector};
 use monro_tissue::{
@@ -15,11 +17,17 @@ use monro_tissue::{
 };
 use scene::Scene;
 use serde_json::{Map, Value, json};
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Elements up to which the mesh is made finer when nothing else is asked: seconds of work.
 const TETS: usize = 80_000;
+
+/// Milliseconds after which a solve ends when nothing else is asked.
+const BUDGET_MS: u64 = 600_000;
 
 /// What a solver found.
 pub(crate) struct Found {
@@ -27,19 +35,17 @@ pub(crate) struct Found {
     pub(crate) displacement: Vec<Vector<Patient>>,
     /// What goes into the result beside the displacement.
     pub(crate) json: Map<String, Value>,
+    /// What the user should not miss.
+    pub(crate) remarks: Vec<String>,
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &SolveArgs, console: &Console) -> Result<()> {
-    ensure!(
-        args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("vtu")),
-        "{}: only .vtu is written",
-        args.out.display()
-    );
-    let scene = console.stage("read", || scene::read(&args.scene, &args.mesh, &args.case))?;
+    let mut scene = console.stage("read", || scene::read(&args.scene, &args.mesh, &args.case))?;
+    writable(&args.out, &scene.sources)?;
     scene.remarks.iter().for_each(|r| console.warn(r));
     let start = Instant::now();
-    let deadline = args.budget_ms.map(|ms| start + Duration::from_millis(ms));
+    let deadline = start.checked_add(Duration::from_millis(args.budget_ms.unwrap_or(BUDGET_MS)));
     let mut keep_going = || deadline.is_none_or(|d| Instant::now() < d);
     let found = console.stage("solve", || match args.mode {
         ModeArg::Physical => physical(&scene, args.refine.map_or(Finer::UpTo(TETS), Finer::Times), &mut keep_going),
@@ -55,18 +61,24 @@ pub(crate) fn run(args: &SolveArgs, console: &Console) -> Result<()> {
     json.insert("seconds".into(), seconds.into());
     let largest = found.displacement.iter().map(|d| d.norm()).fold(0.0, f64::max);
     json.insert("max_displacement_mm".into(), largest.into());
-    if json["converged"] == Value::Bool(false) {
-        console
-            .warn("stopped before the tolerance was met: the displacement is the best so far (see residual and share)");
-    }
+    found.remarks.iter().for_each(|r| console.warn(r));
+    scene.remarks.extend(found.remarks);
     json.insert("remarks".into(), json!(scene.remarks));
-    if let Some(turned) = json.get("turned").and_then(Value::as_u64).filter(|&n| n > 0) {
-        console.warn(&format!(
-            "{turned} elements of the solved mesh are turned inside out: the answer means nothing around them"
-        ));
-    }
     let json = Value::Object(json);
     console.result(&json, &format!("{json:#}"));
+    Ok(())
+}
+
+/// Refuses what could not be written in the end, and what would take the place of the scene's own files.
+fn writable(out: &Path, sources: &[PathBuf]) -> Result<()> {
+    let vtu = out.extension().is_some_and(|e| e.eq_ignore_ascii_case("vtu"));
+    ensure!(vtu, "{}: only .vtu is written", out.display());
+    let folder = out.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    ensure!(folder.is_dir(), "{}: there is no folder {}; make it first", out.display(), folder.display());
+    let file = |path: &Path| fs::metadata(path).ok().map(|m| (m.dev(), m.ino()));
+    if let Some(own) = sources.iter().find(|s| file(out).is_some() && file(s) == file(out)) {
+        bail!("--out {} is {}, which the scene is read from; name another file", out.display(), own.display());
+    }
     Ok(())
 }
 
@@ -80,19 +92,39 @@ pub(crate) fn physical(scene: &Scene, finer: Finer, keep_going: &mut dyn FnMut()
     };
     let how = StaticOptions { finer, ..StaticOptions::default() };
     let solved = equilibrium(&scene.mesh, &options, &scene.problem, &how, keep_going)?;
-    Ok(Found { json: forces(scene, &solved), displacement: solved.displacement })
+    let remarks = outcome::remarks(scene, &solved);
+    Ok(Found { json: forces(scene, &solved), displacement: solved.displacement, remarks })
 }
 
 fn newton(v: Vector<Patient>) -> [f64; 3] {
     v.to_array().map(|x| x * 1e-3)
 }
 
+/// Force of each set, by name, in the components that it holds, and these components. What is held in two sets counts in
+/// both.
+fn reactions(scene: &Scene, solved: &StaticSolution) -> [Value; 2] {
+    let mut held = BTreeMap::<&str, BTreeSet<(usize, u32)>>::new();
+    for s in &scene.problem.supports {
+        let set = held.entry(&scene.sets[s.set as usize].0).or_default();
+        set.extend((0..3).filter(|&a| s.displacement_mm[a].is_some()).map(|a| (a, s.node)));
+    }
+    let (mut force, mut components) = (Map::new(), Map::new());
+    for (name, of) in held {
+        let mut sum = [0.0; 3];
+        of.iter().for_each(|&(a, n)| sum[a] += solved.reaction[n as usize].to_array()[a]);
+        let axes = (0..3).filter(|&a| of.iter().any(|h| h.0 == a)).map(|a| ["x", "y", "z"][a]);
+        components.insert(name.into(), axes.collect::<String>().into());
+        force.insert(name.into(), json!(newton(Vector::from_array(sum))));
+    }
+    [Value::Object(force), Value::Object(components)]
+}
+
 /// Reactions and how they were found. A force along a tool's motion is positive when the tissue resists it.
 fn forces(scene: &Scene, solved: &StaticSolution) -> Map<String, Value> {
     let mut json = Map::new();
-    let sum = |nodes: &[u32]| nodes.iter().fold(Vector::ZERO, |s, &n| s + solved.reaction[n as usize]);
-    let reactions = scene.sets.iter().map(|(name, nodes)| (name.clone(), json!(newton(sum(nodes)))));
-    json.insert("reactions_N".into(), Value::Object(reactions.collect()));
+    let [force, held] = reactions(scene, solved);
+    json.insert("reactions_N".into(), force);
+    json.insert("reactions_held".into(), held);
     let along =
         |force: Vector<Patient>, way: Vector<Patient>| force.dot(way) / way.norm().max(f64::MIN_POSITIVE) * 1e-3;
     let p = &scene.problem;
@@ -127,5 +159,5 @@ fn write(out: &Path, scene: &Scene, found: &Found) -> Result<()> {
         point_data: vec![DataArray::vectors("displacement", Kind::Float64, &metres)],
         cell_data: region.into_iter().collect(),
     };
-    std::fs::write(out, vtu::encode(&grid)).with_context(|| format!("cannot write {}", out.display()))
+    fs::write(out, vtu::encode(&grid)).with_context(|| format!("cannot write {}", out.display()))
 }

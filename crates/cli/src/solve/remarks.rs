@@ -4,24 +4,47 @@ use monro_tissue::StaticProblem;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 
-/// Entries of a case that are read.
-const READ: [&str; 6] = ["materials", "dirichlet", "body_force", "pressure", "contact", "embedded_rod"];
+/// Entries of a case that are read, and of each of its parts.
+const READ: [(&str, &[&str]); 6] = [
+    ("materials", &["E", "nu", "mu", "lam", "lam_hat"]),
+    ("dirichlet", &["set", "components", "value"]),
+    ("body_force", &[]),
+    ("pressure", &["faces", "pressure"]),
+    ("contact", &["kind", "type", "shape", "rigid_sphere", "radius", "friction", "centre_start", "centre_end"]),
+    ("embedded_rod", &["radius", "p0", "p1", "displacement", "coupling"]),
+];
 
 /// Entries that only tell a reader, or a comparison, something.
-const TOLD: [&str; 6] = ["description", "imposed_mm", "reference", "compare_set", "rigid_body_free", "F"];
+const TOLD: [&str; 8] =
+    ["description", "imposed_mm", "reference", "compare_set", "rigid_body_free", "F", "note", "name"];
 
 pub(super) fn all(case: &Value, problem: &StaticProblem, sets: &[(String, Vec<u32>)]) -> Vec<String> {
-    let mut out = unread(case.as_object());
+    let parts: Vec<&str> = READ.map(|(name, _)| name).to_vec();
+    let mut out: Vec<String> = unread("the case", case, &parts).into_iter().collect();
+    for (part, read) in READ.into_iter().filter(|(_, read)| !read.is_empty()) {
+        let entries: Vec<(String, &Value)> = match &case[part] {
+            Value::Array(items) => items.iter().enumerate().map(|(i, v)| (format!("{part} {i}"), v)).collect(),
+            Value::Object(regions) if part == "materials" => {
+                regions.iter().map(|(region, v)| (format!("{part} of region {region}"), v)).collect()
+            }
+            other => vec![(part.to_owned(), other)],
+        };
+        for (place, entry) in entries {
+            out.extend(unread(&place, entry, read));
+            out.extend(unread(&place, &entry["rigid_sphere"], read));
+        }
+    }
     out.extend(conflicts(problem, sets));
     out
 }
 
 /// Entries that nothing reads: most likely one is misspelt.
-fn unread(case: Option<&Map<String, Value>>) -> Vec<String> {
-    let known = |k: &str| READ.contains(&k) || TOLD.contains(&k) || k.ends_with("_note");
-    let names: Vec<&str> = case.into_iter().flat_map(Map::keys).map(String::as_str).filter(|k| !known(k)).collect();
-    let told = format!("not read in the case: {} (read are {})", names.join(", "), READ.join(", "));
-    if names.is_empty() { Vec::new() } else { vec![told] }
+fn unread(place: &str, entry: &Value, read: &[&str]) -> Option<String> {
+    let known = |k: &str| read.contains(&k) || TOLD.contains(&k) || k.ends_with("_note");
+    let keys = entry.as_object().into_iter().flat_map(Map::keys).map(String::as_str);
+    let names: Vec<&str> = keys.filter(|k| !known(k)).collect();
+    let told = || format!("not read in {place}: {} (read are {})", names.join(", "), read.join(", "));
+    (!names.is_empty()).then(told)
 }
 
 /// Nodes that two sets hold at different places: the set that comes later in the list counts.

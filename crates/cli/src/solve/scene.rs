@@ -1,7 +1,7 @@
 //! Scenes of static problems: a JSON file beside its meshes, all in SI. What is read is in mm, mN and kPa.
 
-use super::{materials, remarks};
-use anyhow::{Context, Result, ensure};
+use super::{materials, remarks, units};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use monro_case::vtu::{self, DataArray, UnstructuredGrid};
 use monro_geometry::{Patient, Point, TetMesh, Vector, tet_signed_volume};
 use monro_tissue::{EmbeddedRod, Material, Pressure, SphereContact, StaticProblem, Support};
@@ -24,16 +24,29 @@ pub(crate) struct Scene {
     pub(crate) sets: Vec<(String, Vec<u32>)>,
     /// What looks like a mistake in it and is none for certain.
     pub(crate) remarks: Vec<String>,
+    /// The file of the scene and those of all its meshes.
+    pub(crate) sources: Vec<PathBuf>,
 }
 
 /// Reads a case of a scene on one of its meshes.
 pub(crate) fn read(path: &Path, mesh: &str, case: &str) -> Result<Scene> {
     let file = if path.is_dir() { path.join("scene.json") } else { path.to_owned() };
     let text = fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
-    let scene: Value = serde_json::from_str(text.trim_start_matches('\u{feff}'))
-        .with_context(|| format!("{}: not JSON", file.display()))?;
+    let scene = parse(&text).with_context(|| format!("{}: not JSON", file.display()))?;
     let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
-    build(&scene, &folder, mesh, case).with_context(|| file.display().to_string())
+    let mut built = build(&scene, &folder, mesh, case).with_context(|| file.display().to_string())?;
+    let meshes = scene["meshes"].as_object().into_iter().flat_map(Map::values);
+    built.sources = meshes.filter_map(|m| Some(folder.join(m["file"].as_str()?))).chain([file]).collect();
+    Ok(built)
+}
+
+fn parse(text: &str) -> Result<Value> {
+    let hint = |e: &serde_json::Error| {
+        let line = text.lines().nth(e.line().saturating_sub(1)).unwrap_or_default().to_lowercase();
+        let endless = ["nan", "infinity"].iter().any(|w| line.contains(w));
+        if endless { "JSON has no NaN and no Infinity: write a finite number" } else { "mend it there" }
+    };
+    serde_json::from_str(text.trim_start_matches('\u{feff}')).map_err(|e| anyhow!("{e}: {}", hint(&e)))
 }
 
 fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Result<Scene> {
@@ -51,8 +64,9 @@ fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Resu
     let materials = materials::read(case).with_context(in_case)?;
     let tets = mesh_mm(&grid, &materials).with_context(|| file.display().to_string())?;
     let (problem, sets) = problem(&grid, mesh, case).with_context(in_case)?;
-    let remarks = remarks::all(case, &problem, &sets);
-    Ok(Scene { grid, mesh: tets, materials, problem, sets, remarks })
+    let mut remarks = remarks::all(case, &problem, &sets);
+    remarks.extend(units::check(&tets, &problem, &sets).with_context(in_case)?);
+    Ok(Scene { grid, mesh: tets, materials, problem, sets, remarks, sources: Vec::new() })
 }
 
 /// A scene that counts its nodes and elements must mean this file.
@@ -76,9 +90,19 @@ fn mesh_mm(grid: &UnstructuredGrid, materials: &BTreeMap<u16, Material>) -> Resu
     let vertices: Vec<Point<Patient>> = grid.points.iter().map(|p| Point::from_array(p.map(|v| v * MM))).collect();
     let mut tets = grid.tets.clone();
     let corner = |v: u32| vertices.get(v as usize).copied().unwrap_or(Point::ORIGIN);
-    if tets.iter().all(|t| tet_signed_volume(t.map(corner)) < 0.0) {
-        // A mesh of the other orientation throughout is as good; a mixed one is refused when the model is made.
+    let volumes: Vec<f64> = tets.iter().map(|t| tet_signed_volume(t.map(corner))).collect();
+    let turned = volumes.iter().filter(|&&v| v <= 0.0).count();
+    if volumes.iter().all(|&v| v < 0.0) {
+        // A mesh of the other orientation throughout is as good.
         tets.iter_mut().for_each(|t| t.swap(2, 3));
+    } else if let Some(first) = volumes.iter().position(|&v| v <= 0.0) {
+        bail!(
+            "{turned} of {} tetrahedra are turned inside out or without volume, and the others are not: the first is \
+             {first} with a volume of {} mm3; swap two vertices of each, or mesh the body anew if they overlap their \
+             neighbours or are flat",
+            tets.len(),
+            volumes[first]
+        );
     }
     Ok(TetMesh { vertices, tets, labels })
 }

@@ -1,7 +1,7 @@
 //! A scene stepped through time until it rests: how paper mode solves it, and how the stepping modes are judged.
 
-use super::Found;
 use super::scene::Scene;
+use super::{Found, outcome};
 use anyhow::{Result, bail, ensure};
 use monro_geometry::{Patient, Point, Vector};
 use monro_tissue::{
@@ -37,7 +37,24 @@ pub(super) fn solve(scene: &Scene, keep_going: &mut dyn FnMut() -> bool) -> Resu
         frame < FRAMES && (frame <= RAMP || still > REST * size(scene)) && keep_going()
     });
     let displacement = stepping.displacement(&state);
-    Ok(Found { displacement, json: told(frames, still, size(scene)) })
+    let turned = outcome::turned_given(&scene.mesh, &displacement);
+    let rests = still <= REST * size(scene);
+    let mut remarks = Vec::new();
+    if !rests {
+        let limit = format!("at most {FRAMES}, and as --budget-ms allows");
+        remarks.push(format!("stopped after {frames} frames ({limit}): still moving by {still} mm a frame"));
+    }
+    if let Some(first) = turned.first() {
+        remarks.push(format!(
+            "{} of {} elements are turned inside out or without volume, the first is {first}: the answer means nothing \
+             around them",
+            turned.len(),
+            scene.mesh.tets.len()
+        ));
+    }
+    let mut json = told(frames, still, rests && turned.is_empty());
+    json.insert("turned".into(), turned.len().into());
+    Ok(Found { displacement, json, remarks })
 }
 
 impl<'a> Stepping<'a> {
@@ -98,9 +115,9 @@ impl<'a> Stepping<'a> {
     }
 }
 
-fn told(frames: u32, still: f64, size: f64) -> Map<String, Value> {
+fn told(frames: u32, still: f64, converged: bool) -> Map<String, Value> {
     let mut json = Map::new();
-    json.insert("converged".into(), (still <= REST * size).into());
+    json.insert("converged".into(), converged.into());
     json.insert("frames".into(), frames.into());
     json.insert("residual_mm".into(), still.into());
     let note = "paper mode: normalised coefficients, so E and nu of the scene are not used and forces have no unit";

@@ -6,4 +6,5 @@ mod mesh_files;
 mod real_scans;
 mod refusals;
 mod solve;
+mod solve_told;
 mod whole_chain;

@@ -36,7 +36,7 @@ fn vtu() -> String {
     )
 }
 
-fn held(set: &str, components: &str, value: [f64; 3]) -> Value {
+pub(crate) fn held(set: &str, components: &str, value: [f64; 3]) -> Value {
     json!({ "set": set, "components": components, "value": value })
 }
 
@@ -144,7 +144,7 @@ fn what_a_scene_does_not_have_is_listed() {
 }
 
 /// The scene with one change, asked for the case "stretch".
-fn changed(dir: &Path, change: impl FnOnce(&mut Value)) -> [String; 8] {
+pub(crate) fn changed(dir: &Path, change: impl FnOnce(&mut Value)) -> [String; 8] {
     let path = scene(dir);
     let mut value: Value = serde_json::from_slice(&fs::read(&path).expect("scene")).expect("JSON");
     change(&mut value);
@@ -161,8 +161,12 @@ fn what_is_wrong_in_a_scene_is_named_with_its_number_and_a_way_out() {
         (put("/materials/1", json!({ "E": 3000.0 })), vec!["region 1", "E and nu", "lam_hat"]),
         (put("/materials/1/E", json!(-3.0)), vec!["region 1", "-3 Pa", "more than 0"]),
         (put("/materials/1/nu", json!(0.5)), vec!["region 1", "0.5", "0.4999", "0.499 "]),
+        (put("/materials/1/nu", json!(-0.2)), vec!["region 1", "-0.2", "from 0 to below 0.4999", "say 0 for"]),
         (put("/materials/1", json!({ "E": 3000.0, "nu": 0.3, "mu": 5.0, "lam": 3.0 })), vec!["region 1", "nu 0.3"]),
-        (put("/materials", json!({ "2": { "E": 1.0, "nu": 0.3 } })), vec!["tetrahedron 0", "region 1", "regions 2"]),
+        (
+            put("/materials", json!({ "2": { "E": 1.0, "nu": 0.3 } })),
+            vec!["6 of 6 tetrahedra", "region 1", "regions 2", "add"],
+        ),
         (put("/dirichlet/0/set", json!("left")), vec!["set_left", "set_x0"]),
         (put("/dirichlet/0/components", json!("")), vec!["x0", "xyz"]),
         (put("/dirichlet/0/components", json!(["x"])), vec!["x0", "[\"x\"]", "xyz"]),

@@ -1,0 +1,108 @@
+//! What a solution does not say by itself.
+
+use super::scene::Scene;
+use monro_geometry::{Bvh, Patient, TetMesh, TriangleMesh, Vector};
+use monro_tissue::{SphereContact, StaticSolution, Stop};
+
+/// Remarks on a solution.
+pub(super) fn remarks(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
+    let mut out = Vec::new();
+    out.extend(solved.stop.map(|stop| stopped(stop, solved)));
+    out.extend(unfinished(solved));
+    out.extend(turned(scene, solved));
+    if !scene.problem.contacts.is_empty() && solved.share >= 1.0 {
+        let surfaces = [surface(&scene.mesh, None), surface(&scene.mesh, Some(&solved.displacement))];
+        let all = scene.problem.contacts.iter().zip(&solved.contacts).enumerate();
+        out.extend(all.filter_map(|(i, (c, force))| sphere(i, c, *force, &surfaces)));
+    }
+    out
+}
+
+fn why(stop: Stop) -> &'static str {
+    match stop {
+        Stop::Asked => "time was up (--budget-ms sets the limit)",
+        Stop::Steps => "the largest number of Newton steps or of steps of the motion was taken",
+        Stop::Products => "the largest number of products with the Hessian was taken",
+        Stop::Stuck => "no step brought the forces nearer to balance",
+        Stop::Lost => "the body flew away: it may be held too loosely, or pushed too hard",
+    }
+}
+
+fn stopped(stop: Stop, solved: &StaticSolution) -> String {
+    format!(
+        "stopped before the tolerance was met: {}; {:.0} % of motion and load are imposed, with a residual of {:.2e} \
+         after {} Newton steps; the displacement is the best so far",
+        why(stop),
+        100.0 * solved.share,
+        solved.residual,
+        solved.steps
+    )
+}
+
+fn unfinished(solved: &StaticSolution) -> Option<String> {
+    let finer = solved.unfinished?;
+    let reached = match (finer.stop, finer.residual.is_finite()) {
+        (None, _) => format!("{} of its elements turned inside out", finer.turned),
+        (Some(stop), true) => {
+            format!("residual {:.2e}, {} elements turned; {}", finer.residual, finer.turned, why(stop))
+        }
+        (Some(stop), false) => why(stop).to_owned(),
+    };
+    Some(format!(
+        "a finer mesh of {} elements was given up ({reached}); the answer is that of {} elements, with a residual of {:.2e}",
+        finer.tets, solved.tets, solved.residual
+    ))
+}
+
+fn turned(scene: &Scene, solved: &StaticSolution) -> Option<String> {
+    let given = turned_given(&scene.mesh, &solved.displacement);
+    let first = solved.first_turned.or(given.first().copied())?;
+    Some(format!(
+        "{} of {} elements solved, and {} of the {} of the mesh as given, are turned inside out or without volume, the \
+         first in tetrahedron {first} of the mesh as given: the answer means nothing around them; impose less, or give a \
+         finer mesh there",
+        solved.turned,
+        solved.tets,
+        given.len(),
+        scene.mesh.tets.len()
+    ))
+}
+
+/// Elements of the mesh as given that a displacement (mm) leaves turned inside out or without volume.
+pub(super) fn turned_given(mesh: &TetMesh, displacement: &[Vector<Patient>]) -> Vec<usize> {
+    let moved = moved(mesh, displacement);
+    (0..moved.tets.len()).filter(|&t| moved.volume(t) <= 0.0).collect()
+}
+
+fn moved(mesh: &TetMesh, displacement: &[Vector<Patient>]) -> TetMesh {
+    let vertices = mesh.vertices.iter().zip(displacement).map(|(p, d)| *p + *d).collect();
+    TetMesh { vertices, ..mesh.clone() }
+}
+
+/// The outer surface, at rest or displaced.
+fn surface(mesh: &TetMesh, displacement: Option<&[Vector<Patient>]>) -> Bvh {
+    let vertices = displacement.map_or_else(|| mesh.vertices.clone(), |d| moved(mesh, d).vertices);
+    Bvh::new(&TriangleMesh { vertices, triangles: mesh.boundary(|_| true) })
+}
+
+/// A sphere that does nothing in the end, or that did something already at first.
+fn sphere(index: usize, c: &SphereContact, force: Vector<Patient>, [rest, end]: &[Bvh; 2]) -> Option<String> {
+    let away = |of: &Bvh, at| of.nearest(at).map_or(f64::INFINITY, |n| n.distance);
+    let (first, last) = (away(rest, c.from), away(end, c.to));
+    let crossed = rest.ray(c.from, c.to - c.from).is_some_and(|h| h.t <= 1.0);
+    if force.norm() == 0.0 {
+        let how = if crossed { "went into the body at rest and ends beyond it" } else { "never touches the body" };
+        return Some(format!(
+            "sphere {index} {how}: it begins {:.4} mm from the surface and ends {:.4} mm from it, and pushes with no force",
+            first - c.radius_mm,
+            last - c.radius_mm
+        ));
+    }
+    (first < c.radius_mm).then(|| {
+        format!(
+            "sphere {index} begins {:.4} mm deep in the surface: its motion counts from there; begin it {:.4} mm away",
+            c.radius_mm - first,
+            c.radius_mm
+        )
+    })
+}

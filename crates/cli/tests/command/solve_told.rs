@@ -1,0 +1,217 @@
+//! What `monro solve` refuses and remarks upon.
+
+use crate::common::{json, monro, point, refusal, text};
+use crate::solve::{changed, held};
+use serde_json::{Value, json};
+use std::fs;
+use std::path::Path;
+
+/// What is told of the case "stretch", changed.
+fn told(change: impl FnOnce(&mut Value)) -> Value {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |s| change(&mut s["cases"]["stretch"]));
+    json(&args.each_ref().map(String::as_str))
+}
+
+/// What is said when the case "stretch", changed, is refused.
+fn refused(change: impl FnOnce(&mut Value)) -> String {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |s| change(&mut s["cases"]["stretch"]));
+    refusal(&args.each_ref().map(String::as_str))
+}
+
+fn remarks(told: &Value) -> String {
+    told["remarks"].as_array().expect("remarks").iter().filter_map(Value::as_str).collect::<Vec<_>>().join("\n")
+}
+
+#[track_caller]
+fn says(said: &str, words: &[&str]) {
+    assert!(words.iter().all(|w| said.contains(w)), "{words:?} in: {said}");
+}
+
+fn punched(from: [f64; 3], to: [f64; 3]) -> impl FnOnce(&mut Value) {
+    move |case| {
+        case["dirichlet"] = json!([held("z0", "xyz", [0.0; 3])]);
+        case["contact"] = json!([{ "radius": 0.02, "fricton": 0.3, "centre_start": from, "centre_end": to }]);
+    }
+}
+
+fn rod(radius: f64, end: f64) -> impl FnOnce(&mut Value) {
+    move |case| {
+        case["embedded_rod"] = json!({ "radius": radius, "p0": [0.01, 0.01, 0.005], "p1": [0.01, 0.01, end],
+            "displacement": [0.0, 0.0, 0.001], "cupling": "bonded" });
+    }
+}
+
+#[test]
+fn the_scene_s_own_files_are_not_overwritten() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |s| s["meshes"]["other"] = json!({ "file": "other.vtu" }));
+    let [mesh, other, link] = ["cube.vtu", "other.vtu", "link.vtu"].map(|n| dir.path().join(n));
+    fs::copy(&mesh, &other).expect("copy");
+    std::os::unix::fs::symlink(&mesh, &link).expect("link");
+    let before = fs::read(&mesh).expect("mesh");
+    for out in [&mesh, &other, &link, &dir.path().join("./cube.vtu")] {
+        let mut args = args.each_ref().map(String::as_str);
+        args[7] = text(out);
+        says(&refusal(&args), &[text(out), "read from", "another file"]);
+        assert_eq!(fs::read(out).expect("mesh"), before);
+    }
+    let mut args = args.each_ref().map(String::as_str);
+    let nowhere = dir.path().join("none/out.vtu");
+    args[7] = text(&nowhere);
+    says(&refusal(&args), &["no folder", "none"]);
+}
+
+#[test]
+fn a_set_is_told_forces_only_in_components_that_it_holds() {
+    // The far side holds x only, but shares vertices with sides that bear forces along y.
+    let told = told(|case| case["dirichlet"].as_array_mut().expect("list").push(held("y1", "y", [0.0; 3])));
+    let force = |set: &str| point(&told["reactions_N"][set]);
+    assert!(force("y1")[1].abs() > 1e-3 && force("y1")[0] == 0.0, "{told}");
+    assert!(force("x1")[0].abs() > 1e-3 && force("x1")[1..] == [0.0; 2], "{told}");
+    assert_eq!(told["reactions_held"]["x1"], "x");
+}
+
+#[test]
+fn a_set_named_twice_is_told_all_components_once() {
+    let told = told(|case| {
+        let list = case["dirichlet"].as_array_mut().expect("list");
+        list.push(held("x1", "y", [0.0; 3]));
+        list.push(held("x1", "x", [0.006, 0.0, 0.0]));
+    });
+    assert_eq!(told["reactions_held"]["x1"], "xy");
+    let [near, far] = ["x0", "x1"].map(|s| point(&told["reactions_N"][s])[0]);
+    assert!((near + far).abs() < 1e-6 * far.abs(), "{told}");
+}
+
+#[test]
+fn elements_turned_inside_out_are_remarked_upon_and_not_called_converged() {
+    let told = told(|case| {
+        case["dirichlet"] = json!([held("z0", "xyz", [0.0; 3]), held("z1", "xyz", [0.0, 0.0, -0.025])]);
+    });
+    assert!(told["turned"].as_u64() > Some(0), "{told}");
+    assert_eq!(told["converged"], false, "{told}");
+    says(&remarks(&told), &["turned inside out", "6 of the mesh as given", "tetrahedron"]);
+}
+
+#[test]
+fn a_sphere_that_never_touches_is_told_with_its_distance() {
+    let near = told(punched([0.01, 0.01, 0.1], [0.01, 0.01, 0.06]));
+    says(&remarks(&near), &["sphere 0 never touches", "60.0000 mm", "20.0000 mm"]);
+    let deep = told(punched([0.01, 0.01, 0.039], [0.01, 0.01, 0.038]));
+    says(&remarks(&deep), &["sphere 0 begins 1.0000 mm deep"]);
+    let far = told(punched([0.01, 0.01, 5.0], [0.01, 0.01, 0.039]));
+    says(&remarks(&far), &["the way of sphere 0", "4961 mm", "34.6"]);
+    assert!(far["punch_force_N"].as_f64() > Some(1e-3) && far["converged"] == true, "{far}");
+}
+
+#[test]
+fn a_misspelt_field_is_named() {
+    says(&remarks(&told(punched([0.01, 0.01, 0.041], [0.01, 0.01, 0.039]))), &["contact 0", "fricton"]);
+    says(&remarks(&told(rod(0.005, 0.015))), &["embedded_rod", "cupling"]);
+    let told = told(|case| {
+        case["dirichlet"][0]["components_"] = json!("y");
+        case["materials"]["1"]["E_kPa"] = json!(3.0);
+        case["description"] = json!("nothing odd");
+    });
+    says(&remarks(&told), &["dirichlet 0", "components_", "materials of region 1", "E_kPa"]);
+    assert!(!remarks(&told).contains("description"));
+}
+
+#[test]
+fn millimetres_written_as_metres_are_seen() {
+    says(&refused(|case| case["dirichlet"][3]["value"] = json!([6, 0, 0])), &["\"x1\"", "6000 mm", "34.6", "0.006"]);
+    says(&remarks(&told(rod(0.005, 5.0))), &["length of rod 0", "4995 mm", "34.6"]);
+    let large = told(|case| {
+        case["contact"] =
+            json!({ "radius": 20, "centre_start": [0.01, 0.01, 20.1], "centre_end": [0.01, 0.01, 20.05] });
+    });
+    says(&remarks(&large), &["radius of sphere 0", "20000 mm", "0.02"]);
+}
+
+#[test]
+fn a_sphere_that_swallows_the_body_is_refused() {
+    let said = refused(|case| {
+        case["contact"] = json!({ "radius": 20, "centre_start": [0.01, 0.01, 0.05], "centre_end": [0.01, 0.01, 0.04] });
+    });
+    says(&said, &["sphere 0 begins in the body", "19966.8338 mm", "34.6", "outside"]);
+}
+
+#[test]
+fn a_rod_without_radius_and_a_sphere_with_negative_friction_are_told_apart() {
+    let said = refused(rod(0.0, 0.015));
+    says(&said, &["rod 0", "radius 0 mm", "above 0"]);
+    assert!(!said.contains("friction"), "{said}");
+    let said = refused(|case| {
+        case["contact"] = json!({ "radius": 0.02, "friction": -0.1, "centre_start": [0.01, 0.01, 0.05],
+            "centre_end": [0.01, 0.01, 0.04] });
+    });
+    says(&said, &["sphere 0", "friction -0.1", "from 0"]);
+}
+
+#[test]
+fn not_a_number_in_the_json_is_named() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |_| ());
+    let written = fs::read_to_string(&args[1]).expect("scene").replace("0.006", "NaN");
+    fs::write(&args[1], written).expect("scene");
+    says(&refusal(&args.each_ref().map(String::as_str)), &["line 1", "no NaN", "finite"]);
+}
+
+/// The mesh of the scene with one text replaced.
+fn with_mesh(dir: &Path, from: &str, to: &str) -> [String; 8] {
+    let args = changed(dir, |_| ());
+    let mesh = dir.join("cube.vtu");
+    let written = fs::read_to_string(&mesh).expect("mesh");
+    assert!(written.contains(from), "{written}");
+    fs::write(&mesh, written.replace(from, to)).expect("mesh");
+    args
+}
+
+#[test]
+fn an_element_of_the_other_orientation_is_named_with_a_way_out() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = with_mesh(dir.path(), "0 2 3 6", "0 3 2 6");
+    says(
+        &refusal(&args.each_ref().map(String::as_str)),
+        &["1 of 6 tetrahedra", "the first is 1", "mm3", "swap two vertices"],
+    );
+}
+
+#[test]
+fn a_negative_budget_is_named() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |_| ());
+    let args = [&args.each_ref().map(String::as_str)[..], &["--budget-ms", "-5"]].concat();
+    says(&refusal(&args), &["-5", "--budget-ms", "milliseconds from 0"]);
+}
+
+#[test]
+fn a_load_that_tears_the_body_off_ends_and_says_why() {
+    let told = told(|case| {
+        case["dirichlet"] = json!([held("z0", "xyz", [0.0; 3])]);
+        case["body_force"] = json!([0.0, 0.0, -1e9]);
+    });
+    assert_eq!(told["converged"], false, "{told}");
+    assert!(!remarks(&told).is_empty(), "{told}");
+}
+
+#[test]
+fn every_printed_field_is_explained_by_help() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |s| {
+        punched([0.01, 0.01, 0.041], [0.01, 0.01, 0.039])(&mut s["cases"]["stretch"]);
+        rod(0.005, 0.01)(&mut s["cases"]["stretch"]);
+    });
+    let physical = json(&args.each_ref().map(String::as_str));
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |_| ());
+    let paper = json(&[&args.each_ref().map(String::as_str)[..], &["--mode", "paper"]].concat());
+    let help = String::from_utf8(monro(&["solve", "--help"]).stdout).expect("help");
+    for told in [physical, paper] {
+        for field in told.as_object().expect("an object").keys() {
+            assert!(help.contains(field.as_str()), "{field} is not explained:\n{help}");
+        }
+    }
+}
