@@ -182,6 +182,7 @@ fn plots_section(done: &Run) -> Section {
             .figure()
     };
     let force = |f: &Frame| f.step.tools.first().map_or(f64::NAN, |t| t.axial_force_mn);
+    let force_unit = if done.has_units() { "mN" } else { "no unit (paper mode)" };
     let steps = Histogram {
         caption: "Time for a whole frame: collision, deformation, surfaces.".into(),
         label: "frame".into(),
@@ -197,7 +198,7 @@ fn plots_section(done: &Run) -> Section {
         plot("Distance from the tip to the target.", "mm", distances),
         plot("Displacement of the target's tissue.", "mm", vec![line("target", &|f| f.target_displacement_mm)]),
         plot("Depth of the tip under the skin.", "mm", vec![line("depth", &|f| f.depth_mm)]),
-        plot("Force of the tissue against the advance.", "mN", vec![line("axial force", &force)]),
+        plot("Force of the tissue against the advance.", force_unit, vec![line("axial force", &force)]),
         plot("Volume of the tissue against rest.", "%", vec![line("volume", &|f| f.step.volume_change * 100.0)]),
         steps.figure(),
     ];

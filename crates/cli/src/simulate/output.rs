@@ -11,8 +11,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-/// Columns of `insertion.csv`.
-const CSV_HEADER: &str = "time_s,tip_x_lps_mm,tip_y_lps_mm,tip_z_lps_mm,depth_mm,distance_rigid_mm,distance_deformed_mm,entry_angle_error_deg,target_displacement_mm,volume_change_percent,axial_force_mn,at_tip,inverted,rollbacks,step_ms\n";
+/// Columns of `insertion.csv`; that of the force is named by its unit.
+const CSV_HEADER: &str = "time_s,tip_x_lps_mm,tip_y_lps_mm,tip_z_lps_mm,depth_mm,distance_rigid_mm,distance_deformed_mm,entry_angle_error_deg,target_displacement_mm,volume_change_percent,{force},at_tip,inverted,rollbacks,step_ms\n";
 
 /// Writes everything but the report.
 pub(crate) fn write(done: &Run, staging: &Staging) -> Result<()> {
@@ -35,7 +35,7 @@ fn snapshot_name(i: usize) -> String {
 
 /// The series as one table.
 fn csv(done: &Run) -> String {
-    let mut out = String::from(CSV_HEADER);
+    let mut out = CSV_HEADER.replace("{force}", done.force_name());
     for row in &done.rows {
         let f = &row.frame;
         let [x, y, z] = f.tip.to_array();
@@ -96,12 +96,12 @@ fn summary(done: &Run) -> Value {
         "ms_per_frame": { "median": done.ms_quantile(0.5), "p99": done.ms_quantile(0.99) },
         "max_volume_change_percent": max(done, |f| f.step.volume_change.abs() * 100.0),
         "max_target_shift_mm": max(done, |f| f.target_displacement_mm),
-        "max_axial_force_mn": max(done, |f| f.step.tools.first().map_or(0.0, |t| t.axial_force_mn)),
+        format!("max_{}", done.force_name()): max(done, |f| f.step.tools.first().map_or(0.0, |t| t.axial_force_mn)),
         "rollbacks": done.rows.iter().map(|r| r.frame.step.rollbacks).sum::<u32>(),
         "elements": done.rest.tets.len(),
         "speed_mm_s": done.settings.speed_mm_s,
-        "materials": materials::json(&done.settings.model.materials),
-        "mode": match done.settings.model.mode { monro_session::Mode::Paper(_) => "paper", monro_session::Mode::Physical(_) => "physical" },
+        "materials": done.has_units().then(|| materials::json(&done.settings.model.materials)),
+        "mode": if done.has_units() { "physical" } else { "paper" },
     })
 }
 
@@ -110,6 +110,11 @@ fn max(done: &Run, of: impl Fn(&monro_session::Frame) -> f64) -> f64 {
 }
 
 impl Run {
+    /// Name of the force along the shaft: paper mode's coefficients have no unit, so its forces have none either.
+    fn force_name(&self) -> &'static str {
+        if self.has_units() { "axial_force_mn" } else { "axial_force_no_unit" }
+    }
+
     /// The moment of first CSF as JSON; null when the tip never got there.
     fn csf_json(&self) -> Value {
         match self.csf() {

@@ -4,7 +4,7 @@ use crate::console::Console;
 use anyhow::Result;
 use monro_case::Case;
 use monro_geometry::{Patient, Point, TetMesh, TriangleMesh};
-use monro_session::{Follower, Frame, Insertion, InsertionSettings};
+use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode};
 use std::time::Instant;
 
 /// Deformed meshes written along the way, besides the last.
@@ -49,6 +49,11 @@ impl Run {
     /// The first frame with the tip in a ventricle.
     pub(crate) fn csf(&self) -> Option<&Frame> {
         self.rows.iter().map(|r| &r.frame).find(|f| f.in_ventricle())
+    }
+
+    /// Whether forces are in mN: only in physical mode.
+    pub(crate) fn has_units(&self) -> bool {
+        matches!(self.settings.model.mode, Mode::Physical(_))
     }
 
     /// The last frame.

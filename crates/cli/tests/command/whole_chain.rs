@@ -40,7 +40,22 @@ fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
     assert_eq!(csv.lines().count() as u64, done["frames"].as_u64().expect("frames") + 1);
     let html = fs::read_to_string(out.join("report.html")).expect("report");
     assert!(!html.contains("http://") && !html.contains("https://"), "the report must not need a network");
+    forces_have_a_unit_in_physical_mode_only(&case, &done, dir.path());
     damaged_case(&case, dir.path());
+}
+
+fn forces_have_a_unit_in_physical_mode_only(case: &Path, physical: &Value, dir: &Path) {
+    assert!(physical["max_axial_force_mn"].as_f64() > Some(1.0), "{physical}");
+    let out = dir.join("paper");
+    let paper = json(&["simulate", text(case), "--out", text(&out), "--speed", "80", "--mode", "paper"]);
+    assert!(paper["max_axial_force_mn"].is_null() && paper["max_axial_force_no_unit"].is_f64(), "{paper}");
+    let csv = fs::read_to_string(out.join("insertion.csv")).expect("series");
+    assert!(
+        csv.lines().next().is_some_and(|l| l.contains(",axial_force_no_unit,") && !l.contains("_mn")),
+        "{csv:.300}"
+    );
+    let html = fs::read_to_string(out.join("report.html")).expect("report");
+    assert!(html.contains("no unit (paper mode)") && !html.contains("mN"), "the report names a unit");
 }
 
 /// A plan read in the wrong direction, or far off the head, is refused with a hint; nothing is written.
