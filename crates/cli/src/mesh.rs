@@ -2,7 +2,7 @@
 
 use crate::args::{MeshArgs, in_range};
 use crate::console::{Console, seconds_json};
-use crate::mesh_file::{AnyMesh, Format};
+use crate::mesh_file::{AnyMesh, Format, Read};
 use anyhow::{Context, Result, bail};
 use monro_anatomy::tetra::{self, LabelReport, MeshOptions, MeshReport, Stage};
 use monro_case::Case;
@@ -28,9 +28,9 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
     }
     let format = Format::to_write(&args.out)?;
     if args.labels.is_file()
-        && let Some(mesh) = console.stage("read", || Format::read(&args.labels))?
+        && let Some(read) = console.stage("read", || Format::read(&args.labels))?
     {
-        return convert(&mesh, format, args, console);
+        return convert(&read, format, args, console);
     }
     let input = console.stage("read", || input(args))?;
     let usual = MeshOptions::new(&input.keep, &input.fine, args.elements);
@@ -64,15 +64,17 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
 }
 
 /// Writes a mesh that was read, which has been checked on the way.
-fn convert(mesh: &AnyMesh, format: Format, args: &MeshArgs, console: &Console) -> Result<()> {
+fn convert(Read { mesh, remarks }: &Read, format: Format, args: &MeshArgs, console: &Console) -> Result<()> {
+    remarks.iter().for_each(|remark| console.warn(remark));
     console.stage("write", || write(&args.out, &format.encode(mesh)?))?;
     let (name, elements, vertices) = match mesh {
         AnyMesh::Tetrahedra(m) => ("tetrahedra", m.tets.len(), m.vertices.len()),
         AnyMesh::Surface(m) => ("triangles", m.triangles.len(), m.vertices.len()),
     };
     let out = args.out.display().to_string();
+    let seconds = seconds_json(&console.stages());
     let json =
-        json!({ "out": out, "elements": elements, "vertices": vertices, "seconds": seconds_json(&console.stages()) });
+        json!({ "out": out, "elements": elements, "vertices": vertices, "seconds": seconds, "remarks": remarks });
     console.result(&json, &format!("{elements} {name}, {vertices} vertices: {out}"));
     Ok(())
 }

@@ -25,6 +25,28 @@ pub(crate) enum AnyMesh {
     Surface(TriangleMesh),
 }
 
+/// A mesh and what should be known of it.
+#[derive(Debug)]
+pub(crate) struct Read {
+    pub(crate) mesh: AnyMesh,
+    pub(crate) remarks: Vec<String>,
+}
+
+impl From<msh::Imported> for Read {
+    fn from(read: msh::Imported) -> Self {
+        let first = read.unused.first().map(|first| (first, read.unused.len()));
+        let remark =
+            first.map(|(first, n)| format!("{n} node(s) of no tetrahedron are left out, the first with tag {first}"));
+        Self { mesh: AnyMesh::Tetrahedra(read.mesh), remarks: remark.into_iter().collect() }
+    }
+}
+
+impl From<AnyMesh> for Read {
+    fn from(mesh: AnyMesh) -> Self {
+        Self { mesh, remarks: Vec::new() }
+    }
+}
+
 impl Format {
     /// By the extension; `None` for any other.
     pub(crate) fn of(path: &Path) -> Option<Self> {
@@ -46,16 +68,17 @@ impl Format {
     }
 
     /// Reads and checks a mesh; `None` when the file is no mesh by its extension.
-    pub(crate) fn read(path: &Path) -> Result<Option<AnyMesh>> {
+    pub(crate) fn read(path: &Path) -> Result<Option<Read>> {
         let Some(format) = Self::of(path) else { return Ok(None) };
         let bytes = fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
-        let mesh = match format {
-            Self::Vtu => {
-                vtu::decode(&bytes).and_then(|g| g.to_mesh()).map(AnyMesh::Tetrahedra).map_err(anyhow::Error::from)
-            }
-            Self::Msh => msh::decode(&bytes).map(AnyMesh::Tetrahedra).map_err(Into::into),
-            Self::Ply => ply::decode(&bytes).map(AnyMesh::Surface).map_err(Into::into),
-            Self::Stl => stl::decode(&bytes).map(AnyMesh::Surface).map_err(Into::into),
+        let mesh: Result<Read> = match format {
+            Self::Vtu => vtu::decode(&bytes)
+                .and_then(|g| g.to_mesh())
+                .map(|m| AnyMesh::Tetrahedra(m).into())
+                .map_err(anyhow::Error::from),
+            Self::Msh => msh::decode(&bytes).map(Read::from).map_err(Into::into),
+            Self::Ply => ply::decode(&bytes).map(|m| AnyMesh::Surface(m).into()).map_err(Into::into),
+            Self::Stl => stl::decode(&bytes).map(|m| AnyMesh::Surface(m).into()).map_err(Into::into),
             Self::Obj | Self::Glb => bail!("{}: .obj and .glb are written, not read", path.display()),
         };
         mesh.with_context(|| format!("{} is refused", path.display())).map(Some)

@@ -3,6 +3,9 @@
 use crate::{Patient, Point, TriangleMesh};
 use thiserror::Error;
 
+/// Faces seen from outside of a positively oriented element.
+const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+
 /// A tetrahedral mesh in the patient frame (mm) with one label per element. Element `[a, b, c, d]` has positive volume:
 /// `(b - a) x (c - a) . (d - a) > 0`.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -47,6 +50,47 @@ pub enum TetMeshError {
         /// Elements given.
         tets: usize,
     },
+    /// There is no element.
+    #[error("the mesh has no tetrahedra")]
+    Empty,
+    /// Two elements have the same corners.
+    #[error("tetrahedra {first} and {second} have the same four vertices; remove one")]
+    Duplicate {
+        /// The first.
+        first: usize,
+        /// The second.
+        second: usize,
+    },
+    /// A face belongs to more than two elements.
+    #[error("tetrahedra {tets:?} share the face of vertices {face:?}; at most two may, one on either side")]
+    Face {
+        /// Three of the elements.
+        tets: [usize; 3],
+        /// The corners of the face.
+        face: [u32; 3],
+    },
+    /// Two elements lie on the same side of their common face.
+    #[error("tetrahedra {first} and {second} overlap: both lie on the same side of the face of vertices {face:?}")]
+    Overlap {
+        /// The first.
+        first: usize,
+        /// The second.
+        second: usize,
+        /// The corners of the face.
+        face: [u32; 3],
+    },
+    /// A vertex belongs to no element.
+    #[error(
+        "vertex {vertex} belongs to no tetrahedron ({count} of {vertices} vertices do not); remove unused vertices"
+    )]
+    Unused {
+        /// The first such vertex.
+        vertex: usize,
+        /// How many there are.
+        count: usize,
+        /// Vertices in the mesh.
+        vertices: usize,
+    },
 }
 
 /// Shape of one tetrahedron.
@@ -89,6 +133,57 @@ impl TetMesh {
         Ok(())
     }
 
+    /// Checks of a mesh from elsewhere, after [`TetMesh::validate`], that its elements fit together: at least one element,
+    /// no two with the same corners, each face of at most two elements on either side of it, each vertex of an element.
+    ///
+    /// # Errors
+    /// The first fault found, with its elements or vertex.
+    pub fn check_conforming(&self) -> Result<(), TetMeshError> {
+        if self.tets.is_empty() {
+            return Err(TetMeshError::Empty);
+        }
+        let mut used = vec![false; self.vertices.len()];
+        self.tets.iter().flatten().for_each(|&v| used[v as usize] = true);
+        if let Some(vertex) = used.iter().position(|u| !u) {
+            let count = used.iter().filter(|u| !**u).count();
+            return Err(TetMeshError::Unused { vertex, count, vertices: used.len() });
+        }
+        // The corners of each face in order, whether the element lies on the side from which they run clockwise, the element.
+        let mut faces: Vec<([u32; 3], bool, u32)> = Vec::with_capacity(4 * self.tets.len());
+        for (t, tet) in (0u32..).zip(&self.tets) {
+            for [a, b, c] in FACES.map(|f| f.map(|i| tet[i])) {
+                let mut key = [a, b, c];
+                key.sort_unstable();
+                faces.push((key, (a > b) ^ (b > c) ^ (a > c), t));
+            }
+        }
+        faces.sort_unstable();
+        faces.chunk_by(|a, b| a.0 == b.0).try_for_each(|around| self.check_face(around))
+    }
+
+    /// The elements around one face: as in [`TetMesh::check_conforming`].
+    fn check_face(&self, around: &[([u32; 3], bool, u32)]) -> Result<(), TetMeshError> {
+        let corners = |i: usize| {
+            let mut key = self.tets[around[i].2 as usize];
+            key.sort_unstable();
+            key
+        };
+        let tet = |i: usize| around[i].2 as usize;
+        for i in 1..around.len() {
+            if let Some(j) = (0..i).find(|&j| corners(i) == corners(j)) {
+                let (first, second) = (tet(i).min(tet(j)), tet(i).max(tet(j)));
+                return Err(TetMeshError::Duplicate { first, second });
+            }
+        }
+        let face = around[0].0;
+        match around {
+            [_] => Ok(()),
+            [a, b] if a.1 != b.1 => Ok(()),
+            [_, _] => Err(TetMeshError::Overlap { first: tet(0), second: tet(1), face }),
+            _ => Err(TetMeshError::Face { tets: [tet(0), tet(1), tet(2)], face }),
+        }
+    }
+
     /// The corners of tetrahedron `t`.
     pub fn corners(&self, t: usize) -> [Point<Patient>; 4] {
         self.tets[t].map(|v| self.vertices[v as usize])
@@ -107,8 +202,6 @@ impl TetMesh {
     /// Boundary of the elements that `keep` accepts, as a surface with outward normals. Vertex numbers are those of the
     /// mesh, so unused vertices remain; use [`TetMesh::surface`] for a compact one.
     pub fn boundary(&self, keep: impl Fn(u16) -> bool) -> Vec<[u32; 3]> {
-        // Faces seen from outside of a positively oriented element.
-        const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
         let mut faces: Vec<([u32; 3], [u32; 3])> = Vec::new();
         for (t, &label) in self.tets.iter().zip(&self.labels) {
             if keep(label) {
@@ -160,8 +253,7 @@ impl TetMesh {
 }
 
 fn quality(p: [Point<Patient>; 4]) -> TetQuality {
-    let faces = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
-    let areas = faces.map(|[a, b, c]: [usize; 3]| (p[b] - p[a]).cross(p[c] - p[a]) * 0.5);
+    let areas = FACES.map(|[a, b, c]: [usize; 3]| (p[b] - p[a]).cross(p[c] - p[a]) * 0.5);
     let (mut low, mut high) = (f64::INFINITY, 0f64);
     for i in 0..4 {
         for j in i + 1..4 {
@@ -214,6 +306,40 @@ mod tests {
         assert!((s.signed_volume() - 1.0 / 3.0).abs() < 1e-12);
         assert!((m.surface(|l| l == 5).signed_volume() - 1.0 / 6.0).abs() < 1e-12);
         assert_eq!(m.edges().len(), 9);
+    }
+
+    #[test]
+    fn what_does_not_fit_together_is_refused_with_its_elements() {
+        let points = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [0., 0., -1.], [0.2, 0.2, 2.]];
+        let mesh = |tets: &[[u32; 4]], vertices: usize| TetMesh {
+            vertices: points[..vertices].iter().map(|&p| Point::from_array(p)).collect(),
+            tets: tets.to_vec(),
+            labels: vec![4; tets.len()],
+        };
+        let fault = |tets: &[[u32; 4]], vertices: usize| {
+            let mesh = mesh(tets, vertices);
+            mesh.validate().expect("positive volumes");
+            mesh.check_conforming()
+        };
+        assert_eq!(fault(&[[0, 1, 2, 3], [0, 2, 1, 4]], 5), Ok(()));
+        assert_eq!(fault(&[], 0), Err(TetMeshError::Empty));
+        assert_eq!(
+            fault(&[[0, 1, 2, 3], [0, 2, 1, 4], [1, 2, 0, 3]], 5),
+            Err(TetMeshError::Duplicate { first: 0, second: 2 })
+        );
+        assert_eq!(
+            fault(&[[0, 1, 2, 3], [0, 2, 1, 4], [0, 1, 2, 5]], 6),
+            Err(TetMeshError::Face { tets: [1, 0, 2], face: [0, 1, 2] })
+        );
+        assert_eq!(
+            fault(&[[0, 1, 2, 3], [0, 1, 2, 4 + 1]], 6),
+            Err(TetMeshError::Unused { vertex: 4, count: 1, vertices: 6 })
+        );
+        let both = TetMesh {
+            vertices: [0, 1, 2, 3, 5].map(|i| Point::from_array(points[i])).to_vec(),
+            ..mesh(&[[0, 1, 2, 3], [0, 1, 2, 4]], 0)
+        };
+        assert_eq!(both.check_conforming(), Err(TetMeshError::Overlap { first: 0, second: 1, face: [0, 1, 2] }));
     }
 
     #[test]

@@ -12,7 +12,7 @@ mod write;
 use monro_geometry::TetMeshError;
 use thiserror::Error;
 
-pub use read::decode;
+pub use read::{Imported, decode};
 pub use write::encode;
 
 /// Why a `.msh` file was refused.

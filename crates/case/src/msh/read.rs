@@ -5,12 +5,13 @@ use super::{MshError, TETRAHEDRON, nodes_of};
 use monro_geometry::{Point, TetMesh};
 use std::collections::HashMap;
 
-/// Decodes the tetrahedra of an MSH file. Other elements, and nodes that no tetrahedron uses, are left out.
+/// Decodes the tetrahedra of an MSH file. Other elements, and nodes that no tetrahedron uses, are left out: Gmsh keeps
+/// nodes of its geometry that are none of the mesh.
 ///
 /// # Errors
 /// A version that is not read, a section that cannot be read, a missing node, a group that is no label, an inverted
-/// element: each by name. Never allocates more than the file's own size suggests.
-pub fn decode(bytes: &[u8]) -> Result<TetMesh, MshError> {
+/// element, elements that do not fit together ([`TetMesh::check_conforming`]): each by name. Never allocates more than the file's own size suggests.
+pub fn decode(bytes: &[u8]) -> Result<Imported, MshError> {
     let mut source = Source { bytes, encoding: Encoding::Ascii };
     let mut found = Found::default();
     let modern = format(&mut source)?;
@@ -31,6 +32,15 @@ pub fn decode(bytes: &[u8]) -> Result<TetMesh, MshError> {
         read.map_err(|reason| MshError::Section { section: name, reason })?;
     }
     found.mesh()
+}
+
+/// What a file holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Imported {
+    /// Its linear tetrahedra and their nodes.
+    pub mesh: TetMesh,
+    /// Tags of nodes that were left out because no tetrahedron uses them, in the order of the file.
+    pub unused: Vec<u64>,
 }
 
 /// Reads `$MeshFormat`; true for 4.1, false for 2.2.
@@ -69,6 +79,8 @@ struct Found {
     /// Physical group of each volume.
     groups: HashMap<i32, i32>,
     numbers: HashMap<u64, u32>,
+    /// Of the nodes, in the order of the file.
+    tags: Vec<u64>,
     positions: Vec<[f64; 3]>,
     tets: Vec<Tet>,
 }
@@ -123,6 +135,7 @@ impl Found {
         if self.numbers.insert(tag, number).is_some() {
             return Err(format!("node {tag} occurs twice"));
         }
+        self.tags.push(tag);
         self.positions.push(p);
         Ok(())
     }
@@ -192,7 +205,7 @@ impl Found {
     }
 
     /// The nodes in use, in the order of the file.
-    fn mesh(self) -> Result<TetMesh, MshError> {
+    fn mesh(self) -> Result<Imported, MshError> {
         if self.tets.is_empty() {
             return Err(MshError::Section { section: "$Elements", reason: "no linear tetrahedron in the file".into() });
         }
@@ -215,7 +228,9 @@ impl Found {
         }
         mesh.tets.iter_mut().flatten().for_each(|v| *v = number[*v as usize]);
         mesh.validate()?;
-        Ok(mesh)
+        mesh.check_conforming()?;
+        let unused = self.tags.into_iter().zip(used).filter(|(_, used)| !used).map(|(tag, _)| tag).collect();
+        Ok(Imported { mesh, unused })
     }
 }
 

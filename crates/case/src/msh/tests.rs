@@ -13,7 +13,7 @@ fn two() -> TetMesh {
 
 #[test]
 fn what_is_written_is_read_back() {
-    assert_eq!(decode(&encode(&two())).expect("own file"), two());
+    assert_eq!(decode(&encode(&two())).expect("own file"), Imported { mesh: two(), unused: Vec::new() });
 }
 
 #[test]
@@ -34,9 +34,10 @@ const ASCII_2: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n5\n1 0 0 0\
 
 #[test]
 fn text_of_both_versions_is_read_with_its_groups() {
-    let new = decode(ASCII_4.as_bytes()).expect("4.1");
+    let new = decode(ASCII_4.as_bytes()).expect("4.1").mesh;
     assert_eq!((new.tets.as_slice(), new.labels.as_slice(), new.vertices.len()), (&[[0, 1, 2, 3]][..], &[7][..], 4));
-    let old = decode(ASCII_2.as_bytes()).expect("2.2");
+    let Imported { mesh: old, unused } = decode(ASCII_2.as_bytes()).expect("2.2");
+    assert_eq!(unused, [8]);
     assert_eq!((old.labels.as_slice(), old.vertices.len()), (&[6][..], 4));
 }
 
@@ -48,6 +49,10 @@ fn faults_are_named_with_their_element() {
     assert!(fault(ASCII_4.replace("1 1 7 0", "1 1 70000 0")).contains("70000"));
     assert!(fault(ASCII_4.replace("4.1", "3.0")).contains("3.0"));
     assert!(fault(ASCII_4.replace("2 1 2 3 9\n", "2 1 2 x 9\n")).contains("\"x\""));
+    assert!(
+        fault(ASCII_2.replace("$Elements\n2\n", "$Elements\n3\n3 4 2 6 1 2 3 1 4\n"))
+            .contains("tetrahedra 0 and 1 have the same")
+    );
     assert!(fault(ASCII_2.replace("2 4 2 6 1", "2 2 2 6 1")).contains("no linear tetrahedron"));
 }
 

@@ -73,7 +73,8 @@ impl UnstructuredGrid {
     /// The labelled mesh of a grid in mm; labels from the cell array `label`.
     ///
     /// # Errors
-    /// A missing or fractional `label`, bad indices, inverted elements.
+    /// A missing or fractional `label`, bad indices, inverted elements, elements that do not fit together
+    /// ([`TetMesh::check_conforming`]).
     pub fn to_mesh(&self) -> Result<TetMesh, VtuError> {
         let array =
             find(&self.cell_data, "label").ok_or_else(|| VtuError::Structure("no cell array \"label\"".into()))?;
@@ -87,6 +88,7 @@ impl UnstructuredGrid {
             labels: array.values.iter().map(|&v| v as u16).collect(),
         };
         mesh.validate()?;
+        mesh.check_conforming()?;
         Ok(mesh)
     }
 }

@@ -18,7 +18,7 @@ fn a_mesh_goes_from_format_to_format_unchanged() {
     let [a, b, c, s] = ["a.vtu", "b.msh", "c.vtu", "s.stl"].map(|n| dir.path().join(n));
     fs::write(&a, vtu::encode(&UnstructuredGrid::from_mesh(&two()))).expect("write");
     assert_eq!(json(&["mesh", text(&a), "--out", text(&b)])["elements"], 2);
-    assert_eq!(msh::decode(&fs::read(&b).expect("read")).expect("msh"), two());
+    assert_eq!(msh::decode(&fs::read(&b).expect("read")).expect("msh").mesh, two());
     json(&["mesh", text(&b), "--out", text(&c)]);
     assert_eq!(fs::read(&a).expect("a"), fs::read(&c).expect("c"));
     json(&["mesh", text(&b), "--out", text(&s)]);
@@ -41,6 +41,50 @@ fn a_broken_mesh_is_refused_with_its_element_and_a_wrong_format_with_the_right_o
     let said = refusal(&["mesh", text(&surface), "--out", text(&dir.path().join("x.fbx"))]);
     assert!(said.contains(".glb"), "{said}");
     assert!(!out.exists());
+}
+
+/// Each fault as `.vtu` and as `.msh`.
+#[test]
+fn elements_that_do_not_fit_together_are_refused_with_their_numbers() {
+    let dir = tempfile::tempdir().expect("temp");
+    let out = dir.path().join("out.vtu");
+    let mut thrice = two();
+    thrice.vertices.push(Point::new(0.2, 0.2, 2.0));
+    thrice.tets.push([0, 1, 2, 5]);
+    let mut twice = two();
+    twice.tets.push([1, 2, 0, 3]);
+    for (mesh, reason) in
+        [(&mut thrice, "tetrahedra [1, 0, 2] share the face"), (&mut twice, "tetrahedra 0 and 2 have the same")]
+    {
+        // Written by label in `.msh`: the numbers stay.
+        mesh.labels.push(5);
+        let [vtu, msh] = ["bad.vtu", "bad.msh"].map(|n| dir.path().join(n));
+        fs::write(&vtu, vtu::encode(&UnstructuredGrid::from_mesh(mesh))).expect("write");
+        fs::write(&msh, msh::encode(mesh)).expect("write");
+        for bad in [&vtu, &msh] {
+            let said = refusal(&["mesh", text(bad), "--out", text(&out)]);
+            assert!(said.contains(reason), "{said}");
+        }
+    }
+    let empty = dir.path().join("empty.vtu");
+    fs::write(&empty, vtu::encode(&UnstructuredGrid::from_mesh(&TetMesh::default()))).expect("write");
+    assert!(refusal(&["mesh", text(&empty), "--out", text(&out)]).contains("no tetrahedra"));
+    assert!(!out.exists());
+}
+
+/// A VTU holds what its program meant to be the mesh; Gmsh's files hold nodes of the geometry besides.
+#[test]
+fn an_unused_vertex_is_refused_in_a_vtu_and_left_out_of_a_msh_with_a_remark() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [bad, msh, out] = ["bad.vtu", "m.msh", "out.vtu"].map(|n| dir.path().join(n));
+    let mut mesh = two();
+    mesh.vertices.push(Point::new(9.0, 9.0, 9.0));
+    fs::write(&bad, vtu::encode(&UnstructuredGrid::from_mesh(&mesh))).expect("write");
+    assert!(refusal(&["mesh", text(&bad), "--out", text(&out)]).contains("vertex 5 belongs to no tetrahedron"));
+    fs::write(&msh, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n5\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n8 9 9 9\n$EndNodes\n$Elements\n1\n2 4 2 6 1 1 2 3 4\n$EndElements\n").expect("write");
+    let done = json(&["mesh", text(&msh), "--out", text(&out)]);
+    assert_eq!(done["vertices"], 4);
+    assert!(done["remarks"][0].as_str().is_some_and(|r| r.contains("tag 8")), "{done}");
 }
 
 #[test]
