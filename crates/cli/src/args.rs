@@ -404,11 +404,11 @@ pub(crate) struct MeshArgs {
     /// A label volume (NIfTI, NRRD, MetaImage) or a case; or a mesh to check and convert (.vtu, .msh, .ply, .stl).
     #[arg(value_name = "LABELS|CASE|MESH")]
     pub(crate) labels: PathBuf,
-    /// Labels to mesh (default: all but 0; of a case, everything inside the skull).
-    #[arg(long, value_name = "LABEL,..", value_delimiter = ',')]
+    /// Labels to mesh, numbers as 4,5 (default: all but 0; of a case, everything inside the skull).
+    #[arg(long, value_name = "LABEL,..", value_delimiter = ',', value_parser = crate::mesh::label)]
     pub(crate) keep: Option<Vec<u16>>,
     /// Labels to be fine around (default: the ventricles where there are any, else all).
-    #[arg(long, value_name = "LABEL,..", value_delimiter = ',')]
+    #[arg(long, value_name = "LABEL,..", value_delimiter = ',', value_parser = crate::mesh::label)]
     pub(crate) fine: Option<Vec<u16>>,
     /// A path to be fine along, LPS mm (default: the plan of a case).
     #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true)]
@@ -425,8 +425,8 @@ pub(crate) struct MeshArgs {
     /// Longest edge over the finest (1 to 64; 5 if not given).
     #[arg(long, value_name = "RATIO", value_parser = crate::mesh::coarsest)]
     pub(crate) coarsest: Option<f64>,
-    /// Refuse a mesh in which a label's surface is not two-manifold or has another topology than the labels, naming the label
-    /// and a place, instead of a remark.
+    /// Refuse a mesh in which the surface of a label, or of all together, is not two-manifold or has another topology than
+    /// the labels, a label has no element, or an element is of bad shape, naming a place, instead of a remark.
     #[arg(long)]
     pub(crate) strict: bool,
     /// File to write: tetrahedra as .vtu or .msh (Gmsh 4.1, with the interfaces as triangles), the outer surface as .ply or

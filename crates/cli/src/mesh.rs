@@ -4,7 +4,7 @@ use crate::args::{MeshArgs, in_range};
 use crate::console::{Console, seconds_json};
 use crate::mesh_file::{AnyMesh, Format, Read};
 use anyhow::{Context, Result, bail};
-use monro_anatomy::tetra::{self, LabelReport, MeshOptions, MeshReport, Stage};
+use monro_anatomy::tetra::{self, LabelReport, MeshOptions, MeshReport, Stage, SurfaceReport};
 use monro_case::Case;
 use monro_geometry::{Patient, Point, Structure, Volume};
 use monro_prepare::simulated_labels;
@@ -174,6 +174,12 @@ fn parse_density(text: &str) -> Result<Vec<(u16, f64)>> {
         .with_context(|| format!("--density \"{text}\" is not LABEL=FACTOR,..."))
 }
 
+/// A label.
+pub(crate) fn label(text: &str) -> Result<u16, String> {
+    let rule = || format!("\"{}\" is no label; give numbers from 0 to {}, as in 4,5", text.trim(), u16::MAX);
+    text.trim().parse().map_err(|_| rule())
+}
+
 /// Growth of edges, mm a mm.
 pub(crate) fn growth(text: &str) -> Result<f64, String> {
     in_range(text, *tetra::GROWTH.start(), *tetra::GROWTH.end())
@@ -182,6 +188,14 @@ pub(crate) fn growth(text: &str) -> Result<f64, String> {
 /// Longest edge over the finest.
 pub(crate) fn coarsest(text: &str) -> Result<f64, String> {
     in_range(text, *tetra::COARSEST.start(), *tetra::COARSEST.end())
+}
+
+/// Both objects as one.
+pub(crate) fn merged(mut head: Value, body: Value) -> Value {
+    if let (Some(head), Value::Object(body)) = (head.as_object_mut(), body) {
+        head.extend(body);
+    }
+    head
 }
 
 /// Writes aside and renames, so that an interrupted run leaves no half file.
@@ -206,16 +220,19 @@ fn as_json(report: &MeshReport, out: &Path, stages: &[(String, f64)], parts: &Pa
         "radius_ratio_min": report.radius_ratio_min,
         "radius_ratio_median": report.radius_ratio_median,
         "core_edge_mean_mm": report.core_edge_mean,
-        "edge_bands": report.edge_bands.iter().map(|b| json!({ "from_mm": b.from, "to_mm": b.to, "mean_mm": b.mean, "edges": b.edges })).collect::<Vec<_>>(),
+        "edge_bands": report.edge_bands.iter().map(|b| json!({ "from_mm": b.from, "to_mm": b.to, "mean_mm": b.mean, "edges": b.edges, "elements": b.elements })).collect::<Vec<_>>(),
         "open_at_border": report.open_at_border,
         "coarse_regions": report.coarse_regions,
         "remarks": report.remarks,
+        "bad_shapes": report.bad_shapes.map_or(0, |bad| bad.count),
+        "worst_shape_at": report.bad_shapes.map(|bad| bad.worst_at),
         "labels": report.labels.iter().map(label_json).collect::<Vec<_>>(),
+        "outer": surface_json(&report.outer),
     })
 }
 
 pub(crate) fn label_json(l: &LabelReport) -> Value {
-    json!({
+    let label = json!({
         "label": l.label,
         "elements": l.elements,
         "volume_mm3": l.volume,
@@ -223,13 +240,22 @@ pub(crate) fn label_json(l: &LabelReport) -> Value {
         "interface_mean_mm": l.interface.map(|i| i.mean),
         "interface_max_mm": l.interface.map(|i| i.max),
         "interface_max_at": l.interface.map(|i| i.max_at),
-        "euler": l.euler,
-        "euler_labels": l.euler_labels,
-        "surfaces": l.surfaces,
-        "surfaces_labels": l.surfaces_labels,
-        "differs_at": l.differs_at,
-        "closed": l.closed,
-        "manifold": l.manifold,
+        "voxels": l.voxels,
+        "lost_at": l.lost_at,
+    });
+    merged(label, surface_json(&l.surface))
+}
+
+fn surface_json(s: &SurfaceReport) -> Value {
+    json!({
+        "euler": s.euler,
+        "euler_labels": s.euler_labels,
+        "surfaces": s.surfaces,
+        "surfaces_labels": s.surfaces_labels,
+        "differs_at": s.differs_at,
+        "closed": s.closed,
+        "manifold": s.manifold,
+        "pinched_at": s.pinched_at,
     })
 }
 

@@ -155,8 +155,9 @@ impl TriangleMesh {
                 _ => t.non_manifold_edges += 1,
             }
         }
-        let (used, split) = self.fans(&half_edges);
-        (t.vertices, t.non_manifold_vertices) = (used, split);
+        let fans = self.fans(&half_edges);
+        t.vertices = fans.iter().filter(|&&n| n > 0).count();
+        t.non_manifold_vertices = fans.iter().filter(|&&n| n > 1).count();
         t.components = self.components().1;
         t
     }
@@ -173,9 +174,19 @@ impl TriangleMesh {
         out
     }
 
-    /// Vertices in use, and those whose triangles fall into more than one fan: corners of one vertex are joined over
-    /// shared edges, so a clean vertex ends with one class of corners.
-    fn fans(&self, half_edges: &[(u32, u32, bool, u32)]) -> (usize, usize) {
+    /// A place where the surface is not closed and two-manifold: the middle of an edge without exactly two triangles, else
+    /// a vertex whose triangles do not form one fan. `None` where there is no such place.
+    pub fn defect(&self) -> Option<Point<Patient>> {
+        let half_edges = self.sorted_half_edges();
+        let bad = half_edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).find(|edge| edge.len() != 2);
+        let at = |v: u32| self.vertices[v as usize];
+        let vertex = || self.fans(&half_edges).iter().position(|&n| n > 1).map(|v| self.vertices[v]);
+        bad.map(|edge| at(edge[0].0).lerp(at(edge[0].1), 0.5)).or_else(vertex)
+    }
+
+    /// The number of fans that the triangles around each vertex fall into: corners of one vertex are joined over shared
+    /// edges, so a clean vertex ends with one class of corners, one without triangles with none.
+    fn fans(&self, half_edges: &[(u32, u32, bool, u32)]) -> Vec<u32> {
         let mut corners = UnionFind::new(self.triangles.len() * 3);
         let corner = |triangle: u32, v: u32| {
             let at = self.triangles[triangle as usize].iter().position(|&x| x == v).unwrap_or(0);
@@ -194,7 +205,7 @@ impl TriangleMesh {
                 fans[self.triangles[c / 3][c % 3] as usize] += 1;
             }
         }
-        (fans.iter().filter(|&&n| n > 0).count(), fans.iter().filter(|&&n| n > 1).count())
+        fans
     }
 
     /// The connected piece of each triangle, numbered in order of first appearance, and how many there are.
@@ -286,6 +297,10 @@ pub(crate) mod tests {
         }
         let t = pinched.topology();
         assert_eq!((t.non_manifold_vertices, t.non_manifold_edges, t.components), (1, 0, 1));
+        assert_eq!(octahedron().defect(), None);
+        assert_eq!(pinched.defect(), Some(Point::new(1.0, 0.0, 0.0)));
+        // The triangle taken away was the one of (1, 0, 0), (0, -1, 0) and (0, 0, -1).
+        assert_eq!(open.defect(), Some(Point::new(0.5, -0.5, 0.0)));
     }
 
     #[test]

@@ -125,6 +125,9 @@ pub(super) struct LabelFields {
     pub(super) labels: Vec<u16>,
     /// Volume of each label's voxels, mm3.
     pub(super) volumes: Vec<f64>,
+    /// Number of each label's voxels, and the volume of one, mm3.
+    pub(super) voxels: Vec<usize>,
+    pub(super) voxel: f64,
     /// Whether something kept reaches the border of the volume.
     pub(super) at_border: bool,
     /// Cell edge, mm.
@@ -157,6 +160,8 @@ impl LabelFields {
             fronts,
             labels: present.iter().map(|p| p.0).collect(),
             volumes: present.iter().map(|p| p.1.count as f64 * labels.grid().voxel_volume()).collect(),
+            voxels: present.iter().map(|p| p.1.count).collect(),
+            voxel: labels.grid().voxel_volume(),
             at_border,
             step,
         })
@@ -170,6 +175,7 @@ impl LabelFields {
             fronts: Vec::new(),
             labels: self.labels.last().copied().into_iter().collect(),
             volumes: vec![self.volumes.iter().sum()],
+            voxels: vec![self.voxels.iter().sum()],
             ..*self
         }
     }

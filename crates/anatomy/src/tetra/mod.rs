@@ -9,30 +9,39 @@ mod coarse;
 mod cut;
 mod difference;
 mod draw;
+mod error;
 mod fields;
 mod improve;
 mod lattice;
 mod octree;
 mod quality;
 mod region;
+mod remarks;
 mod repair;
 mod report;
 mod size;
 mod thickness;
 mod vec3;
+mod voxels;
 
-pub use report::{EdgeBand, InterfaceDistance, LabelReport, MeshReport};
+pub use error::MeshError;
+pub use report::{
+    BadShapes, Boundary, EdgeBand, InterfaceDistance, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO,
+    LabelReport, MeshReport, SurfaceReport,
+};
 
 use cut::{RawMesh, cut_all};
+use error::{listed, place};
 use fields::LabelFields;
 use improve::{Coarse, Work};
 use monro_geometry::{Patient, Point, TetMesh, Volume};
 use octree::Octree;
 use repair::Crumb;
+use report::Source;
 use size::SizeField;
 use std::cell::RefCell;
-use thiserror::Error;
 use vec3::V3;
+use voxels::Voxels;
 
 /// Cell edge of a body-centred lattice over its mean tetrahedron edge (six long edges and eight of sqrt(3)/2 at a point).
 const CELL_PER_EDGE: f64 = 1.083;
@@ -66,8 +75,9 @@ pub struct MeshOptions {
     pub growth: f64,
     /// Longest edge over the finest.
     pub coarsest: f64,
-    /// Refuse a mesh in which a label's surface is not two-manifold, or has another Euler number or number of pieces than
-    /// the smoothed labels; otherwise the report's remarks say so.
+    /// Refuse a mesh in which the surface of a label, or of all together, is not two-manifold or has another Euler number or
+    /// number of pieces than the smoothed labels, a label has no element, or an element is worse than [`LEAST_DIHEDRAL`],
+    /// [`LARGEST_DIHEDRAL`] or [`LEAST_RADIUS_RATIO`]; otherwise the report's remarks say so.
     pub strict: bool,
 }
 
@@ -87,66 +97,6 @@ impl MeshOptions {
     }
 }
 
-/// Why there is no mesh.
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum MeshError {
-    /// None of the labels to keep occurs.
-    #[error("none of the labels {keep:?} occurs in the volume of {voxels} voxels; check the labels to keep")]
-    Empty {
-        /// Labels asked for.
-        keep: Vec<u16>,
-        /// Voxels looked at.
-        voxels: usize,
-    },
-    /// More labels than the mesher tells apart.
-    #[error("{0} labels to mesh, but at most 60 are told apart; merge some")]
-    TooManyLabels(usize),
-    /// An option makes no sense.
-    #[error("{name} is {value}; it must be {rule}")]
-    Option {
-        /// The option.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-        /// What is allowed.
-        rule: &'static str,
-    },
-    /// A label's surface is open or meets itself in a point or an edge.
-    #[error("the surface of label {label} is not two-manifold at ({:.1}, {:.1}, {:.1}) mm; ask for more elements or smooth the labels", place[0], place[1], place[2])]
-    Topology {
-        /// The label.
-        label: u16,
-        /// A point of that label, LPS mm.
-        place: [f64; 3],
-    },
-    /// A label's surface has another topology than the labels.
-    #[error("the surface of label {label} has Euler number {found} in {surfaces} piece(s), its voxels' {wanted} in {wanted_surfaces}; look near ({:.1}, {:.1}, {:.1}) mm, ask for more elements or smooth the labels", place[0], place[1], place[2])]
-    Euler {
-        /// The label.
-        label: u16,
-        /// Euler number of its surface in the mesh.
-        found: i64,
-        /// Euler number of the smoothed labels' surface.
-        wanted: i64,
-        /// Connected surfaces in the mesh.
-        surfaces: usize,
-        /// Connected surfaces of the smoothed labels.
-        wanted_surfaces: usize,
-        /// Where the two surfaces differ most in kind: [`LabelReport::differs_at`].
-        place: [f64; 3],
-    },
-    /// The count cannot be met.
-    #[error(
-        "{wanted} elements were asked for, the nearest mesh has {found}; ask for a count near that or change the grading"
-    )]
-    Count {
-        /// Elements wanted.
-        wanted: usize,
-        /// Elements of the nearest mesh found.
-        found: usize,
-    },
-}
-
 /// Meshes the labels in `options.keep` of a label volume.
 ///
 /// Faces conform between all labels and at the outer surface; elements carry the values of the volume as labels; all
@@ -154,7 +104,8 @@ pub enum MeshError {
 /// of about their volume, and the report says so. The same input gives the same bits on any number of threads.
 ///
 /// # Errors
-/// Nothing to mesh, options out of range, or a count that cannot be met within 5 % (2 % is aimed at).
+/// Nothing to mesh, options out of range, or a count that cannot be met within 5 % (2 % is aimed at); with
+/// [`MeshOptions::strict`] what that refuses.
 pub fn mesh<T: Copy + Into<u16> + Sync>(
     labels: &Volume<T>,
     options: &MeshOptions,
@@ -203,16 +154,21 @@ pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
     mut done: impl FnMut(Stage),
 ) -> Result<(TetMesh, MeshReport), MeshError> {
     check(options)?;
-    let empty = || MeshError::Empty { keep: options.keep.clone(), voxels: labels.grid().len() };
+    let voxels = Voxels(labels);
+    let empty =
+        || MeshError::Empty { keep: options.keep.clone(), voxels: labels.grid().len(), present: voxels.present() };
     let fields = LabelFields::new(labels, &options.keep).ok_or_else(empty)?;
     done(Stage::Fields);
     let fine: Vec<usize> = (0..fields.labels.len()).filter(|&i| options.fine.contains(&fields.labels[i])).collect();
     let size = SizeField::new(&fields, &fine, options).ok_or_else(empty)?;
     done(Stage::Size);
-    let made = Made::conforming(&fields, &size, options.elements, &mut done)?;
+    let kept = |l: u16| options.keep.contains(&l);
+    let too_thin =
+        || MeshError::TooThin { voxels: fields.voxels.iter().sum(), at: voxels.one(kept), step: fields.step };
+    let made = Made::conforming(&fields, &size, options.elements, &mut done).ok_or_else(too_thin)?;
     let made = match made.is_good(&fields, options.elements) {
         true => made,
-        false => Made::with_regions(&fields, &size, options.elements, &mut done)?,
+        false => Made::with_regions(&fields, &size, options.elements, &mut done).ok_or_else(too_thin)?,
     };
     done(Stage::Improve);
     let found = made.raw.tets.len();
@@ -220,10 +176,12 @@ pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
         return Err(MeshError::Count { wanted: options.elements, found });
     }
     let mesh = finish(made.raw, &fields);
-    let report = report::report(&mesh, &fields, &size, &made.crumbs, made.regions);
+    let (crumbs, coarse_regions) = (&made.crumbs, made.regions);
+    let source = Source { voxels, options, fields: &fields, size: &size, crumbs, coarse_regions };
+    let report = report::report(&mesh, &source);
     done(Stage::Report);
     if options.strict {
-        strictly(&mesh, &report)?;
+        strictly(&report)?;
     }
     Ok((mesh, report))
 }
@@ -239,13 +197,8 @@ struct Made {
 }
 
 impl Made {
-    /// With faces along all label surfaces.
-    fn conforming(
-        fields: &LabelFields,
-        size: &SizeField,
-        wanted: usize,
-        done: &mut impl FnMut(Stage),
-    ) -> Result<Self, MeshError> {
+    /// With faces along all label surfaces; `None` where nothing is left to mesh.
+    fn conforming(fields: &LabelFields, size: &SizeField, wanted: usize, done: &mut impl FnMut(Stage)) -> Option<Self> {
         let (mut best, mut aim) = (Self::once(fields, size, wanted, done)?, wanted as f64);
         let mut last = best.raw.tets.len();
         for _ in 0..if wanted < FEW { MORE_TRIES } else { 1 } {
@@ -261,18 +214,13 @@ impl Made {
                 best = other;
             }
         }
-        Ok(best)
+        Some(best)
     }
 
-    fn once(
-        fields: &LabelFields,
-        size: &SizeField,
-        aim: usize,
-        done: &mut impl FnMut(Stage),
-    ) -> Result<Self, MeshError> {
+    fn once(fields: &LabelFields, size: &SizeField, aim: usize, done: &mut impl FnMut(Stage)) -> Option<Self> {
         let start = to_count(fields, size, aim)?;
         done(Stage::Cut);
-        Ok(improved(start, fields, size, aim, done))
+        Some(improved(start, fields, size, aim, done))
     }
 
     /// With faces along the outer surface only.
@@ -281,11 +229,11 @@ impl Made {
         size: &SizeField,
         wanted: usize,
         done: &mut impl FnMut(Stage),
-    ) -> Result<Self, MeshError> {
+    ) -> Option<Self> {
         let made = Self::conforming(&fields.as_one(), size, wanted, done)?;
         let mut raw = made.raw;
         coarse::label_regions(&mut raw, fields);
-        Ok(Self { raw, regions: true, ..made })
+        Some(Self { raw, regions: true, ..made })
     }
 
     /// Part that the count is off by.
@@ -306,38 +254,26 @@ impl Made {
     }
 }
 
-/// Refuses surfaces that are not two-manifold, or of another topology than the labels.
-fn strictly(mesh: &TetMesh, report: &MeshReport) -> Result<(), MeshError> {
-    for l in &report.labels {
-        if !(l.closed && l.manifold) {
-            return Err(MeshError::Topology { label: l.label, place: pinch(mesh, l.label) });
+/// Refuses labels without elements, surfaces that are not two-manifold or of another topology than the labels, and bad
+/// shapes.
+fn strictly(report: &MeshReport) -> Result<(), MeshError> {
+    let lost = |l: &LabelReport| Some(MeshError::Lost { label: l.label, voxels: l.voxels, at: l.lost_at? });
+    if let Some(error) = report.labels.iter().find_map(lost) {
+        return Err(error);
+    }
+    let labels = report.labels.iter().map(|l| (Boundary::Label(l.label), &l.surface));
+    for (surface, found) in labels.chain([(Boundary::Outer, &report.outer)]) {
+        if let Some(at) = found.pinched_at {
+            return Err(MeshError::Topology { surface, at });
         }
-        if let Some(place) = l.differs_at {
-            return Err(MeshError::Euler {
-                label: l.label,
-                found: l.euler,
-                wanted: l.euler_labels,
-                surfaces: l.surfaces,
-                wanted_surfaces: l.surfaces_labels,
-                place,
-            });
+        if let Some(at) = found.differs_at {
+            return Err(MeshError::Euler { surface, report: Box::new(*found), at });
         }
     }
-    Ok(())
-}
-
-/// Where a label's surface is not manifold: a point of an edge without two faces, else any of its points.
-fn pinch(mesh: &TetMesh, label: u16) -> [f64; 3] {
-    let faces = mesh.boundary(|l| l == label);
-    let mut edges: Vec<[u32; 2]> = faces
-        .iter()
-        .flat_map(|f| [[f[0], f[1]], [f[1], f[2]], [f[2], f[0]]])
-        .map(|[a, b]| [a.min(b), a.max(b)])
-        .collect();
-    edges.sort_unstable();
-    let bad = edges.chunk_by(|a, b| a == b).find(|c| c.len() != 2).map(|c| c[0][0]);
-    let any = bad.or_else(|| faces.first().map(|f| f[0])).unwrap_or(0);
-    mesh.vertices.get(any as usize).map_or([0.0; 3], |p| p.to_array())
+    report.bad_shapes.map_or(Ok(()), |bad| {
+        let dihedral = [report.dihedral_min, report.dihedral_max];
+        Err(MeshError::Shape { bad, dihedral, radius_ratio: report.radius_ratio_min })
+    })
 }
 
 fn check(options: &MeshOptions) -> Result<(), MeshError> {
@@ -408,7 +344,7 @@ fn first_guess(wanted: usize, fields: &LabelFields) -> f64 {
 }
 
 /// Finds the finest edge that gives the count with its surplus; a mesh that cannot have it is left as near as it comes.
-fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<Start, MeshError> {
+fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Option<Start> {
     let aim = lattice_aim(wanted, fields);
     let mut ratio = underestimate(aim);
     let mut best: Option<Start> = None;
@@ -440,9 +376,9 @@ fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Result<Sta
             if (wanted as f64) * SURPLUS < aim {
                 start.finest = finest_for(size, wanted as f64 * SURPLUS / ratio).max(start.lattice_edge);
             }
-            Ok(start)
+            Some(start)
         }
-        _ => Err(MeshError::Count { wanted, found: 0 }),
+        _ => None,
     }
 }
 
@@ -546,3 +482,5 @@ fn finish(raw: RawMesh, fields: &LabelFields) -> TetMesh {
 mod test_head;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod told_tests;

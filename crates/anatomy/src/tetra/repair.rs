@@ -20,6 +20,8 @@ pub(super) struct Crumb {
     pub(super) label: u8,
     /// Volume, mm3.
     pub(super) volume: f64,
+    /// A corner of it, LPS mm.
+    pub(super) place: V3,
 }
 
 /// Relabels the smaller part wherever a label (or what lies around it) meets itself in a point or edge only, and pieces
@@ -161,7 +163,8 @@ impl<'a> Repair<'a> {
         };
         if let Some(list) = list {
             let roots = (0..count).filter(|&t| roots[t as usize] == t && small(t));
-            list.extend(roots.map(|t| Crumb { label: self.label(t), volume: size[t as usize] }));
+            let place = |t: u32| self.mesh.points[self.mesh.tets[t as usize][0] as usize];
+            list.extend(roots.map(|t| Crumb { label: self.label(t), volume: size[t as usize], place: place(t) }));
         }
         // From the rim inwards; the rounds do the rest. Inner labels are preferred to the outside.
         let rim =

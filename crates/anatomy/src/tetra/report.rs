@@ -1,12 +1,14 @@
 //! What can be said of a mesh: shape, spacing, and how well it keeps each label.
 
-use super::difference;
 use super::fields::LabelFields;
-use super::repair::Crumb;
 use super::size::SizeField;
+use super::vec3::{V3, add, scale};
+use super::voxels::Voxels;
+use super::{Crumb, MeshOptions, difference, remarks};
 use crate::surface::isosurface;
-use monro_geometry::{Bvh, Point, TetMesh, TriangleMesh};
+use monro_geometry::{Bvh, Patient, Point, TetMesh, TetQuality, TriangleMesh};
 use rayon::prelude::*;
+use std::fmt;
 
 /// Points per surface and direction for the distances.
 const SAMPLES: usize = 10_000;
@@ -22,8 +24,10 @@ pub struct EdgeBand {
     pub to: f64,
     /// Mean length, mm; 0 when there is no edge.
     pub mean: f64,
-    /// Edges counted.
+    /// Edges counted, by their middles.
     pub edges: usize,
+    /// Elements whose centroid lies in the band.
+    pub elements: usize,
 }
 
 /// Distance between an interface of the mesh and the surface of the smoothed labels, the worse of both directions, mm.
@@ -35,6 +39,88 @@ pub struct InterfaceDistance {
     pub max: f64,
     /// Where it is, LPS mm.
     pub max_at: [f64; 3],
+}
+
+/// Which surface of a mesh.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Boundary {
+    /// That of a label.
+    Label(u16),
+    /// The outer one: that of all labels together.
+    Outer,
+}
+
+impl fmt::Display for Boundary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Label(label) => write!(f, "label {label}"),
+            Self::Outer => f.write_str("all labels together"),
+        }
+    }
+}
+
+/// Topology of a surface of the mesh against that of the smoothed labels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SurfaceReport {
+    /// Euler number (2 for a ball).
+    pub euler: i64,
+    /// Euler number of the smoothed labels' surface.
+    pub euler_labels: i64,
+    /// Connected surfaces, cavities included.
+    pub surfaces: usize,
+    /// Connected surfaces of the smoothed labels.
+    pub surfaces_labels: usize,
+    /// Where the two surfaces differ most in kind, if their Euler numbers or pieces do: a point of the smallest piece where
+    /// one has more, else where a handle or a hole is likeliest; LPS mm.
+    pub differs_at: Option<[f64; 3]>,
+    /// Every edge has two faces or more.
+    pub closed: bool,
+    /// Every edge has two faces, every point one fan.
+    pub manifold: bool,
+    /// A place where it is open or meets itself in an edge or a point, LPS mm.
+    pub pinched_at: Option<[f64; 3]>,
+}
+
+impl SurfaceReport {
+    /// Of a surface of the mesh and one of the labels.
+    fn new(surface: &TriangleMesh, truth: &TriangleMesh) -> Self {
+        let (found, wanted) = (surface.topology(), truth.topology());
+        let differs = (found.euler(), found.components) != (wanted.euler(), wanted.components);
+        let sound = found.is_closed() && found.is_manifold();
+        Self {
+            euler: found.euler(),
+            euler_labels: wanted.euler(),
+            surfaces: found.components,
+            surfaces_labels: wanted.components,
+            differs_at: differs.then(|| difference::place(surface, truth)),
+            closed: found.is_closed(),
+            manifold: found.is_manifold(),
+            pinched_at: if sound { None } else { surface.defect().map(Point::to_array) },
+        }
+    }
+}
+
+/// Elements that miss [`LEAST_DIHEDRAL`], [`LARGEST_DIHEDRAL`] or [`LEAST_RADIUS_RATIO`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BadShapes {
+    /// Elements.
+    pub count: usize,
+    /// Centroid of the worst, LPS mm.
+    pub worst_at: [f64; 3],
+}
+
+/// Dihedral angles below this, degrees,
+pub const LEAST_DIHEDRAL: f64 = 12.0;
+/// or above this,
+pub const LARGEST_DIHEDRAL: f64 = 155.0;
+/// or radius ratios below this are worth a remark, and refused by [`MeshOptions::strict`].
+pub const LEAST_RADIUS_RATIO: f64 = 0.2;
+
+/// How near an element is to the bounds of shape: below 1 it misses one.
+fn room(q: &TetQuality) -> f64 {
+    let low = q.min_dihedral.to_degrees() / LEAST_DIHEDRAL;
+    let high = (180.0 - q.max_dihedral.to_degrees()) / (180.0 - LARGEST_DIHEDRAL);
+    low.min(high).min(q.radius_ratio / LEAST_RADIUS_RATIO)
 }
 
 /// One label of the mesh against its voxels.
@@ -50,21 +136,12 @@ pub struct LabelReport {
     pub volume_error: f64,
     /// Its surface against the surface of the smoothed labels; `None` when either has none.
     pub interface: Option<InterfaceDistance>,
-    /// Euler number of its surface (2 for a ball).
-    pub euler: i64,
-    /// Euler number of the smoothed labels' surface.
-    pub euler_labels: i64,
-    /// Connected surfaces, cavities included.
-    pub surfaces: usize,
-    /// Connected surfaces of the smoothed labels.
-    pub surfaces_labels: usize,
-    /// Where the two surfaces differ most in kind, if their Euler numbers or pieces do: a point of the smallest piece where
-    /// one has more, else where a handle or a hole is likeliest; LPS mm.
-    pub differs_at: Option<[f64; 3]>,
-    /// Every edge of its surface has two faces or more.
-    pub closed: bool,
-    /// Every edge has two faces, every point one fan.
-    pub manifold: bool,
+    /// Topology of its surface.
+    pub surface: SurfaceReport,
+    /// Voxels of the label.
+    pub voxels: usize,
+    /// The centre of one of its voxels, LPS mm, where it has no element.
+    pub lost_at: Option<[f64; 3]>,
 }
 
 /// Numbers about a mesh.
@@ -88,32 +165,44 @@ pub struct MeshReport {
     pub core_edge_mean: f64,
     /// Mean edges by distance.
     pub edge_bands: Vec<EdgeBand>,
+    /// Elements of bad shape, if any.
+    pub bad_shapes: Option<BadShapes>,
     /// Each label.
     pub labels: Vec<LabelReport>,
+    /// The surface of all labels together.
+    pub outer: SurfaceReport,
     /// Something kept reaches the border of the volume and is cut there.
     pub open_at_border: bool,
     /// There were too few elements for surfaces of the inner labels: they are regions of about their volume.
     pub coarse_regions: bool,
-    /// What a user should know: pieces given away, labels that lost their shape, volume or topology.
+    /// What a user should know: labels asked for that are not there, a count or volumes missed, bad shapes, pieces given
+    /// away, labels that lost their shape or topology.
     pub remarks: Vec<String>,
 }
 
-pub(super) fn report(
-    mesh: &TetMesh,
-    fields: &LabelFields,
-    size: &SizeField,
-    crumbs: &[Crumb],
-    coarse_regions: bool,
-) -> MeshReport {
+/// What a mesh was made from.
+pub(super) struct Source<'a, T> {
+    pub(super) voxels: Voxels<'a, T>,
+    pub(super) options: &'a MeshOptions,
+    pub(super) fields: &'a LabelFields,
+    pub(super) size: &'a SizeField,
+    pub(super) crumbs: &'a [Crumb],
+    pub(super) coarse_regions: bool,
+}
+
+pub(super) fn report<T: Copy + Into<u16> + Sync>(mesh: &TetMesh, source: &Source<'_, T>) -> MeshReport {
+    let fields = source.fields;
     let shapes: Vec<_> = (0..mesh.tets.len()).into_par_iter().map(|t| mesh.quality(t)).collect();
     let mut low: Vec<f64> = shapes.iter().map(|q| q.min_dihedral.to_degrees()).collect();
     let mut ratio: Vec<f64> = shapes.iter().map(|q| q.radius_ratio).collect();
     low.sort_unstable_by(f64::total_cmp);
     ratio.sort_unstable_by(f64::total_cmp);
-    let (edge_bands, core_edge_mean) = spacing(mesh, size);
-    let labels: Vec<LabelReport> = (0..fields.labels.len()).map(|l| label_report(mesh, fields, l)).collect();
+    let (edge_bands, core_edge_mean) = spacing(mesh, source.size);
     let at = |sorted: &[f64], part: usize| sorted.get(sorted.len() * part / 100).copied().unwrap_or(0.0);
-    MeshReport {
+    let outer = without_specks(isosurface(fields.union.volume(), 0.5), fields.step.powi(3), |p, inside| {
+        source.voxels.is_separate(p, fields.step, |l| source.options.keep.contains(&l) == inside)
+    });
+    let mut report = MeshReport {
         elements: mesh.tets.len(),
         vertices: mesh.vertices.len(),
         dihedral_min: at(&low, 0),
@@ -123,103 +212,97 @@ pub(super) fn report(
         radius_ratio_median: at(&ratio, 50),
         core_edge_mean,
         edge_bands,
-        coarse_regions,
-        remarks: remarks(&labels, crumbs, coarse_regions),
-        labels,
+        bad_shapes: bad_shapes(mesh, &shapes),
+        coarse_regions: source.coarse_regions,
+        labels: (0..fields.labels.len()).map(|l| label_report(mesh, source, l)).collect(),
+        outer: SurfaceReport::new(&mesh.surface(|_| true), &outer),
+        remarks: Vec::new(),
         open_at_border: fields.at_border,
-    }
+    };
+    report.remarks = remarks::remarks(&report, source);
+    report
 }
 
-/// Beyond this part the volume of a label is worth a remark.
-const VOLUME_ERROR: f64 = 0.01;
-/// Beyond this mean distance, mm, the surface of a label is.
-const SURFACE_ERROR: f64 = 1.5;
+fn bad_shapes(mesh: &TetMesh, shapes: &[TetQuality]) -> Option<BadShapes> {
+    let bad = || shapes.iter().map(room).enumerate().filter(|(_, room)| *room < 1.0);
+    let (worst, _) = bad().min_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(BadShapes { count: bad().count(), worst_at: centroid(mesh.corners(worst)).to_array() })
+}
 
-fn remarks(labels: &[LabelReport], crumbs: &[Crumb], coarse_regions: bool) -> Vec<String> {
-    let mut all = Vec::new();
-    if coarse_regions {
-        all.push("too few elements for the surfaces of the inner labels: only the outer surface is followed, the labels are coarse regions of about their volume, which may touch themselves in edges and points".into());
-    }
-    for (i, l) in labels.iter().enumerate() {
-        let of_label = || crumbs.iter().filter(|c| usize::from(c.label) == i);
-        let (pieces, volume) = (of_label().count(), of_label().map(|c| c.volume).sum::<f64>());
-        if pieces > 0 {
-            let size = volume / 1000.0;
-            all.push(format!("label {}: {pieces} separate piece(s) of {size:.3} ml in all are too small for elements of their own and are counted to what lies around them", l.label));
-        }
-        if l.elements == 0 {
-            all.push(format!("label {} has no element: it is too thin for this number of elements", l.label));
-            continue;
-        }
-        if let Some([x, y, z]) = l.differs_at {
-            all.push(format!(
-                "label {}: its surface has Euler number {} in {} piece(s), that of the labels {} in {}; look near ({x:.1}, {y:.1}, {z:.1}) mm",
-                l.label, l.euler, l.surfaces, l.euler_labels, l.surfaces_labels
-            ));
-        }
-        if !(coarse_regions || l.closed && l.manifold) {
-            all.push(format!("label {}: its surface is not two-manifold", l.label));
-        }
-        if l.volume_error.abs() > VOLUME_ERROR {
-            all.push(format!("label {}: {:+.1} % of its volume", l.label, l.volume_error * 100.0));
-        }
-        if let Some(d) = l.interface.filter(|d| d.mean > SURFACE_ERROR) {
-            all.push(format!("label {} is a coarse region: its surface is {:.1} mm off on average", l.label, d.mean));
-        }
-    }
-    all
+fn centroid<const N: usize>(corners: [Point<Patient>; N]) -> Point<Patient> {
+    Point::from_array([0, 1, 2].map(|a| corners.iter().map(|p| p.to_array()[a]).sum::<f64>() / N as f64))
 }
 
 fn spacing(mesh: &TetMesh, size: &SizeField) -> (Vec<EdgeBand>, f64) {
     let mut sums = [(0.0, 0usize); BANDS.len() - 1];
+    let band =
+        |p: Point<Patient>| BANDS[1..BANDS.len() - 1].iter().filter(|&&x| size.distance(p.to_array()) >= x).count();
     for e in mesh.edges() {
         let [a, b] = e.map(|v| mesh.vertices[v as usize]);
-        let d = size.distance(a.lerp(b, 0.5).to_array());
-        let band = BANDS[1..BANDS.len() - 1].iter().filter(|&&x| d >= x).count();
-        sums[band] = (sums[band].0 + a.distance(b), sums[band].1 + 1);
+        let sum = &mut sums[band(a.lerp(b, 0.5))];
+        *sum = (sum.0 + a.distance(b), sum.1 + 1);
     }
+    let mut elements = [0; BANDS.len() - 1];
+    (0..mesh.tets.len()).for_each(|t| elements[band(centroid(mesh.corners(t)))] += 1);
     let mean = |s: (f64, usize)| if s.1 == 0 { 0.0 } else { s.0 / s.1 as f64 };
-    let band = |i: usize| EdgeBand { from: BANDS[i], to: BANDS[i + 1], mean: mean(sums[i]), edges: sums[i].1 };
+    let band = |i: usize| EdgeBand {
+        from: BANDS[i],
+        to: BANDS[i + 1],
+        mean: mean(sums[i]),
+        edges: sums[i].1,
+        elements: elements[i],
+    };
     let core = sums[..2].iter().fold((0.0, 0), |s, x| (s.0 + x.0, s.1 + x.1));
     ((0..sums.len()).map(band).collect(), mean(core))
 }
 
-fn label_report(mesh: &TetMesh, fields: &LabelFields, l: usize) -> LabelReport {
+fn label_report<T: Copy + Into<u16> + Sync>(mesh: &TetMesh, source: &Source<'_, T>, l: usize) -> LabelReport {
+    let (fields, voxels) = (source.fields, &source.voxels);
     let label = fields.labels[l];
     let surface = mesh.surface(|x| x == label);
-    let truth = without_specks(isosurface(&fields.margins(l), 0.0), fields.step.powi(3));
-    let (found, wanted) = (surface.topology(), truth.topology());
+    let truth = without_specks(isosurface(&fields.margins(l), 0.0), fields.step.powi(3), |p, inside| {
+        voxels.is_separate(p, fields.step, |x| (x == label) == inside)
+    });
     let volume = mesh.label_volume(label);
+    let elements = mesh.labels.iter().filter(|&&x| x == label).count();
     LabelReport {
         label,
-        elements: mesh.labels.iter().filter(|&&x| x == label).count(),
+        elements,
         volume,
         volume_error: volume / fields.volumes[l] - 1.0,
         interface: distances(&surface, &truth),
-        euler: found.euler(),
-        euler_labels: wanted.euler(),
-        surfaces: found.components,
-        surfaces_labels: wanted.components,
-        differs_at: ((found.euler(), found.components) != (wanted.euler(), wanted.components))
-            .then(|| difference::place(&surface, &truth)),
-        closed: found.is_closed(),
-        manifold: found.is_manifold(),
+        surface: SurfaceReport::new(&surface, &truth),
+        voxels: fields.voxels[l],
+        lost_at: (elements == 0).then(|| voxels.one(|x| x == label)),
     }
 }
 
-/// Drops pieces that enclose less than `volume` mm3: crumbs of the smoothing, smaller than a cell.
-fn without_specks(mut surface: TriangleMesh, volume: f64) -> TriangleMesh {
+/// Drops pieces that enclose less than `volume` mm3: crumbs of the smoothing, smaller than a cell. Those that `is_voxels`
+/// knows stay: around a point, whether pieces stand for what is inside or are holes in it.
+fn without_specks(
+    mut surface: TriangleMesh,
+    volume: f64,
+    is_voxels: impl Fn(Point<Patient>, bool) -> bool,
+) -> TriangleMesh {
     let (piece, count) = surface.components();
     if count < 2 {
         return surface;
     }
-    let mut volumes = vec![0.0; count];
+    let mut pieces = vec![(0.0, [0.0; 3], 0usize); count];
     for (t, &p) in piece.iter().enumerate() {
-        let [a, b, c] = surface.corners(t).map(|p| p - Point::ORIGIN);
-        volumes[p as usize] += a.dot(b.cross(c)) / 6.0;
+        let corners = surface.corners(t);
+        let [a, b, c] = corners.map(|p| p - Point::ORIGIN);
+        let (sum, middle, n) = &mut pieces[p as usize];
+        *sum += a.dot(b.cross(c)) / 6.0;
+        *middle = add(*middle, centroid(corners).to_array());
+        *n += 1;
     }
+    let stays = |&(sum, middle, n): &(f64, V3, usize)| {
+        sum.abs() >= volume || is_voxels(Point::from_array(scale(middle, 1.0 / n.max(1) as f64)), sum > 0.0)
+    };
+    let stays: Vec<bool> = pieces.iter().map(stays).collect();
     let mut each = piece.iter();
-    surface.triangles.retain(|_| each.next().is_some_and(|&p| volumes[p as usize].abs() >= volume));
+    surface.triangles.retain(|_| each.next().is_some_and(|&p| stays[p as usize]));
     surface
 }
 
@@ -235,10 +318,7 @@ fn one_way(from: &TriangleMesh, to: &TriangleMesh) -> Option<InterfaceDistance> 
     let stride = count.div_ceil(SAMPLES).max(1);
     let point = |i: usize| match from.vertices.get(i) {
         Some(&p) => p,
-        None => {
-            let c = from.corners(i - from.vertices.len());
-            Point::from_array(std::array::from_fn(|a| c.iter().map(|p| p.to_array()[a]).sum::<f64>() / 3.0))
-        }
+        None => centroid(from.corners(i - from.vertices.len())),
     };
     let bvh = Bvh::new(to);
     let samples: Vec<usize> = (0..count).step_by(stride).collect();
@@ -247,4 +327,32 @@ fn one_way(from: &TriangleMesh, to: &TriangleMesh) -> Option<InterfaceDistance> 
     let &(max, at) = all.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
     let mean = all.iter().map(|d| d.0).sum::<f64>() / all.len() as f64;
     Some(InterfaceDistance { mean, max, max_at: point(at).to_array() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn elements_of_bad_shape_are_counted_and_the_worst_is_placed() {
+        let mut mesh = TetMesh::default();
+        // A good one, a flat one (dihedral angles next to 0 and 180) and a thin spike, apart from each other.
+        for (x, [a, b, c, d]) in [
+            (0.0, [[1., 1., 1.], [1., -1., -1.], [-1., 1., -1.], [-1., -1., 1.]]),
+            (10.0, [[1., 0., 0.], [0., 1., 0.1], [-1., 0., 0.], [0., -1., 0.1]]),
+            (20.0, [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 9.]]),
+        ] {
+            let first = mesh.vertices.len() as u32;
+            mesh.vertices.extend([a, b, c, d].map(|p: [f64; 3]| Point::new(p[0] + x, p[1], p[2])));
+            mesh.tets.push([0, 1, 2, 3].map(|i| first + i));
+            mesh.labels.push(4);
+            if mesh.volume(mesh.tets.len() - 1) < 0.0 {
+                mesh.tets.last_mut().expect("pushed").swap(0, 1);
+            }
+        }
+        let shapes: Vec<_> = (0..3).map(|t| mesh.quality(t)).collect();
+        let bad = bad_shapes(&mesh, &shapes).expect("two");
+        assert!(bad.count == 2 && (bad.worst_at[0] - 10.0).abs() < 1e-9, "{bad:?} {shapes:?}");
+        assert_eq!(bad_shapes(&mesh, &shapes[..1]), None);
+    }
 }

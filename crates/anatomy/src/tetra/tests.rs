@@ -15,7 +15,7 @@ fn sound(mesh: &TetMesh, report: &MeshReport) {
     let whole = mesh.surface(|_| true).topology();
     assert!(whole.is_closed() && whole.is_oriented(), "{whole:?}");
     for l in report.labels.iter().filter(|_| !report.coarse_regions) {
-        assert!(l.closed, "{l:?}");
+        assert!(l.surface.closed, "{l:?}");
     }
 }
 
@@ -33,7 +33,7 @@ fn a_head_with_horns_is_meshed_to_count() {
     assert!(report.dihedral_min >= 22.0 && report.dihedral_max <= 155.0, "{report:?}");
     assert!(report.dihedral_p1 >= 28.0 && report.radius_ratio_min >= 0.2, "{report:?}");
     for l in &report.labels {
-        assert!(l.manifold && l.volume_error.abs() < 0.01, "{l:?}");
+        assert!(l.surface.manifold && l.volume_error.abs() < 0.01, "{l:?}");
     }
 }
 
@@ -46,7 +46,7 @@ fn the_horns_stay_at_a_few_thousand_elements() {
     assert!(!report.coarse_regions && report.dihedral_min >= 12.0, "{report:?}");
     for l in &report.labels {
         let off = l.interface.expect("a surface");
-        assert!(l.manifold && l.volume_error.abs() < 0.01 && off.mean < 0.8 && off.max < 4.0, "{l:?}");
+        assert!(l.surface.manifold && l.volume_error.abs() < 0.01 && off.mean < 0.8 && off.max < 4.0, "{l:?}");
     }
 }
 
@@ -102,7 +102,14 @@ proptest! {
                 prop_assert!((mesh.tets.len() as f64 / options.elements as f64 - 1.0).abs() <= ACCEPTED);
                 sound(&mesh, &report);
             }
-            Err(e) => prop_assert!(matches!(e, MeshError::Count{..} | MeshError::Topology{..} | MeshError::Euler{..} | MeshError::Empty{..}), "{e}"),
+            Err(e) => {
+                use MeshError::{Count, Empty, Euler, Lost, Shape, TooThin, Topology};
+                let named = matches!(
+                    e,
+                    Count { .. } | Empty { .. } | Euler { .. } | Lost { .. } | Shape { .. } | TooThin { .. } | Topology { .. }
+                );
+                prop_assert!(named, "{e}");
+            }
         }
     }
 }
@@ -153,7 +160,7 @@ fn a_recess_thinner_than_the_elements_is_followed_to_its_end() {
         let (mesh, report) = mesh(&labels, &options).expect("mesh");
         check(&mesh, &report, elements);
         let third = report.labels.iter().find(|l| l.label == 7).expect("there");
-        assert!(third.surfaces == 1 && third.euler == 2 && third.manifold, "{third:?}");
+        assert!(third.surface.surfaces == 1 && third.surface.euler == 2 && third.surface.manifold, "{third:?}");
         let found = top(&mut mesh.surface(|l| l == 7).vertices.iter().map(|p| p.z));
         assert!((found - wanted).abs() < 1.5, "{elements}: {found} for {wanted}");
     }

@@ -3,8 +3,10 @@
 use crate::common::{json, refusal, text};
 use monro_case::vtu::{self, UnstructuredGrid};
 use monro_case::{msh, stl};
-use monro_geometry::{Point, TetMesh};
+use monro_geometry::{Grid, Point, TetMesh, Volume};
+use monro_scan::nifti;
 use std::fs;
+use std::path::Path;
 
 fn two() -> TetMesh {
     let vertices = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.], [0., 0., -1.5]];
@@ -85,6 +87,43 @@ fn an_unused_vertex_is_refused_in_a_vtu_and_left_out_of_a_msh_with_a_remark() {
     let done = json(&["mesh", text(&msh), "--out", text(&out)]);
     assert_eq!(done["vertices"], 4);
     assert!(done["remarks"][0].as_str().is_some_and(|r| r.contains("tag 8")), "{done}");
+}
+
+/// A ball of label 4 with a smaller one of label 5, voxels of 2 mm.
+fn labels(file: &Path) {
+    let grid = Grid::axis_aligned([24; 3], [2.0; 3], [-23.0; 3]).expect("grid");
+    let at = |n: usize| {
+        let [i, j, k] = grid.voxel(n);
+        match grid.centre(i, j, k).distance(Point::ORIGIN) {
+            r if r < 10.0 => 5,
+            r if r < 20.0 => 4,
+            _ => 0,
+        }
+    };
+    let volume: Volume<u8> = Volume::new(grid, (0..grid.len()).map(at).collect()).expect("count");
+    fs::write(file, nifti::encode_u8(&volume)).expect("write");
+}
+
+#[test]
+fn labels_and_paths_that_are_not_in_the_volume_are_told() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [file, out] = ["labels.nii.gz", "out.vtu"].map(|n| dir.path().join(n));
+    labels(&file);
+    let mesh = |more: &[&'static str]| {
+        [&["mesh", text(&file), "--elements", "3000", "--force", "--out", text(&out)], more].concat()
+    };
+    let said = refusal(&mesh(&["--keep", "9"]));
+    assert!(said.contains("holds the labels 4, 5"), "{said}");
+    let said = refusal(&mesh(&["--keep", "4,x"]));
+    assert!(said.contains("\"x\" is no label") && said.contains("as in 4,5"), "{said}");
+    let done = json(&mesh(&["--keep", "4,5,9", "--path", "500,0,0:520,0,0"]));
+    let remarks = done["remarks"].as_array().expect("remarks").iter().filter_map(|r| r.as_str()).collect::<Vec<_>>();
+    assert!(remarks.iter().any(|r| r.contains("label 9") && r.contains("4, 5")), "{remarks:?}");
+    assert!(remarks.iter().any(|r| r.contains("the path passes")), "{remarks:?}");
+    let outer = &done["outer"];
+    assert_eq!((&outer["closed"], &outer["manifold"], &outer["euler"]), (&true.into(), &true.into(), &2.into()));
+    let plain = json(&mesh(&["--strict"]));
+    assert_eq!(plain["remarks"], serde_json::json!([]));
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::embedding;
 use super::truth::Truth;
+use crate::mesh::merged;
 use monro_anatomy::tetra::{self, MeshOptions, MeshReport};
 use monro_geometry::{Patient, Point, TetMesh, Volume};
 use serde_json::{Map, Value, json};
@@ -63,7 +64,7 @@ impl Subject {
 
     fn row(&self, mesh: &TetMesh, report: &MeshReport, wanted: usize) -> Value {
         let worst_volume = report.labels.iter().map(|l| l.volume_error.abs()).fold(0.0, f64::max);
-        let changed = report.labels.iter().filter(|l| (l.euler, l.surfaces) != (l.euler_labels, l.surfaces_labels));
+        let changed = report.labels.iter().filter(|l| l.surface.differs_at.is_some());
         json!({
             "elements": report.elements,
             "count_error": report.elements as f64 / wanted as f64 - 1.0,
@@ -71,7 +72,9 @@ impl Subject {
             "dihedral_p1_deg": report.dihedral_p1, "radius_ratio_min": report.radius_ratio_min,
             "radius_ratio_median": report.radius_ratio_median, "core_edge_mean_mm": report.core_edge_mean,
             "worst_volume_error": worst_volume,
-            "manifold": report.labels.iter().all(|l| l.manifold && l.closed),
+            "manifold": report.labels.iter().all(|l| l.surface.pinched_at.is_none()),
+            "outer_manifold": report.outer.pinched_at.is_none(),
+            "bad_shapes": report.bad_shapes.map_or(0, |bad| bad.count),
             "labels_of_other_topology": changed.map(|l| l.label).collect::<Vec<_>>(),
             "to_truth": self.truth.as_ref().map(|t| t.compare(mesh)),
             "labels": report.labels.iter().map(crate::mesh::label_json).collect::<Vec<_>>(),
@@ -87,13 +90,6 @@ fn keep_least(least: &mut Vec<(&'static str, [f64; 2])>, new: Vec<(&'static str,
             None => least.push((name, s)),
         }
     }
-}
-
-fn merged(mut head: Value, body: Value) -> Value {
-    if let (Some(head), Value::Object(body)) = (head.as_object_mut(), body) {
-        head.extend(body);
-    }
-    head
 }
 
 fn milli(seconds: f64) -> Value {

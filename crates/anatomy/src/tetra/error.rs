@@ -1,0 +1,112 @@
+//! Why there is no mesh.
+
+use super::report::{BadShapes, Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, SurfaceReport};
+use thiserror::Error;
+
+/// What helps parts that the fields do not keep.
+const FINER: &str = "resample the labels to voxels of half the size, or thicken them by a voxel";
+/// What helps surfaces that are not like the labels'.
+const WAY_OUT: &str = "a part thinner than two voxels is lost at any number of elements: thicken it, or resample the labels to voxels of half the size; join or part voxels that share only an edge or a corner; elsewhere be fine around the label, ask for more elements or smooth the labels";
+
+/// A place in words.
+pub(super) fn place([x, y, z]: [f64; 3]) -> String {
+    format!("({x:.1}, {y:.1}, {z:.1}) mm")
+}
+
+/// Labels in words.
+pub(super) fn listed(labels: &[u16]) -> String {
+    match labels {
+        [] => "nothing but the label 0".into(),
+        [label] => format!("the label {label}"),
+        _ => format!("the labels {}", labels.iter().map(u16::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// Why there is no mesh.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum MeshError {
+    /// None of the labels to keep occurs.
+    #[error(
+        "none of the labels {keep:?} occurs in the volume of {voxels} voxels, which holds {}; check the labels to keep",
+        listed(present)
+    )]
+    Empty {
+        /// Labels asked for.
+        keep: Vec<u16>,
+        /// Voxels looked at.
+        voxels: usize,
+        /// Labels that occur, but 0.
+        present: Vec<u16>,
+    },
+    /// Everything to mesh is thinner than the fields' cells.
+    #[error("the {voxels} voxel(s) to mesh, one at {}, are too thin or too small: nothing is left of them on cells of {step:.2} mm; {FINER}", place(*at))]
+    TooThin {
+        /// Voxels to mesh.
+        voxels: usize,
+        /// One of them, LPS mm.
+        at: [f64; 3],
+        /// Edge of the cells, mm.
+        step: f64,
+    },
+    /// A label has no element.
+    #[error("label {label} has no element: its {voxels} voxel(s), one at {}, are too thin or too small for this mesh; {FINER}, ask for more elements around it, or leave it out", place(*at))]
+    Lost {
+        /// The label.
+        label: u16,
+        /// Its voxels.
+        voxels: usize,
+        /// One of them, LPS mm.
+        at: [f64; 3],
+    },
+    /// More labels than the mesher tells apart.
+    #[error("{0} labels to mesh, but at most 60 are told apart; merge some")]
+    TooManyLabels(usize),
+    /// An option makes no sense.
+    #[error("{name} is {value}; it must be {rule}")]
+    Option {
+        /// The option.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        rule: &'static str,
+    },
+    /// A surface is open or meets itself in a point or an edge.
+    #[error("the surface of {surface} is not two-manifold at {}; {WAY_OUT}", place(*at))]
+    Topology {
+        /// Whose.
+        surface: Boundary,
+        /// Where, LPS mm.
+        at: [f64; 3],
+    },
+    /// A surface has another topology than the labels.
+    #[error("the surface of {surface} has Euler number {} in {} piece(s), that of the voxels {} in {}; look near {}; {WAY_OUT}", report.euler, report.surfaces, report.euler_labels, report.surfaces_labels, place(*at))]
+    Euler {
+        /// Whose.
+        surface: Boundary,
+        /// Both topologies.
+        report: Box<SurfaceReport>,
+        /// Where the two surfaces differ most in kind: [`SurfaceReport::differs_at`].
+        at: [f64; 3],
+    },
+    /// Elements are of bad shape.
+    #[error("{} element(s) miss the bounds of shape (dihedral angles {:.1} to {:.1} degrees, {LEAST_DIHEDRAL:.0} to {LARGEST_DIHEDRAL:.0} wanted; radius ratio {:.3}, {LEAST_RADIUS_RATIO} wanted), the worst at {}; smooth the labels there, merge thin ones with what lies around them, or ask for more elements", bad.count, dihedral[0], dihedral[1], radius_ratio, place(bad.worst_at))]
+    Shape {
+        /// How many, and where the worst is.
+        bad: BadShapes,
+        /// Smallest and largest dihedral angle, degrees.
+        dihedral: [f64; 2],
+        /// Smallest radius ratio.
+        radius_ratio: f64,
+    },
+    /// The count cannot be met.
+    #[error(
+        "{wanted} elements were asked for, the nearest mesh has {found}; ask for a count near that or change the grading"
+    )]
+    Count {
+        /// Elements wanted.
+        wanted: usize,
+        /// Elements of the nearest mesh found.
+        found: usize,
+    },
+}

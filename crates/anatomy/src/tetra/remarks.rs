@@ -1,0 +1,162 @@
+//! What a user should know of a mesh, in words.
+
+use super::census::each_inner;
+use super::report::{Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, Source, SurfaceReport};
+use super::{COUNT, LabelReport, MeshReport, listed, place};
+use monro_geometry::{Patient, Point, Vector};
+
+/// Beyond this part the volume of a label is worth a remark.
+const VOLUME_ERROR: f64 = 0.01;
+/// Beyond this mean distance, mm, the surface of a label is.
+const SURFACE_ERROR: f64 = 1.5;
+/// Places along a path are so far apart, mm.
+const ALONG: f64 = 0.5;
+
+pub(super) fn remarks<T: Copy + Into<u16> + Sync>(report: &MeshReport, source: &Source<'_, T>) -> Vec<String> {
+    let mut all = of_options(source);
+    all.extend(of_path(source));
+    all.extend(of_count(report.elements, source.options.elements));
+    if report.coarse_regions {
+        all.push("too few elements for the surfaces of the inner labels: only the outer surface is followed, the labels are coarse regions of about their volume, which may touch themselves in edges and points".into());
+    }
+    for (i, l) in report.labels.iter().enumerate() {
+        all.extend(of_crumbs(source, i));
+        all.extend(of_label(l, report.coarse_regions));
+    }
+    // Of a single label it is the same surface.
+    if report.labels.len() > 1 {
+        all.extend(of_surface(Boundary::Outer, &report.outer, false));
+    }
+    all.extend(of_shapes(report));
+    all
+}
+
+fn of_count(found: usize, wanted: usize) -> Option<String> {
+    let off = found as f64 / wanted as f64 - 1.0;
+    (off.abs() > COUNT).then(|| format!("{found} elements for {wanted} asked for ({:+.1} %)", off * 100.0))
+}
+
+/// Labels that were asked for and are not there.
+fn of_options<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>) -> Vec<String> {
+    let options = source.options;
+    let dense: Vec<u16> = options.density.iter().map(|d| d.0).collect();
+    let asked = [("to mesh", &options.keep), ("to be fine around", &options.fine), ("to be dense", &dense)];
+    let missing = asked.map(|(what, labels)| {
+        let of: Vec<u16> = labels.iter().copied().filter(|l| !source.fields.labels.contains(l)).collect();
+        (what, of)
+    });
+    if missing.iter().all(|m| m.1.is_empty()) {
+        return Vec::new();
+    }
+    let present = source.voxels.present();
+    let mut all = Vec::new();
+    for (what, labels) in missing {
+        for label in labels {
+            all.push(match present.contains(&label) {
+                true => format!("label {label} was asked {what}, but it is not among the labels to mesh"),
+                false => format!("label {label} was asked {what}, but the volume holds only {}", listed(&present)),
+            });
+        }
+    }
+    all
+}
+
+/// A path that passes by all that is meshed.
+fn of_path<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>) -> Option<String> {
+    let [from, to] = source.options.path?;
+    let steps = (from.distance(to) / ALONG).ceil().clamp(1.0, 1e4) as usize;
+    let union = &source.fields.union;
+    if (0..=steps).any(|i| union.at(from.lerp(to, i as f64 / steps as f64).to_array()) >= 0.5) {
+        return None;
+    }
+    let mut nearest = (f64::INFINITY, from);
+    each_inner(union, &mut |p, _| {
+        let p = Point::from_array(p);
+        let distance = p.distance(nearest_of(p, from, to));
+        if distance < nearest.0 {
+            nearest = (distance, p);
+        }
+    });
+    let (distance, at) = (nearest.0, place(nearest.1.to_array()));
+    Some(format!(
+        "the path passes all labels to mesh by {distance:.0} mm or so (nearest: {at}); check its frame, LPS mm"
+    ))
+}
+
+/// The nearest point of a segment.
+fn nearest_of(p: Point<Patient>, from: Point<Patient>, to: Point<Patient>) -> Point<Patient> {
+    let along: Vector<Patient> = to - from;
+    let length = along.dot(along);
+    from.lerp(to, if length > 0.0 { ((p - from).dot(along) / length).clamp(0.0, 1.0) } else { 0.0 })
+}
+
+fn of_crumbs<T>(source: &Source<'_, T>, label: usize) -> Option<String> {
+    let crumbs = || source.crumbs.iter().filter(|c| usize::from(c.label) == label);
+    let largest = crumbs().max_by(|a, b| a.volume.total_cmp(&b.volume))?;
+    let (pieces, volume) = (crumbs().count(), crumbs().map(|c| c.volume).sum::<f64>());
+    let (name, at) = (source.fields.labels[label], place(largest.place));
+    Some(format!(
+        "label {name}: {pieces} separate piece(s) of {volume:.2} mm3 in all ({:.1} voxels) are too small for elements of their own and are counted to what lies around them; the largest is at {at}",
+        volume / source.fields.voxel
+    ))
+}
+
+fn of_label(l: &LabelReport, coarse_regions: bool) -> Vec<String> {
+    if let Some(at) = l.lost_at {
+        return vec![format!(
+            "label {} has no element: its {} voxel(s), one at {}, are too thin or too small for this mesh",
+            l.label,
+            l.voxels,
+            place(at)
+        )];
+    }
+    let mut all = of_surface(Boundary::Label(l.label), &l.surface, coarse_regions);
+    if l.volume_error.abs() > VOLUME_ERROR {
+        all.push(format!("label {}: {:+.1} % of its volume", l.label, l.volume_error * 100.0));
+    }
+    if let Some(d) = l.interface.filter(|d| d.mean > SURFACE_ERROR) {
+        all.push(format!("label {} is a coarse region: its surface is {:.1} mm off on average", l.label, d.mean));
+    }
+    all
+}
+
+fn of_surface(which: Boundary, s: &SurfaceReport, coarse_regions: bool) -> Vec<String> {
+    let mut all = Vec::new();
+    if let Some(at) = s.differs_at {
+        all.push(format!(
+            "{which}: the surface has Euler number {} in {} piece(s), that of the voxels {} in {}; look near {}",
+            s.euler,
+            s.surfaces,
+            s.euler_labels,
+            s.surfaces_labels,
+            place(at)
+        ));
+    }
+    if let Some(at) = s.pinched_at.filter(|_| !coarse_regions) {
+        all.push(format!("{which}: the surface is not two-manifold at {}", place(at)));
+    }
+    all
+}
+
+fn of_shapes(report: &MeshReport) -> Option<String> {
+    let bad = report.bad_shapes?;
+    Some(format!(
+        "{} element(s) of bad shape: dihedral angles {:.1} to {:.1} degrees ({LEAST_DIHEDRAL:.0} to {LARGEST_DIHEDRAL:.0} wanted), radius ratio {:.3} ({LEAST_RADIUS_RATIO}); the worst at {}",
+        bad.count,
+        report.dihedral_min,
+        report.dihedral_max,
+        report.radius_ratio_min,
+        place(bad.worst_at)
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_count_off_by_more_than_two_percent_is_told() {
+        assert_eq!(of_count(1_019, 1_000), None);
+        assert_eq!(of_count(970, 1_000).as_deref(), Some("970 elements for 1000 asked for (-3.0 %)"));
+    }
+}

@@ -1,0 +1,122 @@
+//! What a mesh is told of, or refused for: labels that are lost, surfaces that meet themselves, other topologies.
+
+use super::test_head::head;
+use super::*;
+use monro_geometry::Grid;
+
+/// Labels of voxels by their indices, in a volume of 44 x 44 x 44 around the origin.
+fn labelled(spacing: [f64; 3], label: impl Fn([usize; 3]) -> u8) -> Volume<u8> {
+    let grid = Grid::axis_aligned([44; 3], spacing, spacing.map(|s| -21.5 * s)).expect("grid");
+    Volume::new(grid, (0..grid.len()).map(|at| label(grid.voxel(at))).collect()).expect("count")
+}
+
+/// Label 4, and 5 in the given voxels; a ball of voxels.
+fn ball_with(spacing: [f64; 3], inner: &[[usize; 3]]) -> Volume<u8> {
+    labelled(spacing, |v| match v.iter().map(|&i| (i as f64 - 21.5).powi(2)).sum::<f64>() < 18.0f64.powi(2) {
+        true if inner.contains(&v) => 5,
+        inside => 4 * u8::from(inside),
+    })
+}
+
+fn strict(keep: &[u16], elements: usize) -> MeshOptions {
+    MeshOptions { strict: true, ..MeshOptions::new(keep, keep, elements) }
+}
+
+fn told(report: &MeshReport, words: &[&str]) -> bool {
+    report.remarks.iter().any(|r| words.iter().all(|w| r.contains(w)))
+}
+
+/// Labels 1 and 2 in two cubes of 12 voxels, the second one's lowest voxel at `high`.
+fn two_cubes(high: [usize; 3]) -> Volume<u8> {
+    let cube = |v: [usize; 3], low: [usize; 3]| (0..3).all(|a| (low[a]..low[a] + 12).contains(&v[a]));
+    labelled([1.0; 3], |v| u8::from(cube(v, [10; 3])) + 2 * u8::from(cube(v, high)))
+}
+
+#[test]
+fn two_cubes_of_two_labels_that_share_an_edge_are_not_two_manifold_together() {
+    let labels = two_cubes([22, 22, 10]);
+    let (_, report) = mesh(&labels, &MeshOptions::new(&[1, 2], &[1, 2], 5_000)).expect("a mesh");
+    assert!(report.labels.iter().all(|l| l.surface.manifold && l.surface.closed), "{report:#?}");
+    let at = report.outer.pinched_at.expect("not two-manifold");
+    assert!(at[0].hypot(at[1]) < 2.5 && !report.outer.manifold, "{at:?}");
+    assert!(told(&report, &["all labels together", "not two-manifold"]), "{:?}", report.remarks);
+    let refused = mesh(&labels, &strict(&[1, 2], 5_000)).expect_err("refused");
+    assert_eq!(refused, MeshError::Topology { surface: Boundary::Outer, at });
+    assert!(refused.to_string().contains("share only an edge or a corner"), "{refused}");
+}
+
+#[test]
+fn two_cubes_of_two_labels_that_share_a_corner_come_apart() {
+    let (_, report) = mesh(&two_cubes([22; 3]), &MeshOptions::new(&[1, 2], &[1, 2], 5_000)).expect("a mesh");
+    let SurfaceReport { euler, surfaces, closed, manifold, pinched_at, .. } = report.outer;
+    assert_eq!((euler, surfaces, closed, manifold, pinched_at), (4, 2, true, true, None));
+}
+
+#[test]
+fn single_voxels_count_in_the_topology_that_the_mesh_is_held_against() {
+    let labels = ball_with([1.0; 3], &[[16, 21, 21], [27, 21, 21]]);
+    let (_, report) = mesh(&labels, &MeshOptions::new(&[4, 5], &[], 20_000)).expect("a mesh");
+    let of = |label| report.labels.iter().find(|l| l.label == label).expect("there").surface;
+    assert_eq!((of(5).euler_labels, of(5).surfaces_labels), (4, 2));
+    // The ball and two cavities.
+    assert_eq!((of(4).euler_labels, of(4).surfaces_labels), (6, 3));
+    assert_eq!((report.outer.euler_labels, report.outer.surfaces_labels), (2, 1));
+}
+
+#[test]
+fn a_lone_voxel_is_refused_with_its_place_and_a_way_out() {
+    let labels = labelled([1.0; 3], |v| u8::from(v == [30, 20, 22]) * 5);
+    let refused = mesh(&labels, &MeshOptions::new(&[5], &[], 5_000)).expect_err("refused");
+    assert_eq!(refused, MeshError::TooThin { voxels: 1, at: [8.5, -1.5, 0.5], step: 1.0 });
+    assert!(refused.to_string().contains("half the size"), "{refused}");
+}
+
+#[test]
+fn a_label_without_an_element_is_told_and_refused_with_its_place() {
+    // A flat voxel is less than half a cell of the even grid.
+    let labels = ball_with([0.5, 0.5, 2.0], &[[20, 24, 22]]);
+    let (_, report) = mesh(&labels, &MeshOptions::new(&[4, 5], &[], 5_000)).expect("a mesh");
+    assert!(told(&report, &["label 5 has no element", "1 voxel(s)", "(-0.8, 1.2, 1.0) mm"]), "{:?}", report.remarks);
+    let refused = mesh(&labels, &strict(&[4, 5], 5_000)).expect_err("refused");
+    assert_eq!(refused, MeshError::Lost { label: 5, voxels: 1, at: [-0.75, 1.25, 1.0] });
+}
+
+#[test]
+fn labels_asked_for_that_are_not_there_are_told_with_those_that_are() {
+    let labels = head([4.0; 3]);
+    let options = MeshOptions { density: vec![(8, 2.0)], ..MeshOptions::new(&[4, 5, 9], &[5, 6], 5_000) };
+    let (_, report) = mesh(&labels, &options).expect("a mesh");
+    let present = "the volume holds only the labels 4, 5, 6, 7";
+    assert!(told(&report, &["label 9 was asked to mesh", present]), "{:?}", report.remarks);
+    assert!(told(&report, &["label 6 was asked to be fine around", "not among the labels to mesh"]));
+    assert!(told(&report, &["label 8 was asked to be dense", present]), "{:?}", report.remarks);
+    let none = mesh(&labels, &MeshOptions::new(&[9], &[], 5_000)).expect_err("nothing");
+    assert!(none.to_string().contains("the labels 4, 5, 6, 7"), "{none}");
+}
+
+#[test]
+fn a_path_beside_everything_is_told_with_its_distance() {
+    let labels = head([4.0; 3]);
+    let with = |path| {
+        let options = MeshOptions { path: Some(path), ..MeshOptions::new(&[4, 5, 6, 7], &[5, 6, 7], 5_000) };
+        mesh(&labels, &options).expect("a mesh").1
+    };
+    // The half-axis is 60 mm; blocks of three cells of 4 mm are looked at.
+    let far = with([Point::new(500.0, 0.0, 0.0), Point::new(520.0, 0.0, 0.0)]);
+    let remark = far.remarks.iter().find(|r| r.contains("the path passes")).expect("told");
+    let distance: f64 = remark.split(' ').find_map(|w| w.parse().ok()).expect("a number");
+    assert!((distance - 440.0).abs() < 8.0, "{remark}");
+    let near = with([Point::new(100.0, 0.0, 0.0), Point::new(7.0, 15.0, 10.0)]);
+    assert!(!told(&near, &["the path passes"]), "{:?}", near.remarks);
+}
+
+#[test]
+fn a_rod_one_voxel_thick_is_refused_with_what_helps_and_that_helps() {
+    let rod: Vec<[usize; 3]> = (10..34).map(|k| [20, 24, k]).collect();
+    let refused = mesh(&ball_with([1.0; 3], &rod), &strict(&[4, 5], 8_000)).expect_err("refused");
+    let said = refused.to_string();
+    assert!(said.contains("thinner than two voxels") && said.contains("half the size"), "{said}");
+    let thick: Vec<[usize; 3]> =
+        rod.iter().flat_map(|&[i, j, k]| [[i, j, k], [i + 1, j, k], [i, j + 1, k], [i + 1, j + 1, k]]).collect();
+    mesh(&ball_with([1.0; 3], &thick), &strict(&[4, 5], 8_000)).expect("two voxels are enough");
+}
