@@ -2,6 +2,7 @@
 
 use crate::NOTICE;
 use anyhow::Result;
+use monro_anatomy::tetra::{EdgeBand, LabelReport, MeshReport, SurfaceReport};
 use monro_case::DoubtfulSpot;
 use monro_cli::picture::{
     Colour, ColourBy, Figure, HeadScene, Look, Orientation, Overlay, SliceRequest, SliceView, Stroke, Window,
@@ -181,7 +182,7 @@ fn mesh_section(prepared: &Prepared) -> Section {
     let bands = mesh.edge_bands.iter().filter(|b| b.edges > 0);
     let spacing = LinePlot {
         caption: "Grading: mean edge length by distance to the ventricles and the path.".into(),
-        x_label: "distance from, mm".into(),
+        x_label: "distance to ventricles and path (inner end of each band), mm".into(),
         y_label: "mean edge, mm".into(),
         series: vec![Series { name: "mean edge".into(), points: bands.map(|b| [b.from.max(0.0), b.mean]).collect() }],
         ..LinePlot::default()
@@ -198,27 +199,61 @@ fn mesh_section(prepared: &Prepared) -> Section {
             mesh.radius_ratio_min,
             mesh.core_edge_mean
         )],
-        tables: vec![label_table(prepared)],
+        tables: vec![label_table(&prepared.mesh), grading_table(&prepared.mesh)],
         figures: vec![by_label, by_quality, spacing.figure()],
     }
 }
 
-fn label_table(prepared: &Prepared) -> Table {
+fn label_table(mesh: &MeshReport) -> Table {
     let name = |label: u16| u8::try_from(label).ok().and_then(Structure::from_label).map_or("?", Structure::name);
     let mm = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.2}"));
-    let row = |l: &monro_anatomy::tetra::LabelReport| {
-        vec![
+    let row = |l: &LabelReport| {
+        let mut row = vec![
             name(l.label).replace('_', " "),
             l.elements.to_string(),
             format!("{:+.2}", l.volume_error * 100.0),
             mm(l.interface.map(|i| i.mean)),
             mm(l.interface.map(|i| i.max)),
-        ]
+        ];
+        row.extend(topology(&l.surface));
+        row
     };
+    let mut rows: Vec<Vec<String>> = mesh.labels.iter().map(row).collect();
+    let mut outer = vec!["all together".into(), mesh.elements.to_string(), "-".into(), "-".into(), "-".into()];
+    outer.extend(topology(&mesh.outer));
+    rows.push(outer);
+    let head = [
+        "Label",
+        "elements",
+        "volume error %",
+        "surface distance mean mm",
+        "max mm",
+        "Euler number (voxels')",
+        "surfaces (voxels')",
+        "closed",
+        "two-manifold",
+    ];
+    Table { caption: "Each label against its voxels".into(), head: head.map(String::from).to_vec(), rows }
+}
+
+/// Euler number, number of surfaces, closed, two-manifold.
+fn topology(s: &SurfaceReport) -> [String; 4] {
+    let yes = |is: bool| if is { "yes" } else { "no" }.to_owned();
+    [
+        format!("{} ({})", s.euler, s.euler_labels),
+        format!("{} ({})", s.surfaces, s.surfaces_labels),
+        yes(s.closed),
+        yes(s.manifold),
+    ]
+}
+
+fn grading_table(mesh: &MeshReport) -> Table {
+    let to = |b: &EdgeBand| if b.to.is_finite() { format!("{} to {}", b.from, b.to) } else { format!("{} on", b.from) };
+    let row = |b: &EdgeBand| vec![to(b), b.elements.to_string(), b.edges.to_string(), format!("{:.2}", b.mean)];
     Table {
-        caption: "Each label against its voxels".into(),
-        head: ["Label", "elements", "volume error %", "surface distance mean mm", "max mm"].map(String::from).to_vec(),
-        rows: prepared.mesh.labels.iter().map(row).collect(),
+        caption: "Grading by distance to the ventricles and the path; the first band holds what lies inside".into(),
+        head: ["Distance mm", "elements", "edges", "mean edge mm"].map(String::from).to_vec(),
+        rows: mesh.edge_bands.iter().map(row).collect(),
     }
 }
 

@@ -101,4 +101,7 @@ fn confidence_is_kept(case: &Path) {
     }
     let report = fs::read_to_string(case.join("report.html")).expect("report");
     assert!(report.contains("expected Dice") && report.contains("left lateral ventricle"));
+    for words in ["Euler number", "two-manifold", "all together", "Grading by distance", "0 to 0.9"] {
+        assert!(report.contains(words), "{words}");
+    }
 }
