@@ -30,7 +30,7 @@ fn why(stop: Stop) -> &'static str {
 
 fn stopped(stop: Stop, solved: &StaticSolution) -> String {
     format!(
-        "stopped before the tolerance was met: {}; {:.0} % of motion and load are imposed, with a residual of {:.2e} \
+        "stopped before the tolerance was met: {}; {:.1} % of motion and load are imposed, with a residual of {:.2e} \
          after {} Newton steps; the displacement is the best so far",
         why(stop),
         100.0 * solved.share,
