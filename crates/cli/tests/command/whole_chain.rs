@@ -55,7 +55,7 @@ fn forces_have_a_unit_in_physical_mode_only(case: &Path, physical: &Value, dir: 
         "{csv:.300}"
     );
     let html = fs::read_to_string(out.join("report.html")).expect("report");
-    assert!(html.contains("no unit (paper mode)") && !html.contains("mN"), "the report names a unit");
+    assert!(html.contains("no unit (paper mode)") && !html.contains(">mN<"), "the report names a unit");
 }
 
 /// A plan read in the wrong direction, or far off the head, is refused with a hint; nothing is written.
