@@ -94,7 +94,7 @@ impl Material {
     };
 
     /// Falx and tentorium: folds of the dura, as a region of their own (automatic segmentation does not find them). E is the
-    /// pooled mean of human cranial dura in tension (68.1 MPa, 13 studies: Pearcy et al. 2022, doi 10.1007/s10237-022-01566-5;
+    /// pooled mean of human cranial dura in tension (68.1 `MPa`, 13 studies: Pearcy et al. 2022, 10.1007/s10237-022-01566-5;
     /// head models mostly take 31.5); nu and density are choices. A catheter is not meant to go through it: its resistance
     /// is a choice, ten times the brain's.
     pub const DURA: Self = Self {
@@ -115,7 +115,7 @@ impl Material {
 }
 
 impl ThinMembrane {
-    /// Pia: E is of the order found from brain shift between prone and supine positions (1.2 MPa, Bennion et al. 2022,
+    /// Pia: E is of the order found from brain shift between prone and supine positions (1.2 `MPa`, Bennion et al. 2022,
     /// PMC9748497); the thickness and nu are choices.
     pub const PIA: Self = Self { young_kpa: 1200.0, poisson: 0.45, thickness_mm: 0.02 };
 

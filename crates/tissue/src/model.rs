@@ -40,8 +40,8 @@ pub(crate) struct Guide {
 /// Constants of one mode.
 #[derive(Debug, Clone)]
 pub(crate) enum Solver {
-    Paper(PaperModel),
-    Physical(PhysicalModel),
+    Paper(Box<PaperModel>),
+    Physical(Box<PhysicalModel>),
 }
 
 /// Mesh, materials, attachments and everything derived from them: constant, to be shared between threads.
@@ -116,12 +116,13 @@ impl Model {
             Mode::Paper(o) => {
                 let (rest, tets, region, regions) = (&rest, &tets, &region, &regions);
                 let shape = Shape { rest, tets, region, regions, membranes: &membranes, slabs: &slabs };
-                Solver::Paper(PaperModel::new(&shape, &o))
+                Solver::Paper(Box::new(PaperModel::new(&shape, &o)))
             }
             Mode::Physical(o) => {
                 let of = (&region[..], &regions[..]);
                 let mesh = (&tets[..], &membranes);
-                Solver::Physical(PhysicalModel::new((&rest, &mass), mesh, of, (&slabs, &volumes), o.nodal_shear))
+                let model = PhysicalModel::new((&rest, &mass), mesh, of, (&slabs, &volumes), o.nodal_shear);
+                Solver::Physical(Box::new(model))
             }
         };
         let tet_number = inverse(&tet_order);

@@ -26,8 +26,8 @@ fn with(membrane: Option<ThinMembrane>, poisson: f64, fixed: &[u32]) -> ModelOpt
 /// Force along x, mN, on the far side of a cube whose surface is pulled uniaxially by `strain`, sides drawn in by nu.
 fn pull(membrane: Option<ThinMembrane>, poisson: f64, strain: f64) -> f64 {
     let (mesh, o) = (cube(), with(membrane, poisson, &[]));
-    let far = |p: Point<_>| p.x == SIDE;
-    let surface = nodes(&mesh, |p| p.to_array().iter().any(|&v| v == 0.0 || v == SIDE));
+    let far = |p: Point<_>| (p.x - SIDE).abs() < 1e-9;
+    let surface = nodes(&mesh, |p| p.to_array().iter().any(|&v| v == 0.0 || (v - SIDE).abs() < 1e-9));
     let to = |n: u32| {
         let p = mesh.vertices[n as usize];
         [strain * p.x, -poisson * strain * p.y, -poisson * strain * p.z].map(Some)
@@ -53,7 +53,8 @@ fn a_membrane_around_a_pulled_block_adds_its_youngs_modulus_times_thickness_and_
 /// Where the middle of the upper side of a cube comes to rest that is held at its bottom and pulled sideways.
 fn hang(o: &ModelOptions, mesh: &TetMesh) -> (Vector<monro_geometry::Patient>, Vector<monro_geometry::Patient>) {
     let model = Model::new(mesh, o).expect("model");
-    let top = nodes(mesh, |p| p.z == SIDE && (p.x - 8.0).abs() < 1e-9 && (p.y - 8.0).abs() < 1e-9)[0] as usize;
+    let top =
+        nodes(mesh, |p| (p.z - SIDE).abs() < 1e-9 && (p.x - 8.0).abs() < 1e-9 && (p.y - 8.0).abs() < 1e-9)[0] as usize;
     let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
     let settings = FrameSettings { gravity_mm_s2: [GRAVITY, 0.0, 0.0], ..FrameSettings::default() };
     for _ in 0..300 {
