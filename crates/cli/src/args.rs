@@ -246,9 +246,9 @@ fn milliseconds(text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| "wanted whole milliseconds from 0, as 60000 for a minute".into())
 }
 
+// A case of a static scene on one of its meshes. (A doc comment here would become the about of the commands.)
 #[derive(Debug, Args)]
-#[command(after_help = SOLVE_FIELDS)]
-pub(crate) struct SolveArgs {
+pub(crate) struct SceneArgs {
     /// The scene: a JSON file with its meshes beside it, in SI, or the folder of a scene.json.
     #[arg(value_name = "SCENE.json")]
     pub(crate) scene: PathBuf,
@@ -258,6 +258,13 @@ pub(crate) struct SolveArgs {
     /// Which of its cases.
     #[arg(long, value_name = "NAME")]
     pub(crate) case: String,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = SOLVE_FIELDS)]
+pub(crate) struct SolveArgs {
+    #[command(flatten)]
+    pub(crate) of: SceneArgs,
     /// File to write (metres, point array "displacement"); an existing one is replaced.
     #[arg(long, value_name = "OUT.vtu")]
     pub(crate) out: PathBuf,

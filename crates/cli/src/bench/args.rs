@@ -1,6 +1,6 @@
 //! The command line of `monro bench`.
 
-use crate::args::{ModeArg, elements, in_range, rate};
+use crate::args::{ModeArg, SceneArgs, elements, in_range, rate};
 use clap::{Args, Subcommand, ValueEnum};
 use monro_prepare::DEFAULT_ELEMENTS;
 use std::path::PathBuf;
@@ -109,15 +109,8 @@ pub(crate) enum BenchCommand {
 
 #[derive(Debug, Args)]
 pub(crate) struct ErrorArgs {
-    /// The scene: a JSON file with its meshes beside it, in SI, or the folder of a scene.json.
-    #[arg(value_name = "SCENE.json")]
-    pub(crate) scene: PathBuf,
-    /// Which of its meshes.
-    #[arg(long, value_name = "NAME")]
-    pub(crate) mesh: String,
-    /// Which of its cases.
-    #[arg(long, value_name = "NAME")]
-    pub(crate) case: String,
+    #[command(flatten)]
+    pub(crate) of: SceneArgs,
     /// Longest time for each solver, s.
     #[arg(long, value_name = "S", default_value_t = 5.0)]
     pub(crate) seconds: f64,

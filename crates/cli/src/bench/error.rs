@@ -32,8 +32,8 @@ struct Reference {
 /// Runs the bench.
 pub(super) fn run(args: &ErrorArgs, console: &Console) -> Result<()> {
     ensure!(args.seconds.is_finite() && args.seconds > 0.0, "--seconds {}: wanted a time above 0", args.seconds);
-    let scene = scene::read(&args.scene, &args.mesh, &args.case)?;
-    let reference = Reference::of(&scene, &args.case)?;
+    let scene = scene::read(&args.of.scene, &args.of.mesh, &args.of.case)?;
+    let reference = Reference::of(&scene, &args.of.case)?;
     let mut series = console.stage("equilibrium", || equilibria(&scene, &reference, args.seconds))?;
     let physical = Mode::Physical(PhysicalOptions::default());
     let paper = ("paper mode, 1 x 10", Mode::Paper(PaperOptions::default()), 1, 10);
@@ -45,7 +45,7 @@ pub(super) fn run(args: &ErrorArgs, console: &Console) -> Result<()> {
     }
     series.extend(baselines(args, &series));
     let plot = LinePlot {
-        caption: format!("{}, mesh {}: relative L2 error against time on this machine", args.case, args.mesh),
+        caption: format!("{}, mesh {}: relative L2 error against time on this machine", args.of.case, args.of.mesh),
         x_label: "time, ms".into(),
         y_label: "error, %".into(),
         log_x: true,
@@ -57,7 +57,7 @@ pub(super) fn run(args: &ErrorArgs, console: &Console) -> Result<()> {
         fs::write(path, plot.figure().standalone()).with_context(|| format!("cannot write {}", path.display()))?;
     }
     let all = plot.series.iter().map(|s| json!({ "solver": s.name, "ms_and_error_percent": s.points }));
-    let result = json!({ "case": args.case, "mesh": args.mesh, "series": all.collect::<Vec<Value>>() });
+    let result = json!({ "case": args.of.case, "mesh": args.of.mesh, "series": all.collect::<Vec<Value>>() });
     console.result(&result, &text(&result));
     Ok(())
 }
@@ -136,14 +136,14 @@ fn stepped(
 
 /// What linear elements reach when converged, from the scene's own file where it has one.
 fn baselines(args: &ErrorArgs, series: &[Series]) -> Vec<Series> {
-    let folder = if args.scene.is_dir() { Some(args.scene.as_path()) } else { args.scene.parent() };
+    let folder = if args.of.scene.is_dir() { Some(args.of.scene.as_path()) } else { args.of.scene.parent() };
     let read =
         || -> Option<Value> { serde_json::from_str(&fs::read_to_string(folder?.join("baselines.json")).ok()?).ok() };
     let Some(known) = read() else { return Vec::new() };
     let times = || series.iter().flat_map(|s| &s.points).map(|p| p[0]);
     let (first, last) = (times().fold(f64::INFINITY, f64::min), times().fold(0.0, f64::max));
     let one = |kind: &str, name: &str| {
-        let error = known[format!("{}/{}/{kind}", args.mesh, args.case)]["relative_L2_pct"].as_f64()?;
+        let error = known[format!("{}/{}/{kind}", args.of.mesh, args.of.case)]["relative_L2_pct"].as_f64()?;
         Some(Series { name: name.into(), points: vec![[first, error], [last, error]] })
     };
     [one("standard", "standard linear elements, converged"), one("nodal_averaged", "nodal-averaged, converged")]

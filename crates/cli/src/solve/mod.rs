@@ -41,7 +41,7 @@ pub(crate) struct Found {
 
 /// Runs the command.
 pub(crate) fn run(args: &SolveArgs, console: &Console) -> Result<()> {
-    let mut scene = console.stage("read", || scene::read(&args.scene, &args.mesh, &args.case))?;
+    let mut scene = console.stage("read", || scene::read(&args.of.scene, &args.of.mesh, &args.of.case))?;
     writable(&args.out, &scene.sources)?;
     scene.remarks.iter().for_each(|r| console.warn(r));
     let start = Instant::now();
@@ -54,8 +54,8 @@ pub(crate) fn run(args: &SolveArgs, console: &Console) -> Result<()> {
     let seconds = start.elapsed().as_secs_f64();
     console.stage("write", || write(&args.out, &scene, &found))?;
     let mut json = found.json;
-    json.insert("case".into(), args.case.clone().into());
-    json.insert("mesh".into(), args.mesh.clone().into());
+    json.insert("case".into(), args.of.case.clone().into());
+    json.insert("mesh".into(), args.of.mesh.clone().into());
     json.insert("mode".into(), format!("{:?}", args.mode).to_lowercase().into());
     json.insert("out".into(), args.out.display().to_string().into());
     json.insert("seconds".into(), seconds.into());
