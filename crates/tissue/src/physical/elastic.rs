@@ -72,11 +72,11 @@ pub(crate) struct Tangent {
     patch_rate: Vec<f64>,
 }
 
-pub(super) fn sub(a: D3, b: D3) -> D3 {
+pub(crate) fn sub(a: D3, b: D3) -> D3 {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-pub(super) fn cross(a: D3, b: D3) -> D3 {
+pub(crate) fn cross(a: D3, b: D3) -> D3 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
@@ -245,9 +245,7 @@ impl Elastic {
             let patch = self.patch[t].iter().map(|&p| self.patch_bulk[p as usize]).sum::<f64>() / 16.0;
             let c = (self.bulk[t] + patch) / self.volume[t];
             for (g, &n) in tangent.gradient[t].iter().zip(tet) {
-                let block = &mut out[n as usize];
-                let products = [g[0] * g[0], g[1] * g[1], g[2] * g[2], g[0] * g[1], g[0] * g[2], g[1] * g[2]];
-                block.iter_mut().zip(products).for_each(|(b, p)| *b += c * p);
+                add_outer(&mut out[n as usize], c, *g);
             }
         }
         for film in &self.films {
@@ -258,6 +256,12 @@ impl Elastic {
         }
         out
     }
+}
+
+/// Adds `k` times the product of `n` with itself to a symmetric matrix (xx, yy, zz, xy, xz, yz).
+pub(super) fn add_outer(h: &mut [f64; 6], k: f64, n: D3) {
+    let products = [n[0] * n[0], n[1] * n[1], n[2] * n[2], n[0] * n[1], n[0] * n[2], n[1] * n[2]];
+    h.iter_mut().zip(products).for_each(|(h, p)| *h += k * p);
 }
 
 fn scatter<const N: usize>(out: &mut [D3], corners: &[u32; N], g: &[D3; N], factor: f64) {

@@ -7,7 +7,7 @@
 //! of the angles at rest as weights (Pinkall and Polthier 1993); all else acts through the area. Out of its plane the two
 //! cancel at rest: a slack membrane resists there only by what it is stretched.
 
-use super::elastic::{D3, cross, dot, sub};
+use super::elastic::{D3, add_outer, cross, dot, sub};
 use crate::bytes;
 use crate::material::ThinMembrane;
 use crate::membrane::{Membrane, Membranes, OUTSIDE};
@@ -153,18 +153,17 @@ impl Film {
     }
 }
 
-fn add_outer(h: &mut [f64; 6], k: f64, n: D3) {
-    let products = [n[0] * n[0], n[1] * n[1], n[2] * n[2], n[0] * n[1], n[0] * n[2], n[1] * n[2]];
-    h.iter_mut().zip(products).for_each(|(h, p)| *h += k * p);
+fn wide(p: [f32; 4]) -> D3 {
+    xyz(p).map(f64::from)
 }
 
 /// The triangles around each vertex, for the sweeps; all empty where no membrane has a stiffness.
 #[derive(Debug, Clone, Default)]
 pub(super) struct FilmsAround {
     films: Vec<Film>,
-    /// First entry of each vertex and one more, and the entries: triangle and corner.
+    /// First entry of each vertex and one more, and the entries: triangle, corner, and force there at rest (rounding), mN.
     first: Vec<u32>,
-    around: Vec<(u32, u8)>,
+    around: Vec<(u32, u8, D3)>,
 }
 
 impl FilmsAround {
@@ -179,7 +178,12 @@ impl FilmsAround {
         let mut all: Vec<(u32, u32, u8)> = corners.filter(|c| free(&c.0)).collect();
         all.sort_unstable();
         let first = (0..=rest.len() as u32).map(|v| all.partition_point(|c| c.0 < v) as u32).collect();
-        Self { films, first, around: all.into_iter().map(|(_, t, i)| (t, i)).collect() }
+        let at_rest = |t: u32, i: u8| {
+            let film = &films[t as usize];
+            film.gradient_at(&film.nodes.map(|n| wide(rest[n as usize])), i as usize)
+        };
+        let around = all.into_iter().map(|(_, t, i)| (t, i, at_rest(t, i))).collect();
+        Self { films, first, around }
     }
 
     /// Whether any acts on vertex `v`.
@@ -194,22 +198,14 @@ impl FilmsAround {
         !self.films.is_empty()
     }
 
-    /// Adds what they do to vertex `v`, less what they do at rest (rounding), so that rest stays rest to the last bit.
-    /// `vertices` begin with the vertex `start`.
-    pub(super) fn act(
-        &self,
-        v: u32,
-        (vertices, start): (&[[f32; 4]], usize),
-        rest: &[[f32; 4]],
-        to: (&mut V3, &mut [f32; 6]),
-    ) {
-        let wide = |p: [f32; 4]| xyz(p).map(f64::from);
+    /// Adds what they do to vertex `v`, less what they do at rest, so that rest stays rest to the last bit. `vertices` begin
+    /// with the vertex `start`.
+    pub(super) fn act(&self, v: u32, (vertices, start): (&[[f32; 4]], usize), to: (&mut V3, &mut [f32; 6])) {
         let (mut force, mut block) = ([0.0; 3], [0.0; 6]);
-        for &(t, i) in &self.around[self.first[v as usize] as usize..self.first[v as usize + 1] as usize] {
+        for &(t, i, then) in &self.around[self.first[v as usize] as usize..self.first[v as usize + 1] as usize] {
             let film = &self.films[t as usize];
             let x = film.nodes.map(|n| wide(vertices[n as usize - start]));
-            let at_rest = film.nodes.map(|n| wide(rest[n as usize]));
-            let (now, then) = (film.gradient_at(&x, i as usize), film.gradient_at(&at_rest, i as usize));
+            let now = film.gradient_at(&x, i as usize);
             (0..3).for_each(|a| force[a] += now[a] - then[a]);
             block.iter_mut().zip(film.block(&x, i as usize)).for_each(|(b, h)| *b += h);
         }

@@ -84,7 +84,7 @@ impl Touching<'_> {
     pub(super) fn act(&self, v: u32, vertices: &[[f32; 4]], g: &mut V3, h: &mut [f32; 6]) {
         let i = v as usize;
         if self.films.on(v) {
-            self.films.act(v, (vertices, self.first), self.rest, (g, h));
+            self.films.act(v, (vertices, self.first), (g, h));
         }
         let spring = self.touches.spring[i];
         if spring > 0.0 {

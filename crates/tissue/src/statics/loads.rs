@@ -4,7 +4,7 @@ use super::refine::distance;
 use super::{EmbeddedRod, StaticError, StaticProblem};
 use crate::Model;
 use crate::membrane::OUTSIDE;
-use crate::physical::elastic::{D3, Elastic};
+use crate::physical::elastic::{D3, Elastic, cross, sub};
 use std::collections::{BTreeMap, BTreeSet};
 
 pub(crate) struct Loads {
@@ -167,14 +167,6 @@ fn oriented(
         }
     }
     Ok(pushed)
-}
-
-fn cross(a: D3, b: D3) -> D3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn sub(a: D3, b: D3) -> D3 {
-    core::array::from_fn(|k| a[k] - b[k])
 }
 
 pub(super) fn area([a, b, c]: [D3; 3]) -> D3 {
