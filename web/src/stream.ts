@@ -68,11 +68,11 @@ export class Stream {
     const snapshot = decode(data);
     const now = performance.now();
     snapshot.at = this.#clocks.here(snapshot.guidance.time_s, now);
-    // It came while this page was busy: there is a newer one. Once, or a slow page would never see any.
-    this.#again = !this.#again && now - snapshot.at > FRESH_MS;
-    if (this.#again) return this.next();
     this.#onSnapshot(snapshot);
-    setTimeout(() => this.next(), FRESH_MS);
+    // It came while this page was busy: there is a newer one. Asked for once, for this one may be all that a slow page draws.
+    this.#again = !this.#again && now - snapshot.at > FRESH_MS;
+    if (this.#again) this.next();
+    else setTimeout(() => this.next(), FRESH_MS);
   }
 
   async #connect(): Promise<void> {

@@ -44,19 +44,47 @@ export function expectedTip({ display_from_patient: { quaternion_wxyz: [w, x, y,
   return inRoom(rotate([x, y, z, w], tip_lps_mm).map((v, i) => (v + translation_mm[i]) / 1000));
 }
 
-/** What the panels before the wearer say, and by how much the greys of zoom and MPR vary over each picture. */
-export function panels(page) {
+/** What the panels before the wearer say, line by line. */
+export const saidBy = (page) => page.evaluate(() => window.monro.glasses.panels.said.split("\n"));
+
+/** By how much the greys of zoom and MPR vary over each picture. */
+function spreads(page) {
   return page.evaluate(() => {
     const { stage: { renderer }, glasses } = window.monro;
-    const spread = (target) => {
+    return glasses.panels.pictures.map((target) => {
       const { width, height } = target;
       const pixels = new Uint8Array(4 * width * height);
       renderer.readRenderTargetPixels(target, 0, 0, width, height, pixels);
       const greys = [...pixels].filter((_, i) => i % 4 === 1);
       const mean = greys.reduce((a, b) => a + b) / greys.length;
       return Math.sqrt(greys.reduce((a, b) => a + (b - mean) ** 2, 0) / greys.length);
-    };
-    return { said: glasses.panels.said.split("\n"), spreads: glasses.panels.pictures.map(spread) };
+    });
+  });
+}
+
+/** The lines of numbers, in their order, and what the API calls them. */
+const LINES = [
+  ["distance_to_target_mm", /^([\d.-]+) mm$/], ["distance_to_target_rigid_mm", /^rigid ([\d.-]+) mm$/],
+  ["entry_angle_error_deg", /^angle ([\d.-]+)°$/], ["depth_mm", /^depth ([\d.-]+) mm$/],
+];
+
+/**
+ * Waits until the panels say what the API tells, each line for itself: a slow display shows a frame that the API has left behind,
+ * and the catheter rests only for a while.
+ */
+export async function panelsAgree(page, api, until) {
+  for (const [name, line] of LINES) {
+    await until(`${name} in the glasses as the API tells it`, async () => {
+      const [a, said, b] = [await api("/api/guidance"), await saidBy(page), await api("/api/guidance")];
+      const shown = Number.parseFloat(said.map((text) => text.match(line)?.[1]).find(Boolean));
+      return a[name] !== null && b[name] !== null && shown >= Math.min(a[name], b[name]) - 0.06 && shown <= Math.max(a[name], b[name]) + 0.06;
+    });
+  }
+  // Held for a moment, where a frame takes longer than half a second.
+  await until("a place by the tracker", async () => (await saidBy(page)).some((text) => /^(Placed by the tracker|Glasses lost for [01] s: place held)$/.test(text)));
+  await until("zoom and three slices, not blank", async () => {
+    const found = await spreads(page);
+    return found.length === 4 && found.every((s) => s > 4);
   });
 }
 

@@ -8,7 +8,7 @@ import { createInterface } from "node:readline";
 import { launch } from "./chromium.mjs";
 import { deform, deformedSlices, relax } from "./deformed.mjs";
 import { demoInBrowser } from "./demo.mjs";
-import { drawn, expectedTip, inRoom, panels, putOnDarkGlasses, putOnGlasses, walk } from "./glasses.mjs";
+import { drawn, expectedTip, inRoom, panelsAgree, putOnDarkGlasses, putOnGlasses, saidBy, walk } from "./glasses.mjs";
 import { calibrate } from "./hand.mjs";
 import { prepareInBrowser } from "./prepare.mjs";
 import { stalledDisplay } from "./stalled.mjs";
@@ -365,16 +365,8 @@ const tests = {
       return close(tip, expectedTip(before), 5e-4);
     });
     await shot(p, "glasses");
-    await until("panels that say what the API tells", async () => {
-      const g = await api("/api/guidance");
-      const { said, spreads } = await panels(p);
-      const mm = (v, unit = " mm") => `${v.toFixed(1)}${unit}`;
-      const wanted = [mm(g.distance_to_target_mm), `rigid ${mm(g.distance_to_target_rigid_mm)}`, `angle ${mm(g.entry_angle_error_deg, "°")}`, `depth ${mm(g.depth_mm)}`];
-      // Zoom and three slices: pictures, not blank.
-      assert.equal(spreads.length, 4);
-      return wanted.every((line) => said.includes(line)) && said.includes("Placed by the tracker") && spreads.every((s) => s > 4);
-    });
-    const { said } = await panels(p);
+    await panelsAgree(p, api, until);
+    const said = await saidBy(p);
     const { pseudonym, side } = await api("/api/case");
     assert.ok(said.includes("Research use only") && said.includes(`${pseudonym} · ${side.toUpperCase()} SIDE`), said.join("; "));
     // The emulator lies over the page; the keyboard reaches it.

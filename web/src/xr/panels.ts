@@ -43,6 +43,8 @@ export class Panels {
   readonly #zoom = target();
   readonly #slices: { target: WebGLRenderTarget; slice: Stage["slices"][number]["slice"]; usual: number }[];
   #written = "";
+  /** The picture that was drawn last. */
+  #turn = -1;
 
   constructor(stage: Stage) {
     this.#stage = stage;
@@ -76,19 +78,17 @@ export class Panels {
     this.#written = written;
   }
 
-  /** Draws MPR and zoom into the panels. */
+  /** Draws MPR and zoom into the panels, one picture a frame, in turn: glasses have little time, and each is still seen to move. */
   draw(renderer: WebGLRenderer): void {
     const [before, xr] = [renderer.getRenderTarget(), renderer.xr.enabled];
     renderer.xr.enabled = renderer.autoClear = false;
-    for (const { slice, target } of this.#slices) {
-      slice.prepare(renderer, PIXELS, PIXELS);
-      renderer.setRenderTarget(target);
-      renderer.clear();
-      slice.draw(renderer, this.#stage.deformed);
-    }
-    renderer.setRenderTarget(this.#zoom);
+    this.#turn = (this.#turn + 1) % this.pictures.length;
+    const sliced = this.#slices[this.#turn];
+    sliced?.slice.prepare(renderer, PIXELS, PIXELS);
+    renderer.setRenderTarget(sliced?.target ?? this.#zoom);
     renderer.clear();
-    this.#stage.world.drawTip(renderer, 1);
+    if (sliced) sliced.slice.draw(renderer, this.#stage.deformed);
+    else this.#stage.world.drawTip(renderer, 1);
     renderer.setRenderTarget(before);
     renderer.xr.enabled = xr;
   }
