@@ -326,6 +326,10 @@ pub(crate) struct ServeArgs {
     /// Which soft body.
     #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
     pub(crate) mode: ModeArg,
+    /// TOML file with what to change of the materials of brain and ventricles (physical mode); docs/materials.md lists all,
+    /// with units. The recording keeps them.
+    #[arg(long, value_name = "FILE.toml")]
+    pub(crate) materials: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -433,7 +437,8 @@ pub(crate) struct MeshArgs {
     #[arg(long, value_name = "RATIO", value_parser = crate::mesh::coarsest)]
     pub(crate) coarsest: Option<f64>,
     /// Refuse a mesh in which the surface of a label, or of all together, is not two-manifold or has another topology than
-    /// the labels, a label has no element, or an element is of bad shape, naming a place, instead of a remark.
+    /// the labels, a label has no element or a volume that is off by more than 1 %, or an element is of bad shape, naming
+    /// what and where, instead of a remark.
     #[arg(long)]
     pub(crate) strict: bool,
     /// File to write: tetrahedra as .vtu or .msh (Gmsh 4.1, with the interfaces as triangles), the outer surface as .ply or

@@ -9,6 +9,7 @@ mod edit;
 mod inspect;
 mod interrupt;
 mod labels;
+mod materials;
 mod mesh;
 mod mesh_file;
 mod phantom;
@@ -19,6 +20,7 @@ mod register;
 mod replay;
 mod serve;
 mod simulate;
+mod soft_body;
 mod solve;
 mod trackers;
 

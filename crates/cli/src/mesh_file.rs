@@ -32,6 +32,21 @@ pub(crate) struct Read {
     pub(crate) remarks: Vec<String>,
 }
 
+impl Read {
+    /// Refuses a mesh of nothing.
+    fn with_something(self) -> Result<Self> {
+        match &self.mesh {
+            AnyMesh::Tetrahedra(m) if m.tets.is_empty() => {
+                bail!("it holds {} node(s), but no tetrahedron", m.vertices.len())
+            }
+            AnyMesh::Surface(m) if m.triangles.is_empty() => {
+                bail!("it holds {} vertices, but no triangle", m.vertices.len())
+            }
+            _ => Ok(self),
+        }
+    }
+}
+
 impl From<msh::Imported> for Read {
     fn from(read: msh::Imported) -> Self {
         let first = read.unused.first().map(|first| (first, read.unused.len()));
@@ -81,7 +96,7 @@ impl Format {
             Self::Stl => stl::decode(&bytes).map(|m| AnyMesh::Surface(m).into()).map_err(Into::into),
             Self::Obj | Self::Glb => bail!("{}: .obj and .glb are written, not read", path.display()),
         };
-        mesh.with_context(|| format!("{} is refused", path.display())).map(Some)
+        mesh.and_then(Read::with_something).with_context(|| format!("{} is refused", path.display())).map(Some)
     }
 
     /// The bytes of a mesh in this format. Of tetrahedra the surface formats hold the outer surface (.ply, .stl) or the

@@ -1,10 +1,9 @@
 //! `monro replay`: a recorded session again, compared with what was shown.
 
-use crate::args::{ModeArg, ReplayArgs};
+use crate::args::ReplayArgs;
 use crate::console::Console;
-use crate::simulate;
+use crate::soft_body;
 use anyhow::{Context, Result, bail};
-use clap::ValueEnum;
 use serde_json::{Value, json};
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -18,7 +17,6 @@ pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
         }
         None => None,
     };
-    let model = |name: &str| ModeArg::from_str(name, false).ok().map(|mode| simulate::settings(mode, 1.0).model);
     let mut written = Ok(());
     let each = |guidance: &Value| {
         if let Some(out) = &mut out
@@ -27,7 +25,8 @@ pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
             written = writeln!(out, "{guidance}");
         }
     };
-    let done = console.stage("replay", || monro_server::replay(&args.recording, args.case.as_deref(), model, each))?;
+    let done = console
+        .stage("replay", || monro_server::replay(&args.recording, args.case.as_deref(), soft_body::known, each))?;
     written.context("cannot write the numbers (disk full?)")?;
     out.map_or(Ok(()), |mut out| out.flush()).context("cannot write the numbers (disk full?)")?;
     let result = json!({

@@ -3,9 +3,8 @@
 use crate::NOTICE;
 use crate::args::{ModeArg, ServeArgs};
 use crate::console::Console;
-use crate::{prepare, simulate};
+use crate::{prepare, soft_body};
 use anyhow::{Context, Result};
-use clap::ValueEnum;
 use monro_case::Staging;
 use monro_prepare::Prepared;
 use monro_server::{Certificate, Invitation, Ready, Recording, ServeOptions, Tracker};
@@ -23,14 +22,16 @@ pub(crate) fn run(args: &ServeArgs, console: &Console) -> Result<()> {
         None if args.no_record => None,
         None => Some(beside(case_dir)?),
     };
+    let model = soft_body::model(args.mode, args.materials.as_deref())?;
+    let settings = soft_body::name(args.mode, &model.materials)?;
     let options = ServeOptions {
         case_dir: case_dir.clone(),
         listen: args.listen,
         certificate: certificate(args),
         names: args.host.clone(),
         tracker: args.tracker.parse()?,
-        model: simulate::settings(args.mode, 1.0).model,
-        recording: path.map(|path| Recording { path, settings: name(args.mode) }),
+        model,
+        recording: path.map(|path| Recording { path, settings }),
         igtl: (!args.no_igtl).then_some(args.igtl),
     };
     match &args.scans {
@@ -50,14 +51,16 @@ fn report(prepared: &Prepared, stages: &[(String, f64)], staging: &Staging) -> R
 
 /// Serves the case that the demo has made, until it is interrupted.
 pub(crate) fn demo(case: &Path, recording: PathBuf, console: &Console) -> Result<()> {
+    let model = soft_body::of(ModeArg::Physical);
+    let settings = soft_body::name(ModeArg::Physical, &model.materials)?;
     let options = ServeOptions {
         case_dir: case.to_owned(),
         listen: ([127, 0, 0, 1], 0).into(),
         certificate: None,
         names: Vec::new(),
         tracker: Tracker::Sim,
-        model: simulate::settings(ModeArg::Physical, 1.0).model,
-        recording: Some(Recording { path: recording, settings: name(ModeArg::Physical) }),
+        model,
+        recording: Some(Recording { path: recording, settings }),
         igtl: Some(([127, 0, 0, 1], 18945).into()),
     };
     monro_server::serve(options, |ready| announce(ready, console))?;
@@ -69,11 +72,6 @@ fn certificate(args: &ServeArgs) -> Option<Certificate> {
         (Some(cert), Some(key)) => Some(Certificate::Files { cert: cert.clone(), key: key.clone() }),
         _ => args.tls.then_some(Certificate::SelfSigned),
     }
-}
-
-/// The name under which a recording knows a soft body, as on the command line.
-pub(crate) fn name(mode: ModeArg) -> String {
-    mode.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned())
 }
 
 /// A new file in a folder beside the case, named by the present (UTC).

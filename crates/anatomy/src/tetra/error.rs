@@ -1,10 +1,15 @@
 //! Why there is no mesh.
 
-use super::report::{BadShapes, Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, SurfaceReport};
+use super::report::{
+    BadShapes, Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR, SurfaceReport,
+};
 use thiserror::Error;
 
 /// What helps parts that the fields do not keep.
 const FINER: &str = "resample the labels to voxels of half the size, or thicken them by a voxel";
+/// What helps labels thinner than their elements.
+pub(super) const COARSE: &str =
+    "a label thinner than the elements there needs to be among those to be fine around, or more elements";
 /// What helps surfaces that are not like the labels'.
 const WAY_OUT: &str = "a part thinner than two voxels is lost at any number of elements: thicken it, or resample the labels to voxels of half the size; join or part voxels that share only an edge or a corner; elsewhere be fine around the label, ask for more elements or smooth the labels";
 
@@ -98,6 +103,14 @@ pub enum MeshError {
         dihedral: [f64; 2],
         /// Smallest radius ratio.
         radius_ratio: f64,
+    },
+    /// The volume of a label is off.
+    #[error("label {label} has {:+.1} % of its volume ({:.0} % allowed); {COARSE}", error * 100.0, MOST_VOLUME_ERROR * 100.0)]
+    Volume {
+        /// The label.
+        label: u16,
+        /// Volume of its elements over that of its voxels, less 1.
+        error: f64,
     },
     /// The count cannot be met.
     #[error(

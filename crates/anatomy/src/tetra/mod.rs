@@ -27,7 +27,7 @@ mod voxels;
 pub use error::MeshError;
 pub use report::{
     BadShapes, Boundary, EdgeBand, InterfaceDistance, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO,
-    LabelReport, MeshReport, SurfaceReport,
+    LabelReport, MOST_VOLUME_ERROR, MeshReport, SurfaceReport,
 };
 
 use cut::{RawMesh, cut_all};
@@ -76,8 +76,9 @@ pub struct MeshOptions {
     /// Longest edge over the finest.
     pub coarsest: f64,
     /// Refuse a mesh in which the surface of a label, or of all together, is not two-manifold or has another Euler number or
-    /// number of pieces than the smoothed labels, a label has no element, or an element is worse than [`LEAST_DIHEDRAL`],
-    /// [`LARGEST_DIHEDRAL`] or [`LEAST_RADIUS_RATIO`]; otherwise the report's remarks say so.
+    /// number of pieces than the smoothed labels, a label has no element, its volume is off by more than
+    /// [`MOST_VOLUME_ERROR`], or an element is worse than [`LEAST_DIHEDRAL`], [`LARGEST_DIHEDRAL`] or
+    /// [`LEAST_RADIUS_RATIO`]; otherwise the report's remarks say so.
     pub strict: bool,
 }
 
@@ -254,8 +255,8 @@ impl Made {
     }
 }
 
-/// Refuses labels without elements, surfaces that are not two-manifold or of another topology than the labels, and bad
-/// shapes.
+/// Refuses labels without elements, surfaces that are not two-manifold or of another topology than the labels, wrong
+/// volumes and bad shapes.
 fn strictly(report: &MeshReport) -> Result<(), MeshError> {
     let lost = |l: &LabelReport| Some(MeshError::Lost { label: l.label, voxels: l.voxels, at: l.lost_at? });
     if let Some(error) = report.labels.iter().find_map(lost) {
@@ -269,6 +270,9 @@ fn strictly(report: &MeshReport) -> Result<(), MeshError> {
         if let Some(at) = found.differs_at {
             return Err(MeshError::Euler { surface, report: Box::new(*found), at });
         }
+    }
+    if let Some(l) = report.labels.iter().find(|l| l.volume_error.abs() > MOST_VOLUME_ERROR) {
+        return Err(MeshError::Volume { label: l.label, error: l.volume_error });
     }
     report.bad_shapes.map_or(Ok(()), |bad| {
         let dihedral = [report.dihedral_min, report.dihedral_max];

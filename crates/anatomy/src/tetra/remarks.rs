@@ -1,12 +1,13 @@
 //! What a user should know of a mesh, in words.
 
 use super::census::each_inner;
-use super::report::{Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, Source, SurfaceReport};
+use super::error::COARSE;
+use super::report::{
+    Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR, Source, SurfaceReport,
+};
 use super::{COUNT, LabelReport, MeshReport, listed, place};
 use monro_geometry::{Patient, Point, Vector};
 
-/// Beyond this part the volume of a label is worth a remark.
-const VOLUME_ERROR: f64 = 0.01;
 /// Beyond this mean distance, mm, the surface of a label is.
 const SURFACE_ERROR: f64 = 1.5;
 /// Places along a path are so far apart, mm.
@@ -111,8 +112,8 @@ fn of_label(l: &LabelReport, coarse_regions: bool) -> Vec<String> {
         )];
     }
     let mut all = of_surface(Boundary::Label(l.label), &l.surface, coarse_regions);
-    if l.volume_error.abs() > VOLUME_ERROR {
-        all.push(format!("label {}: {:+.1} % of its volume", l.label, l.volume_error * 100.0));
+    if l.volume_error.abs() > MOST_VOLUME_ERROR {
+        all.push(format!("label {}: {:+.1} % of its volume; {COARSE}", l.label, l.volume_error * 100.0));
     }
     if let Some(d) = l.interface.filter(|d| d.mean > SURFACE_ERROR) {
         all.push(format!("label {} is a coarse region: its surface is {:.1} mm off on average", l.label, d.mean));

@@ -113,8 +113,10 @@ pub struct BadShapes {
 pub const LEAST_DIHEDRAL: f64 = 12.0;
 /// or above this,
 pub const LARGEST_DIHEDRAL: f64 = 155.0;
-/// or radius ratios below this are worth a remark, and refused by [`MeshOptions::strict`].
+/// or radius ratios below this are worth a remark, and refused by [`MeshOptions::strict`],
 pub const LEAST_RADIUS_RATIO: f64 = 0.2;
+/// and so is a volume of a label that is off by more than this part.
+pub const MOST_VOLUME_ERROR: f64 = 0.01;
 
 /// How near an element is to the bounds of shape: below 1 it misses one.
 fn room(q: &TetQuality) -> f64 {

@@ -103,10 +103,11 @@ proptest! {
                 sound(&mesh, &report);
             }
             Err(e) => {
-                use MeshError::{Count, Empty, Euler, Lost, Shape, TooThin, Topology};
+                use MeshError::{Count, Empty, Euler, Lost, Shape, TooThin, Topology, Volume};
                 let named = matches!(
                     e,
-                    Count { .. } | Empty { .. } | Euler { .. } | Lost { .. } | Shape { .. } | TooThin { .. } | Topology { .. }
+                    Count { .. } | Empty { .. } | Euler { .. } | Lost { .. } | Shape { .. } | TooThin { .. }
+                        | Topology { .. } | Volume { .. }
                 );
                 prop_assert!(named, "{e}");
             }

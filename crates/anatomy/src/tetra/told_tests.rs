@@ -81,6 +81,29 @@ fn a_label_without_an_element_is_told_and_refused_with_its_place() {
     assert_eq!(refused, MeshError::Lost { label: 5, voxels: 1, at: [-0.75, 1.25, 1.0] });
 }
 
+/// A shell of two voxels around a ball, in elements several times as thick.
+#[test]
+fn a_label_of_a_wrong_volume_is_told_and_refused_with_what_helps() {
+    let labels = labelled([1.0; 3], |v| {
+        let r = v.iter().map(|&i| (i as f64 - 21.5).powi(2)).sum::<f64>().sqrt();
+        if r < 16.0 { 4 } else { 5 * u8::from(r < 18.0) }
+    });
+    let (_, mut report) = mesh(&labels, &MeshOptions::new(&[4, 5], &[], 1_500)).expect("a mesh");
+    let off = report.labels.iter().find(|l| l.label == 5).expect("there").volume_error;
+    assert!(off.abs() > 0.05, "{off}");
+    assert!(told(&report, &["label 5:", "of its volume", "to be fine around"]), "{:?}", report.remarks);
+    // All else being well:
+    for l in &mut report.labels {
+        l.surface = SurfaceReport { pinched_at: None, differs_at: None, ..l.surface };
+    }
+    report.outer = SurfaceReport { pinched_at: None, differs_at: None, ..report.outer };
+    let first = report.labels.iter().find(|l| l.volume_error.abs() > 0.01).map(|l| (l.label, l.volume_error));
+    let (label, error) = first.expect("one of them");
+    let refused = strictly(&report).expect_err("refused");
+    assert_eq!(refused, MeshError::Volume { label, error });
+    assert!(refused.to_string().contains("(1 % allowed)"), "{refused}");
+}
+
 #[test]
 fn labels_asked_for_that_are_not_there_are_told_with_those_that_are() {
     let labels = head([4.0; 3]);

@@ -1,17 +1,17 @@
 //! `monro simulate`: the catheter goes in, and everything is written down.
 
 mod figures;
-mod materials;
 mod output;
 mod run;
 
 use crate::args::{ModeArg, SimulateArgs};
 use crate::console::Console;
 use crate::interrupt::Guard;
+use crate::soft_body;
 use anyhow::{Result, ensure};
 use monro_case::{Case, Staging};
-use monro_session::{InsertionSettings, Mode, ModelSettings};
-use monro_tissue::{Csf, FrameSettings, PaperOptions, PhysicalOptions};
+use monro_session::InsertionSettings;
+use monro_tissue::{Csf, FrameSettings};
 use std::path::Path;
 
 pub(crate) use output::{summary_json, summary_text};
@@ -53,10 +53,7 @@ fn asked(args: &SimulateArgs) -> Result<InsertionSettings> {
     for (name, value) in [("--drain-ml", args.drain_ml), ("--csf-pressure-mmhg", args.csf_pressure_mmhg)] {
         ensure!(value.is_none_or(|v| v.is_finite() && v.abs() <= 150.0), "{name} {value:?}: wanted -150 to 150");
     }
-    if let Some(file) = &args.materials {
-        ensure!(args.mode == ModeArg::Physical, "paper mode has no moduli: --materials needs --mode physical");
-        out.model.materials = materials::read(file)?;
-    }
+    out.model = soft_body::model(args.mode, args.materials.as_deref())?;
     if let Some([x, y, z]) = args.gravity.as_deref() {
         ensure!([x, y, z].iter().all(|g| g.is_finite()), "--gravity {x},{y},{z}: wanted three finite numbers");
         out.frame.gravity_mm_s2 = [x, y, z].map(|g| g * 1e3);
@@ -66,12 +63,8 @@ fn asked(args: &SimulateArgs) -> Result<InsertionSettings> {
 
 /// Settings of an insertion in one of the two modes.
 pub(crate) fn settings(mode: ModeArg, speed_mm_s: f64) -> InsertionSettings {
-    let mode = match mode {
-        ModeArg::Paper => Mode::Paper(PaperOptions::default()),
-        ModeArg::Physical => Mode::Physical(PhysicalOptions::default()),
-    };
     InsertionSettings {
-        model: ModelSettings::of(mode),
+        model: soft_body::of(mode),
         speed_mm_s,
         diameter_mm: DIAMETER_MM,
         hold_s: HOLD_S,

@@ -1,7 +1,8 @@
 //! Series, meshes and summary of an insertion as files.
 
-use super::{KPA_PER_MMHG, Run, materials};
+use super::{KPA_PER_MMHG, Run};
 use crate::NOTICE;
+use crate::materials;
 use anyhow::{Context, Result};
 use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
 use monro_case::{Staging, ply};

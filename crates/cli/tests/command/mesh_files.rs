@@ -2,8 +2,8 @@
 
 use crate::common::{json, refusal, text};
 use monro_case::vtu::{self, UnstructuredGrid};
-use monro_case::{msh, stl};
-use monro_geometry::{Grid, Point, TetMesh, Volume};
+use monro_case::{msh, ply, stl};
+use monro_geometry::{Grid, Point, TetMesh, TriangleMesh, Volume};
 use monro_scan::nifti;
 use std::fs;
 use std::path::Path;
@@ -42,6 +42,20 @@ fn a_broken_mesh_is_refused_with_its_element_and_a_wrong_format_with_the_right_o
     assert!(refusal(&["mesh", text(&surface), "--out", text(&out)]).contains("no tetrahedra"));
     let said = refusal(&["mesh", text(&surface), "--out", text(&dir.path().join("x.fbx"))]);
     assert!(said.contains(".glb"), "{said}");
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_file_without_an_element_or_a_triangle_is_refused_not_converted_to_nothing() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [stl_in, ply_in, msh_in, out] = ["e.stl", "e.ply", "e.msh", "out.obj"].map(|n| dir.path().join(n));
+    fs::write(&stl_in, stl::encode(&TriangleMesh::default())).expect("write");
+    fs::write(&ply_in, ply::encode(&TriangleMesh { triangles: Vec::new(), ..two().surface(|_| true) }, None))
+        .expect("write");
+    fs::write(&msh_in, msh::encode(&TetMesh::default())).expect("write");
+    assert!(refusal(&["mesh", text(&stl_in), "--out", text(&out)]).contains("0 vertices, but no triangle"));
+    assert!(refusal(&["mesh", text(&ply_in), "--out", text(&out)]).contains("5 vertices, but no triangle"));
+    assert!(refusal(&["mesh", text(&msh_in), "--out", text(&out)]).contains("e.msh is refused"));
     assert!(!out.exists());
 }
 

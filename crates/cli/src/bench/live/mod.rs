@@ -13,7 +13,7 @@ mod peer;
 
 use crate::bench::args::LiveBenchArgs;
 use crate::console::Console;
-use crate::{demo, prepare, simulate};
+use crate::{demo, prepare, soft_body};
 use anyhow::{Context, Result, bail};
 use budget::Sample;
 use camera::Camera;
@@ -61,14 +61,16 @@ fn phantom(folder: &Path, elements: usize, console: &Console) -> Result<PathBuf>
 
 /// Starts the server in a thread that ends with the program.
 fn serve(args: &LiveBenchArgs, case_dir: PathBuf, recording: PathBuf, camera: &Camera) -> Result<Ready> {
+    let model = soft_body::of(args.mode);
+    let settings = soft_body::name(args.mode, &model.materials)?;
     let options = ServeOptions {
         case_dir,
         listen: ([127, 0, 0, 1], 0).into(),
         certificate: None,
         names: Vec::new(),
         tracker: format!("natnet://{}?unicast=1&up=z", camera.address()).parse()?,
-        model: simulate::settings(args.mode, 1.0).model,
-        recording: Some(Recording { path: recording, settings: crate::serve::name(args.mode) }),
+        model,
+        recording: Some(Recording { path: recording, settings }),
         igtl: Some(([127, 0, 0, 1], 0).into()),
     };
     let (sender, receiver) = channel();

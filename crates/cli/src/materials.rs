@@ -1,4 +1,4 @@
-//! Materials from a file: what it does not say stays as it is.
+//! Materials from a file: what it does not say stays as it is. And back, whole.
 
 use anyhow::{Context, Result};
 use monro_session::Materials;
@@ -45,9 +45,14 @@ struct Wall {
 }
 
 /// Reads a file of materials.
-pub(super) fn read(file: &Path) -> Result<Materials> {
+pub(crate) fn read(file: &Path) -> Result<Materials> {
     let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
-    let given: Given = toml::from_str(&text).with_context(|| format!("in {}", file.display()))?;
+    parse(&text).with_context(|| format!("in {}", file.display()))
+}
+
+/// Reads the text of such a file.
+pub(crate) fn parse(text: &str) -> Result<Materials> {
+    let given: Given = toml::from_str(text)?;
     let head = Materials::HEAD;
     Ok(Materials {
         brain: given.brain.over(head.brain, ThinMembrane::PIA),
@@ -93,8 +98,20 @@ impl Wall {
     }
 }
 
+/// The text of a file that says everything, from which the same bits are read.
+pub(crate) fn text(used: &Materials) -> Result<String> {
+    let mut all = json(used);
+    for region in ["brain", "ventricles"] {
+        let membrane = &mut all[region]["membrane"];
+        if membrane.is_null() {
+            *membrane = json!({ "thickness_mm": 0.0 });
+        }
+    }
+    Ok(toml::to_string(&all)?)
+}
+
 /// Materials as they were used, with the names of the file.
-pub(super) fn json(used: &Materials) -> Value {
+pub(crate) fn json(used: &Materials) -> Value {
     json!({ "brain": region(&used.brain), "ventricles": region(&used.ventricles) })
 }
 
@@ -140,6 +157,17 @@ mod tests {
         assert_eq!(m.brain.membrane, Some(ThinMembrane::PIA));
         assert_eq!(m.ventricles.membrane, Some(ThinMembrane { thickness_mm: 0.1, ..ThinMembrane::EPENDYMA }));
         assert_eq!(said("[brain.membrane]\nthickness_mm = 0.0\n").expect("none").brain.membrane, None);
+    }
+
+    #[test]
+    fn what_is_written_is_read_to_the_same_bits() {
+        for (n, wall) in [None, Some(1.0 / 3.0), Some(0.1 + 0.2)].into_iter().enumerate() {
+            let mut used = Materials::HEAD;
+            used.brain.young_kpa = 10.0 / (3.0 + n as f64);
+            used.ventricles.insertion.cut_force_mn = 1e-7 * (n as f64).sqrt();
+            used.brain.membrane = wall.map(|thickness_mm| ThinMembrane { thickness_mm, ..ThinMembrane::PIA });
+            assert_eq!(parse(&text(&used).expect("text")).expect("materials"), used);
+        }
     }
 
     #[test]

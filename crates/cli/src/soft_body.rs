@@ -1,0 +1,60 @@
+//! Which soft body: by the arguments, and by the name that a recording knows it by.
+
+use crate::args::ModeArg;
+use crate::materials;
+use anyhow::{Result, ensure};
+use clap::ValueEnum;
+use monro_session::{Materials, Mode, ModelSettings};
+use monro_tissue::{PaperOptions, PhysicalOptions};
+use std::path::Path;
+
+/// As it is for a head.
+pub(crate) fn of(mode: ModeArg) -> ModelSettings {
+    ModelSettings::of(match mode {
+        ModeArg::Paper => Mode::Paper(PaperOptions::default()),
+        ModeArg::Physical => Mode::Physical(PhysicalOptions::default()),
+    })
+}
+
+/// With the materials of a file, if one is given.
+pub(crate) fn model(mode: ModeArg, file: Option<&Path>) -> Result<ModelSettings> {
+    let mut model = of(mode);
+    if let Some(file) = file {
+        ensure!(mode == ModeArg::Physical, "paper mode has no moduli: --materials needs --mode physical");
+        model.materials = materials::read(file)?;
+    }
+    Ok(model)
+}
+
+/// The name under which a recording knows a soft body: the mode as on the command line, and on the following lines all
+/// materials, if they are not those of a head.
+pub(crate) fn name(mode: ModeArg, used: &Materials) -> Result<String> {
+    let mode = mode.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
+    Ok(if *used == Materials::HEAD { mode } else { format!("{mode}\n{}", materials::text(used)?) })
+}
+
+/// The soft body of such a name; `None` if it is none.
+pub(crate) fn known(name: &str) -> Option<ModelSettings> {
+    let (mode, text) = name.split_once('\n').unwrap_or((name, ""));
+    let mode = ModeArg::from_str(mode, false).ok()?;
+    Some(ModelSettings { materials: materials::parse(text).ok()?, ..of(mode) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recording_knows_the_soft_body_by_its_name() {
+        for mode in [ModeArg::Paper, ModeArg::Physical] {
+            assert_eq!(known(&name(mode, &Materials::HEAD).expect("name")), Some(of(mode)));
+        }
+        assert_eq!(name(ModeArg::Physical, &Materials::HEAD).expect("name"), "physical");
+        let mut stiff = of(ModeArg::Physical);
+        stiff.materials.brain.young_kpa = 7.3;
+        let name = name(ModeArg::Physical, &stiff.materials).expect("name");
+        assert_eq!(known(&name), Some(stiff));
+        assert_eq!(known("plastic"), None);
+        assert_eq!(known("physical\n[brain]\nyoung = 3.0"), None);
+    }
+}
