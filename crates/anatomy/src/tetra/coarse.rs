@@ -20,6 +20,18 @@ pub(super) fn is_lost(found: &[f64], count: usize, fields: &LabelFields) -> bool
     wanted > 2.0 * mean && sum(found) < (1.0 - LOST) * wanted
 }
 
+/// A label with the volume of so many elements
+const MANY: f64 = 50.0;
+/// whose own volume could not be restored to this part is not represented by its surface.
+const OFF: f64 = 0.1;
+
+/// Whether a mesh of `count` elements misses the volume of a label that should have many of them.
+pub(super) fn is_off(restored: &[f64], count: usize, fields: &LabelFields) -> bool {
+    let mean = fields.volumes.iter().sum::<f64>() / count.max(1) as f64;
+    let volumes = restored.iter().zip(&fields.volumes);
+    volumes.into_iter().any(|(&v, &wanted)| wanted > MANY * mean && (v / wanted - 1.0).abs() > OFF)
+}
+
 /// Gives each inner label the elements that hold most of it, as many as have its volume together, and at least one. Such a
 /// region may touch itself in edges and points.
 pub(super) fn label_regions(mesh: &mut RawMesh, fields: &LabelFields) {

@@ -40,6 +40,7 @@ use repair::Crumb;
 use report::Source;
 use size::SizeField;
 use std::cell::RefCell;
+use thickness::Thin;
 use vec3::V3;
 use voxels::Voxels;
 
@@ -191,8 +192,10 @@ pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
 struct Made {
     raw: RawMesh,
     crumbs: Vec<Crumb>,
-    /// Volume of each label before it was restored, mm3.
+    /// Volume of each label before it was restored, mm3,
     found: Vec<f64>,
+    /// and after that.
+    restored: Vec<f64>,
     /// Whether the inner labels are regions without surfaces of their own.
     regions: bool,
 }
@@ -251,7 +254,9 @@ impl Made {
     }
 
     fn is_lost(&self, fields: &LabelFields) -> bool {
-        !fields.parts.is_empty() && coarse::is_lost(&self.found, self.raw.tets.len(), fields)
+        let count = self.raw.tets.len();
+        !fields.parts.is_empty()
+            && (coarse::is_lost(&self.found, count, fields) || coarse::is_off(&self.restored, count, fields))
     }
 }
 
@@ -302,6 +307,9 @@ const SURPLUS: f64 = 1.22;
 const SHORT: f64 = 0.06;
 const OVER: f64 = 0.16;
 const MOST_TRIES: usize = 8;
+/// Where thin parts take more than this times the elements, all is thin: a lattice that sees it could only be coarsened
+/// until it is lost again, after minutes.
+const MOST_SPLIT: f64 = 4.0;
 /// There may be no lattice between two whose counts miss the aim by more than this, as logarithms, on either side.
 const JUMP: f64 = 0.7;
 /// The part more that a lattice of the least size has than estimated, because of its grading, and the power of the size
@@ -354,9 +362,14 @@ fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Option<Sta
     let mut best: Option<Start> = None;
     let mut last: Option<(f64, f64)> = None;
     let miss = |n: usize| (n as f64 / aim).ln();
+    let (none, mut thin) = (Thin::none(), &size.thin);
     for _ in 0..MOST_TRIES {
         let lattice_edge = finest_for(size, aim / ratio);
-        let (raw, bounds) = build(fields, size, lattice_edge);
+        let (raw, bounds) = build(fields, size, thin, lattice_edge);
+        if !bounds.is_empty() && raw.tets.len() as f64 > MOST_SPLIT * aim {
+            thin = &none;
+            continue;
+        }
         let now = miss(raw.tets.len());
         if best.as_ref().is_none_or(|b| now.abs() < miss(b.raw.tets.len()).abs()) {
             best = Some(Start { raw, bounds, lattice_edge, finest: lattice_edge });
@@ -417,10 +430,11 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
     work.restore_volumes(&fields.volumes, 0.40);
     work.finish();
     work.settle_volumes(&fields.volumes);
+    let restored = work.volumes(fields.labels.len());
     let mut raw = work.into_raw();
     // Changes of surfaces are checked one by one above, but not everything where three labels meet.
     repair::repair(&mut raw, fields.labels.len() as u8, 0.0, |corners, l| coarse::holds(corners, l, fields));
-    Made { raw, crumbs, found, regions: false }
+    Made { raw, crumbs, found, restored, regions: false }
 }
 
 /// Bisects for the finest edge whose estimated count is `count`.
@@ -437,8 +451,8 @@ fn finest_for(size: &SizeField, count: f64) -> f64 {
     (low * high).sqrt()
 }
 
-/// Octree, lattice and cuts for one finest edge.
-fn build(fields: &LabelFields, size: &SizeField, finest: f64) -> (RawMesh, Vec<(V3, f64)>) {
+/// Octree, lattice and cuts for one finest edge, smaller where `thin` parts would not be seen.
+fn build(fields: &LabelFields, size: &SizeField, thin_parts: &Thin, finest: f64) -> (RawMesh, Vec<(V3, f64)>) {
     let cell = CELL_PER_EDGE * finest;
     let (low, high) = size.bounds();
     let extent = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max) + 2.0 * cell;
@@ -462,7 +476,7 @@ fn build(fields: &LabelFields, size: &SizeField, finest: f64) -> (RawMesh, Vec<(
         if length > SPLIT * size.edge(centre, finest) {
             return true;
         }
-        let unseen = size.thin.is_unseen(fields, centre, length);
+        let unseen = thin_parts.is_unseen(fields, centre, length);
         if unseen {
             bounds.borrow_mut().push((centre, length / CELL_PER_EDGE));
         }
@@ -470,7 +484,7 @@ fn build(fields: &LabelFields, size: &SizeField, finest: f64) -> (RawMesh, Vec<(
     });
     let lattice = lattice::lattice(&tree);
     let mut points: Vec<V3> = lattice.points.iter().map(|p| place(p.map(f64::from))).collect();
-    let stay = draw::draw(&mut points, &lattice.tets, &size.thin, fields);
+    let stay = draw::draw(&mut points, &lattice.tets, thin_parts, fields);
     (cut_all(points, lattice.tets, stay, fields), bounds.into_inner())
 }
 

@@ -81,13 +81,28 @@ fn a_label_without_an_element_is_told_and_refused_with_its_place() {
     assert_eq!(refused, MeshError::Lost { label: 5, voxels: 1, at: [-0.75, 1.25, 1.0] });
 }
 
-/// A shell of two voxels around a ball, in elements several times as thick.
-#[test]
-fn a_label_of_a_wrong_volume_is_told_and_refused_with_what_helps() {
-    let labels = labelled([1.0; 3], |v| {
+/// A shell of two voxels, label 5, around a ball.
+fn shell() -> Volume<u8> {
+    labelled([1.0; 3], |v| {
         let r = v.iter().map(|&i| (i as f64 - 21.5).powi(2)).sum::<f64>().sqrt();
         if r < 16.0 { 4 } else { 5 * u8::from(r < 18.0) }
-    });
+    })
+}
+
+/// The skull and the CSF of whole heads, which had a quarter and a half of their volumes.
+#[test]
+fn a_large_label_whose_volume_cannot_be_restored_is_not_represented_by_its_surface() {
+    let fields = LabelFields::new(&shell(), &[4, 5]).expect("fields");
+    let half: Vec<f64> = (0..2).map(|l| fields.volumes[l] * if fields.labels[l] == 5 { 0.5 } else { 1.1 }).collect();
+    assert!(!coarse::is_off(&fields.volumes, 5_000, &fields));
+    assert!(coarse::is_off(&half, 5_000, &fields));
+    // A label of few elements may have any volume.
+    assert!(!coarse::is_off(&[fields.volumes[0], half[1]], 10, &fields));
+}
+
+#[test]
+fn a_label_of_a_wrong_volume_is_told_and_refused_with_what_helps() {
+    let labels = shell();
     let (_, mut report) = mesh(&labels, &MeshOptions::new(&[4, 5], &[], 1_500)).expect("a mesh");
     let off = report.labels.iter().find(|l| l.label == 5).expect("there").volume_error;
     assert!(off.abs() > 0.05, "{off}");
