@@ -7,6 +7,12 @@ use std::cell::{Cell, RefCell};
 use std::io::Write;
 use std::time::{Duration, Instant};
 
+/// A line on stderr. Whoever has closed it wants none, and nothing may end, or fail to end, because of that: `eprintln!`
+/// panics there.
+pub(crate) fn tell(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
 /// Where the program talks.
 #[derive(Debug)]
 pub(crate) struct Console {
@@ -60,7 +66,7 @@ impl Console {
     /// A line for people, on stderr.
     pub(crate) fn note(&self, text: &str) {
         if self.bar.is_hidden() {
-            eprintln!("{text}");
+            tell(text);
         } else {
             self.bar.println(text);
         }

@@ -1,7 +1,7 @@
 //! `monro edit`: correct the labels of a scan or a case in the browser, and build the case again.
 
 use crate::args::EditArgs;
-use crate::console::Console;
+use crate::console::{Console, tell};
 use crate::interrupt::Guard;
 use crate::{NOTICE, prepare};
 use anyhow::{Context, Result, bail};
@@ -125,7 +125,7 @@ fn given(file: &Path, scan: &Scan) -> Result<(String, StartLabels)> {
 /// Labels of a file on the scan's grid, checked.
 fn read_labels(file: &Path, scan: &Volume<i16>) -> Result<Volume<u8>, String> {
     let found = monro_scan::labels::read(file).map_err(|e| e.to_string())?;
-    found.warnings.iter().for_each(|w| eprintln!("warning: {}: {w}", file.display()));
+    found.warnings.iter().for_each(|w| tell(&format!("warning: {}: {w}", file.display())));
     let labels = found.volume;
     if let Some(bad) = labels.data().iter().find(|l| **l > 7) {
         return Err(format!(
@@ -135,7 +135,7 @@ fn read_labels(file: &Path, scan: &Volume<i16>) -> Result<Volume<u8>, String> {
     }
     let labels = labels.map(|l| u8::try_from(l).unwrap_or(0));
     let checked = segment::from_labels(scan, labels).map_err(|e| format!("{}: {e}", file.display()))?;
-    checked.findings.iter().for_each(|f| eprintln!("warning: {}: {f}", file.display()));
+    checked.findings.iter().for_each(|f| tell(&format!("warning: {}: {f}", file.display())));
     Ok(checked.labels)
 }
 

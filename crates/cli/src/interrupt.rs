@@ -1,5 +1,6 @@
 //! Ctrl-C leaves no half-written folder behind.
 
+use crate::console::tell;
 use monro_case::Staging;
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -18,11 +19,11 @@ pub(crate) fn install() {
                 told = "interrupted; nothing was written";
             }
         }
-        eprintln!("monro: {told}");
+        tell(&format!("monro: {told}"));
         std::process::exit(130);
     });
     if let Err(error) = result {
-        eprintln!("warning: Ctrl-C may leave a \".partial\" folder behind: {error}");
+        tell(&format!("warning: Ctrl-C may leave a \".partial\" folder behind: {error}"));
     }
 }
 

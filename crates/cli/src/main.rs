@@ -57,7 +57,7 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("monro: {}", one_line(&error));
+            console::tell(&format!("monro: {}", one_line(&error)));
             ExitCode::FAILURE
         }
     }

@@ -5,6 +5,8 @@ mod common;
 mod mesh_files;
 mod real_scans;
 mod refusals;
+#[cfg(unix)]
+mod signals;
 mod solve;
 mod solve_told;
 mod whole_chain;
