@@ -80,8 +80,7 @@ export async function panelsAgree(page, api, until) {
       return a[name] !== null && b[name] !== null && shown >= Math.min(a[name], b[name]) - 0.06 && shown <= Math.max(a[name], b[name]) + 0.06;
     });
   }
-  // Held for a moment, where a frame takes longer than half a second.
-  await until("a place by the tracker", async () => (await saidBy(page)).some((text) => /^(Placed by the tracker|Glasses lost for [01] s: place held)$/.test(text)));
+  await until("a place by the tracker", async () => (await saidBy(page)).includes("Placed by the tracker"));
   await until("zoom and three slices, not blank", async () => {
     const found = await spreads(page);
     return found.length === 4 && found.every((s) => s > 4);

@@ -451,7 +451,7 @@ fn finest_for(size: &SizeField, count: f64) -> f64 {
     (low * high).sqrt()
 }
 
-/// Octree, lattice and cuts for one finest edge, smaller where `thin` parts would not be seen.
+/// Octree, lattice and cuts for one finest edge, smaller where `thin_parts` would not be seen.
 fn build(fields: &LabelFields, size: &SizeField, thin_parts: &Thin, finest: f64) -> (RawMesh, Vec<(V3, f64)>) {
     let cell = CELL_PER_EDGE * finest;
     let (low, high) = size.bounds();
