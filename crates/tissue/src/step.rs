@@ -136,7 +136,11 @@ impl Stepper {
             self.events.clear();
             self.attempt(model, state, tools, &settings, substeps, done);
             report.substeps = substeps;
-            survey = self.survey(model, &state.positions);
+            survey = match model.solver {
+                Solver::Paper(_) => self.survey(model, &state.positions),
+                // It has measured where it ended.
+                Solver::Physical(_) => model.volumes.measured(&mut self.growth, &self.pool),
+            };
             if survey.inverted > 0 {
                 let memory = (&mut self.growth, &mut self.turned);
                 let elements = (&model.volumes, &model.tets[..]);
@@ -278,6 +282,7 @@ impl Stepper {
             positions: &mut state.positions,
             velocities: &state.velocities,
             pressure: &mut state.pressure,
+            growth: &mut self.growth,
             rest: &model.rest,
             volumes: &model.volumes,
             region: &model.region,

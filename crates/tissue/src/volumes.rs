@@ -1,6 +1,6 @@
 //! Volumes of all elements at once.
 
-use crate::fast::{Kernel, Lanes, Places, Pool, Row, WIDTH, widest};
+use crate::fast::{Kernel, Lanes, Places, Pool, Row, WIDTH, cross, dot, widest};
 use crate::{bytes, slabs};
 
 /// Corners and volumes at rest of all elements, sixteen a row.
@@ -77,12 +77,14 @@ impl Volumes {
 
     /// Sums over all elements; `growth` is memory to work in.
     pub(crate) fn survey(&self, positions: &[[f32; 4]], growth: &mut Vec<Row>, pool: &Pool) -> Survey {
-        growth.resize(self.rest.len(), [0.0; WIDTH]);
+        self.measure(positions, growth, pool);
+        self.measured(growth, pool)
+    }
+
+    /// Sums over all elements, as `growth` was measured.
+    pub(crate) fn measured(&self, growth: &mut [Row], pool: &Pool) -> Survey {
         let mut pieces = [Survey::default(); slabs::PIECES];
-        pool.each_part(growth, &self.cuts, &mut pieces, &|i, out, piece| {
-            widest(Growth { of: self, positions, first: self.cuts[i], out });
-            *piece = self.sums(self.cuts[i], out);
-        });
+        pool.each_part(growth, &self.cuts, &mut pieces, &|i, growth, piece| *piece = self.sums(self.cuts[i], growth));
         let growth = pieces.iter().map(|p| p.growth).sum();
         Survey { growth, inverted: pieces.iter().map(|p| p.inverted).sum() }
     }
@@ -124,10 +126,8 @@ impl Kernel for Growth<'_> {
                 let p: [V; 4] = corners.gather(r, 0, lane);
                 let [q, s, t]: [[V; 4]; 3] =
                     [corners.gather(r, 1, lane), corners.gather(r, 2, lane), corners.gather(r, 3, lane)];
-                let (ax, ay, az) = (q[0] - p[0], q[1] - p[1], q[2] - p[2]);
-                let (bx, by, bz) = (s[0] - p[0], s[1] - p[1], s[2] - p[2]);
-                let (cx, cy, cz) = (t[0] - p[0], t[1] - p[1], t[2] - p[2]);
-                let six = (ay * bz - az * by) * cx + (az * bx - ax * bz) * cy + (ax * by - ay * bx) * cz;
+                let away = |c: [V; 4]| [c[0] - p[0], c[1] - p[1], c[2] - p[2]];
+                let six = dot(cross(away(q), away(s)), away(t));
                 (six - V::load(&self.of.rest[r], lane)).store(out, lane);
             }
         }

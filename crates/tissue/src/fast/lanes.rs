@@ -1,7 +1,8 @@
 //! Arithmetic on several constraints at once, written once for all widths.
 //!
-//! A batch has [`WIDTH`] lanes; a processor takes them 8 or 16 at a time. No operation is fused or reordered, so every
-//! width gives the same bits, and [`Plain`] is the truth that the others are held to.
+//! A batch has [`WIDTH`] lanes; a processor takes them 8 or 16 at a time. Nothing is reordered, and a product and a sum are
+//! rounded once only where it is asked for, so every width gives the same bits, and [`Plain`] is the truth that the others
+//! are held to.
 
 use crate::bytes;
 use core::ops::{Add, Div, Mul, Sub};
@@ -23,6 +24,10 @@ pub(crate) trait Lanes:
     /// Writes the lanes `first..first + N` of a row.
     fn store(self, row: &mut Row, first: usize);
     fn sqrt(self) -> Self;
+    /// `self * factor + more`, rounded once.
+    fn mul_add(self, factor: Self, more: Self) -> Self;
+    /// `from - self * factor`, rounded once.
+    fn mul_off(self, factor: Self, from: Self) -> Self;
     fn max(self, other: Self) -> Self;
     fn min(self, other: Self) -> Self;
     /// Where a lane is not finite, zero.
@@ -55,6 +60,19 @@ pub(crate) trait Lanes:
     /// # Safety
     /// Every place lies within the vertices behind `to`, and nobody else uses them.
     unsafe fn scatter(v: [Self; 4], to: *mut [f32; 4], places: &[u16; WIDTH], first: usize, count: usize);
+}
+
+/// Scalar product.
+#[inline(always)]
+pub(crate) fn dot<V: Lanes>(u: [V; 3], v: [V; 3]) -> V {
+    u[2].mul_add(v[2], u[1].mul_add(v[1], u[0] * v[0]))
+}
+
+/// Cross product. Of two vectors along one line it is not exactly zero: one of each two products is rounded.
+#[inline(always)]
+pub(crate) fn cross<V: Lanes>(u: [V; 3], v: [V; 3]) -> [V; 3] {
+    let of = |a: usize, b: usize| u[b].mul_off(v[a], u[a] * v[b]);
+    [of(1, 2), of(2, 0), of(0, 1)]
 }
 
 /// Work that can be done with vectors of any width.
@@ -231,49 +249,6 @@ impl<const K: usize, P: Place> View<'_, K, P> {
     }
 }
 
-/// Places in a list, checked once so that sums need not check them again.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Sums {
-    places: Vec<u32>,
-    /// One more than the largest place.
-    bound: usize,
-}
-
-impl Sums {
-    pub(crate) fn new(places: Vec<u32>) -> Self {
-        let bound = places.iter().map(|&p| p as usize + 1).max().unwrap_or(0);
-        Self { places, bound }
-    }
-
-    /// Bytes that they take.
-    pub(crate) fn bytes(&self) -> usize {
-        bytes::of(&self.places)
-    }
-
-    /// For each stretch of the list, one after the other as `starts` has it, what `then` makes of its number and of the
-    /// sum of the numbers at its places.
-    ///
-    /// # Panics
-    /// When there are fewer numbers than places.
-    #[inline(always)]
-    pub(crate) fn each(&self, starts: &[u32], numbers: &[f32], mut then: impl FnMut(usize, f32)) {
-        assert!(self.bound <= numbers.len(), "{} places over {} numbers", self.bound, numbers.len());
-        for (i, ends) in starts.windows(2).enumerate() {
-            // Four sums at a time: one after the other would wait for each addition.
-            let mut sums = [0f32; 4];
-            let (fours, rest) = self.places[ends[0] as usize..ends[1] as usize].as_chunks::<4>();
-            for four in fours {
-                for k in 0..4 {
-                    // SAFETY: all places have just been checked against the count of numbers.
-                    sums[k] += unsafe { *numbers.get_unchecked(four[k] as usize) };
-                }
-            }
-            rest.iter().zip(&mut sums).for_each(|(&p, sum)| *sum += numbers[p as usize]);
-            then(i, (sums[0] + sums[1]) + (sums[2] + sums[3]));
-        }
-    }
-}
-
 /// Eight lanes in plain arithmetic.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plain([f32; 8]);
@@ -311,6 +286,14 @@ impl Lanes for Plain {
     #[inline(always)]
     fn sqrt(self) -> Self {
         Self(self.0.map(f32::sqrt))
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, more: Self) -> Self {
+        Self(core::array::from_fn(|l| self.0[l].mul_add(factor.0[l], more.0[l])))
+    }
+    #[inline(always)]
+    fn mul_off(self, factor: Self, from: Self) -> Self {
+        Self(core::array::from_fn(|l| (-self.0[l]).mul_add(factor.0[l], from.0[l])))
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {

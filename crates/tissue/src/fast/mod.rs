@@ -13,12 +13,14 @@ mod lanes;
 mod plan;
 mod pool;
 mod queue;
+mod sums;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub(crate) use lanes::{Kernel, Lanes, Numbers, Pairs, Places, Row, Sums, WIDTH, Window, plain, widest};
+pub(crate) use lanes::{Kernel, Lanes, Numbers, Pairs, Places, Row, WIDTH, Window, cross, dot, plain, widest};
 pub(crate) use plan::Plans;
 pub(crate) use pool::Pool;
+pub(crate) use sums::Sums;
 
 /// Threads at most, unless more are asked for: beyond that they would wait for memory.
 pub(crate) const MOST_THREADS: usize = 8;

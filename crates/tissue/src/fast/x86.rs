@@ -1,4 +1,4 @@
-//! Vectors of x86-64 processors: 8 lanes with AVX2, 16 with AVX-512.
+//! Vectors of x86-64 processors: 8 lanes with AVX2 and FMA, 16 with AVX-512.
 //!
 //! The two types are private to `fast`, and the only ways to a kernel that uses them ask the processor first. Vertices are
 //! 16 bytes: each is loaded whole, and four of them are transposed in registers.
@@ -8,27 +8,28 @@ use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Sub};
 
 pub(super) fn has_avx2() -> bool {
-    std::arch::is_x86_feature_detected!("avx2")
+    std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
 }
 
 pub(super) fn has_avx512() -> bool {
-    std::arch::is_x86_feature_detected!("avx512f")
+    has_avx2()
+        && std::arch::is_x86_feature_detected!("avx512f")
         && std::arch::is_x86_feature_detected!("avx512dq")
         && std::arch::is_x86_feature_detected!("avx512vl")
 }
 
 pub(super) fn with_avx2<K: Kernel>(kernel: K) -> K::Out {
-    #[target_feature(enable = "avx2")]
+    #[target_feature(enable = "avx2,fma")]
     fn inner<K: Kernel>(kernel: K) -> K::Out {
         kernel.run::<Eight>()
     }
     assert!(has_avx2(), "asked before");
-    // SAFETY: the processor has just said that it has AVX2.
+    // SAFETY: the processor has just said that it has these.
     unsafe { inner(kernel) }
 }
 
 pub(super) fn with_avx512<K: Kernel>(kernel: K) -> K::Out {
-    #[target_feature(enable = "avx2,avx512f,avx512dq,avx512vl")]
+    #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
     fn inner<K: Kernel>(kernel: K) -> K::Out {
         kernel.run::<Sixteen>()
     }
@@ -83,6 +84,16 @@ impl Lanes for Eight {
     fn sqrt(self) -> Self {
         // SAFETY: as for the operators.
         Self(unsafe { _mm256_sqrt_ps(self.0) })
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, more: Self) -> Self {
+        // SAFETY: as for the operators.
+        Self(unsafe { _mm256_fmadd_ps(self.0, factor.0, more.0) })
+    }
+    #[inline(always)]
+    fn mul_off(self, factor: Self, from: Self) -> Self {
+        // SAFETY: as for the operators.
+        Self(unsafe { _mm256_fnmadd_ps(self.0, factor.0, from.0) })
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
@@ -202,6 +213,16 @@ impl Lanes for Sixteen {
     fn sqrt(self) -> Self {
         // SAFETY: as for the operators.
         Self(unsafe { _mm512_sqrt_ps(self.0) })
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, more: Self) -> Self {
+        // SAFETY: as for the operators.
+        Self(unsafe { _mm512_fmadd_ps(self.0, factor.0, more.0) })
+    }
+    #[inline(always)]
+    fn mul_off(self, factor: Self, from: Self) -> Self {
+        // SAFETY: as for the operators.
+        Self(unsafe { _mm512_fnmadd_ps(self.0, factor.0, from.0) })
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {

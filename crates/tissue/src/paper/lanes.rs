@@ -4,7 +4,7 @@
 //! plain functions of `constraints` are the truth; tests hold the two together. A step that is not a number (no free vertex,
 //! or no gradient) is none.
 
-use crate::fast::Lanes;
+use crate::fast::{Lanes, dot};
 
 /// A vertex in each lane: x, y, z, inverse mass.
 pub(super) type Corner<V> = [V; 4];
@@ -15,11 +15,7 @@ fn sub<V: Lanes>(p: &Corner<V>, q: &Corner<V>) -> Vector<V> {
     [p[0] - q[0], p[1] - q[1], p[2] - q[2]]
 }
 
-#[inline(always)]
-fn dot<V: Lanes>(a: Vector<V>, b: Vector<V>) -> V {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
+/// With each product rounded: of edges along one line it is zero, and what has no area has no gradient.
 #[inline(always)]
 fn cross<V: Lanes>(a: Vector<V>, b: Vector<V>) -> Vector<V> {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
@@ -39,7 +35,7 @@ fn add<V: Lanes>(a: Vector<V>, b: Vector<V>) -> Vector<V> {
 #[inline(always)]
 fn shift<V: Lanes>(p: &mut Corner<V>, s: V, d: Vector<V>) {
     for a in 0..3 {
-        p[a] = p[a] + s * d[a];
+        p[a] = s.mul_add(d[a], p[a]);
     }
 }
 
@@ -48,7 +44,7 @@ fn shift<V: Lanes>(p: &mut Corner<V>, s: V, d: Vector<V>) {
 fn project<V: Lanes, const N: usize>(p: &mut [Corner<V>; N], value: V, gradients: &[Vector<V>; N], k: V) {
     let mut weight = V::splat(0.0);
     for i in 0..N {
-        weight = weight + p[i][3] * dot(gradients[i], gradients[i]);
+        weight = p[i][3].mul_add(dot(gradients[i], gradients[i]), weight);
     }
     let s = (V::splat(0.0) - k * value / weight).or_zero();
     for i in 0..N {

@@ -1,6 +1,6 @@
 //! What is summed on a walk around vertices: forces of neighbours and elements, and their derivatives.
 
-use crate::fast::{Lanes, Pairs, Places};
+use crate::fast::{Lanes, Pairs, Places, cross};
 
 /// Three components, and the six different entries of a symmetric matrix (xx, yy, zz, xy, xz, yz).
 pub(super) type Vector<V> = [V; 3];
@@ -44,8 +44,9 @@ pub(super) struct Sums<V> {
 impl<V: Lanes> Force<V> {
     #[inline(always)]
     fn add_neighbour(&mut self, weight: V, d: &Vector<V>) {
+        let weight = weight * self.damped;
         for (sum, d) in self.sum.iter_mut().zip(d) {
-            *sum = *sum + weight * self.damped * *d;
+            *sum = weight.mul_add(*d, *sum);
         }
     }
 
@@ -53,7 +54,7 @@ impl<V: Lanes> Force<V> {
     #[inline(always)]
     fn add_element(&mut self, slope: V, n: &Vector<V>) {
         for (sum, n) in self.sum.iter_mut().zip(n) {
-            *sum = *sum + slope * *n;
+            *sum = slope.mul_add(*n, *sum);
         }
     }
 }
@@ -75,14 +76,14 @@ impl<V: Lanes> Around<V> for Sums<V> {
     #[inline(always)]
     fn element(&mut self, (elements, row, first): (&Seen<'_>, usize, usize), n: &Vector<V>, volume: V) {
         let [still, rise]: [V; 2] = elements.gather(row, 0, first);
-        self.force.add_element(still - rise * volume, n);
+        self.force.add_element(rise.mul_off(volume, still), n);
         let m = [rise * n[0], rise * n[1], rise * n[2]];
         for a in 0..3 {
-            self.hessian[a] = self.hessian[a] + m[a] * n[a];
+            self.hessian[a] = m[a].mul_add(n[a], self.hessian[a]);
         }
-        self.hessian[3] = self.hessian[3] + m[0] * n[1];
-        self.hessian[4] = self.hessian[4] + m[0] * n[2];
-        self.hessian[5] = self.hessian[5] + m[1] * n[2];
+        self.hessian[3] = m[0].mul_add(n[1], self.hessian[3]);
+        self.hessian[4] = m[0].mul_add(n[2], self.hessian[4]);
+        self.hessian[5] = m[1].mul_add(n[2], self.hessian[5]);
     }
 }
 
@@ -106,7 +107,7 @@ impl<V: Lanes> Around<V> for (Force<V>, Force<V>) {
     fn element(&mut self, (seen, row, first): (&Self::View<'_>, usize, usize), n: &Vector<V>, volume: V) {
         for (force, elements) in [(&mut self.0, &seen.0), (&mut self.1, &seen.1)] {
             let [still, rise]: [V; 2] = elements.gather(row, 0, first);
-            force.add_element(still - rise * volume, n);
+            force.add_element(rise.mul_off(volume, still), n);
         }
     }
 }
@@ -120,7 +121,5 @@ pub(super) fn away<V: Lanes>(q: [V; 4], p: &[V; 4]) -> Vector<V> {
 /// Six times the gradient of an element's volume by the vertex that the corners `a`, `b` and `c` are seen from.
 #[inline(always)]
 pub(super) fn area<V: Lanes>(a: &Vector<V>, b: &Vector<V>, c: &Vector<V>) -> Vector<V> {
-    let (ux, uy, uz) = (b[0] - a[0], b[1] - a[1], b[2] - a[2]);
-    let (vx, vy, vz) = (c[0] - a[0], c[1] - a[1], c[2] - a[2]);
-    [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx]
+    cross([b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]])
 }

@@ -3,14 +3,14 @@
 use super::around::Element;
 use super::elastic::Elastic;
 use super::film::FilmsAround;
-use super::pressure::{Grown, Pressures, Tissue};
+use super::pressure::{Pressures, Still, Tissue};
 use super::region;
 use super::rings::{self, Part, SingleRows};
 use super::sweep::{Memory, Substep as Shared, Sweep};
 use super::touch::{Touches, Touching, penalty_force};
 use crate::bytes;
 use crate::contact::Coupling;
-use crate::fast::{Pool, WIDTH, plain, widest};
+use crate::fast::{Pool, Row, WIDTH, plain, widest};
 use crate::model::{Region, Tether};
 use crate::rigid::Rigid;
 use crate::slabs::{self, Round, Slabs};
@@ -52,10 +52,12 @@ pub(crate) struct DescentScratch {
     far: Vec<[f32; 4]>,
     /// Displacement from rest at the start of the substep, mm.
     displacement: Vec<[f32; 4]>,
-    /// Elements with their current pressure, and without pressure and damping.
+    /// Elements with their current pressure; without it; and without damping either.
     elements: Vec<Element>,
-    undamped: Vec<Element>,
-    grown: Grown,
+    still: Still,
+    undamped: Still,
+    /// Pressure of each patch, penalty included, kPa.
+    total: Vec<f32>,
     memory: [Vec<Memory>; 2],
     touches: Touches,
     /// Vertices in the predicted space last chosen.
@@ -91,6 +93,8 @@ pub(crate) struct Body<'a> {
     pub(crate) positions: &'a mut [[f32; 4]],
     pub(crate) velocities: &'a [[f32; 4]],
     pub(crate) pressure: &'a mut [f32],
+    /// Six times the growth of each element, mm3, at the end.
+    pub(crate) growth: &'a mut Vec<Row>,
     pub(crate) rest: &'a [[f32; 4]],
     pub(crate) volumes: &'a Volumes,
     /// Region of each element.
@@ -131,8 +135,9 @@ impl Descent {
     fn balance(&mut self, rest: &[[f32; 4]], tissue: Tissue<'_>) {
         let zero = vec![[0.0; 4]; rest.len()];
         let touches = Touches::default();
-        let mut elements = Vec::new();
-        self.pressures.still(tissue, 0.0, &mut elements, &mut Grown::default(), &Pool::new(1));
+        let mut still = Still::default();
+        self.pressures.still(tissue, 0.0, &mut still, &Pool::new(1));
+        let elements = &still.elements[..];
         // With no elements and nothing of the shear, what is noted is minus the elastic force.
         let nothing = vec![[0.0; 2]; elements.len()];
         for (round, parts) in &mut self.rounds {
@@ -144,7 +149,7 @@ impl Descent {
                 let (target, far) = (&zero[own.clone()], &zero[own.clone()]);
                 let substep =
                     Shared { elements: &nothing, target, far, damping: -1.0, inertia: 0.0, beyond: 1.0, touching };
-                let note = Some(&elements[..]);
+                let note = Some(elements);
                 plain(Sweep { part, substep, vertices: &mut vertices, memory: &mut memory, note });
                 part.base = memory.before;
             }
@@ -184,7 +189,7 @@ impl Descent {
             let whole = step.is_whole(k);
             scratch.memory.iter_mut().flatten().for_each(|m| m.only_active = !whole);
             let beyond = if k + 1 < step.iterations { BEYOND } else { 1.0 };
-            self.sweep(body, scratch, (damping, inertia, beyond), None, pool);
+            self.sweep(body, scratch, (damping, inertia, beyond), false, pool);
             if step.predicted_space && whole && k + 1 < step.iterations {
                 let (touches, films) = (&scratch.touches, &self.films);
                 let touching = Touching { touches, films, couplings: body.couplings, rest: body.rest, first: 0 };
@@ -192,12 +197,12 @@ impl Descent {
                     region::predict(&self.rounds, &mut scratch.memory, touching, (k == 0, self.reach));
             }
             if step.steps_pressures(k) {
-                let DescentScratch { elements, grown, .. } = scratch;
-                self.pressures.update((body.tissue(), body.positions), body.pressure, elements, grown, (true, pool));
+                self.press(body, scratch, true, pool);
             }
         }
         if self.free && body.couplings.is_empty() && body.tethers.is_empty() {
             keep_momentum(body.positions, &scratch.target);
+            body.volumes.measure(body.positions, body.growth, pool);
         }
         for c in body.couplings.iter_mut() {
             c.force = penalty_force(c, c.point(body.positions));
@@ -218,8 +223,14 @@ impl Descent {
         scratch.target.resize(body.positions.len(), [0.0; 4]);
         self.resist(body, scratch, step, pool);
         self.predict(body, &mut scratch.target, step, pool);
-        let DescentScratch { elements, grown, .. } = scratch;
-        self.pressures.update((body.tissue(), body.positions), body.pressure, elements, grown, (false, pool));
+        self.press(body, scratch, false, pool);
+    }
+
+    /// Makes pressures follow the positions.
+    fn press(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, advance: bool, pool: &Pool) {
+        let DescentScratch { elements, still, total, .. } = scratch;
+        let (tissue, numbers) = (body.tissue(), (&mut *body.pressure, &mut *body.growth));
+        self.pressures.update((tissue, body.positions), numbers, still, elements, total, (advance, pool));
     }
 
     /// Moves on by inertia, and sets where loads would take each vertex.
@@ -242,28 +253,27 @@ impl Descent {
     /// Sets the elements without pressures, and notes what resists motion from here on.
     fn resist(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, step: Substep, pool: &Pool) {
         let damping = damping_ratio(self.damping_s, step.dt);
-        self.pressures.still(body.tissue(), damping, &mut scratch.elements, &mut scratch.grown, pool);
+        self.pressures.still(body.tissue(), damping, &mut scratch.still, pool);
         if damping > 0.0 {
-            let mut undamped = core::mem::take(&mut scratch.undamped);
-            self.pressures.still(body.tissue(), 0.0, &mut undamped, &mut Grown::default(), pool);
-            self.sweep(body, scratch, (damping, 0.0, 1.0), Some(&undamped), pool);
-            scratch.undamped = undamped;
+            self.pressures.still(body.tissue(), 0.0, &mut scratch.undamped, pool);
+            self.sweep(body, scratch, (damping, 0.0, 1.0), true, pool);
         } else {
             scratch.memory.iter_mut().flatten().for_each(|m| m.before.fill([[0.0; WIDTH]; 3]));
         }
     }
 
     /// One pass over the free vertices, with damping time over time step, one over the square of the time step, and how far
-    /// a vertex goes.
+    /// a vertex goes; or one that notes what resists motion.
     fn sweep(
         &self,
         body: &mut Body<'_>,
         scratch: &mut DescentScratch,
         (damping, inertia, beyond): (f32, f32, f32),
-        note: Option<&[Element]>,
+        note: bool,
         pool: &Pool,
     ) {
-        let DescentScratch { target, far, elements, memory, touches, .. } = scratch;
+        let DescentScratch { target, far, elements, still, undamped, memory, touches, .. } = scratch;
+        let (elements, note) = if note { (&still.elements, Some(&undamped.elements[..])) } else { (&*elements, None) };
         let films = &self.films;
         for ((round, parts), memory) in self.rounds.iter().zip(memory) {
             pool.each_planned(&round.plans, body.positions, &round.cuts, memory, &|i, vertices, memory| {
@@ -326,7 +336,7 @@ impl DescentScratch {
     /// Bytes that it takes.
     pub(crate) fn bytes(&self) -> usize {
         let nodes = bytes::of(&self.target) + bytes::of(&self.far) + bytes::of(&self.displacement);
-        let elements = bytes::of(&self.elements) + bytes::of(&self.undamped) + self.grown.bytes();
+        let elements = bytes::of(&self.elements) + self.still.bytes() + self.undamped.bytes() + bytes::of(&self.total);
         let memory = |m: &Memory| bytes::of(&m.before) + bytes::of(&m.motion) + bytes::of(&m.active);
         nodes + elements + self.memory.iter().flatten().map(memory).sum::<usize>()
     }

@@ -6,28 +6,26 @@ use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, WIDTH, widest};
 use crate::model::Region;
 use crate::volumes::Volumes;
 use crate::{bytes, slabs};
+use core::sync::atomic::{AtomicU64, Ordering};
 
 /// Volumetric stiffness that the sweeps carry themselves, over the shear modulus; the rest is the pressure's.
 /// With over-relaxed sweeps more than with plain ones, where 2 was best.
 const PENALTY: f64 = 4.0;
 
-impl Grown {
-    /// Bytes that it takes.
-    pub(super) fn bytes(&self) -> usize {
-        bytes::of(&self.growth) + bytes::of(&self.total) + bytes::of(&self.still)
-    }
-}
+/// The number of the next model.
+static NEXT: AtomicU64 = AtomicU64::new(0);
 
 /// Constants of elements and patches.
 #[derive(Debug, Clone)]
 pub(super) struct Pressures {
+    /// Different for each model.
+    id: u64,
     /// Of each region: shear modulus, and what the sweeps carry of its volumetric stiffness, kPa.
     regions: Vec<[f64; 2]>,
     /// Number of elements, and the few whose patches do not all have the numbers of their corners, with their patches.
     tets: usize,
     walls: Vec<(u32, [u32; 4])>,
-    /// Elements of each patch.
-    start: Vec<u32>,
+    /// Of each patch over its elements.
     around: Sums,
     /// Of each patch: what the sweeps carry of its volumetric stiffness over 24 times its volume, kPa/mm3, and the share
     /// `k / (k + r)` of the multiplier's step, 0 where the sweeps carry all.
@@ -46,16 +44,22 @@ pub(super) struct Tissue<'a> {
     pub(super) region: &'a [u8],
 }
 
-/// What follows the positions.
+/// What elements are without any pressure.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Grown {
-    /// Six times the growth of each element, mm3.
-    growth: Vec<Row>,
-    /// Pressure of each patch, penalty included, kPa.
-    total: Vec<f32>,
-    /// Of each region: an element's first derivative without pressures, and the share of its second that is the sweeps'
-    /// own volumetric stiffness.
-    still: Vec<[f32; 2]>,
+pub(super) struct Still {
+    /// The model that it is for, and the damping time over the time step.
+    of: Option<(u64, f32)>,
+    /// Each element, and one more that is nothing.
+    pub(super) elements: Vec<Element>,
+    /// Of each region: the share of an element's second derivative that is the sweeps' own volumetric stiffness.
+    carried: Vec<f32>,
+}
+
+impl Still {
+    /// Bytes that it takes.
+    pub(super) fn bytes(&self) -> usize {
+        bytes::of(&self.elements) + bytes::of(&self.carried)
+    }
 }
 
 impl Pressures {
@@ -69,18 +73,19 @@ impl Pressures {
             corners.iter().for_each(|&p| patch_penalty[p as usize] = regions[r as usize][1]);
         }
         let (start, around) = of_patches(&elastic.patch, patches);
+        let patch_cuts = slabs::even_cuts(patches);
         let wall = (0..).zip(elastic.patch.iter().zip(&elastic.tets));
         Self {
+            id: NEXT.fetch_add(1, Ordering::Relaxed),
             regions,
             tets: elastic.tets.len(),
             walls: wall.filter(|(_, (patches, corners))| patches != corners).map(|(t, (p, _))| (t, *p)).collect(),
-            start,
-            around: Sums::new(around),
+            around: Sums::new(&start, &around, &patch_cuts),
             rate: patch_penalty.iter().zip(&elastic.patch_volume).map(|(r, v)| (r / (24.0 * v)) as f32).collect(),
             // What is left for the multiplier is `k - r`, so its share is `(k - r) / k`.
             share: patch_penalty.iter().zip(&elastic.patch_bulk).map(|(r, k)| ((k - r) / k) as f32).collect(),
             row_cuts: slabs::even_cuts(elastic.tets.len().div_ceil(WIDTH)),
-            patch_cuts: slabs::even_cuts(patches),
+            patch_cuts,
         }
     }
 
@@ -91,7 +96,7 @@ impl Pressures {
 
     /// Bytes that they take.
     pub(super) fn bytes(&self) -> usize {
-        let patches = bytes::of(&self.start) + bytes::of(&self.rate) + bytes::of(&self.share);
+        let patches = bytes::of(&self.rate) + bytes::of(&self.share);
         patches + self.around.bytes() + bytes::of(&self.walls)
     }
 
@@ -100,16 +105,12 @@ impl Pressures {
         self.rate.len()
     }
 
-    /// Sets what elements are without any pressure, and one more that is nothing; `damping` is the damping time over the
-    /// time step.
-    pub(super) fn still(
-        &self,
-        of: Tissue<'_>,
-        damping: f32,
-        elements: &mut Vec<Element>,
-        grown: &mut Grown,
-        pool: &Pool,
-    ) {
+    /// Sets what elements are without any pressure; `damping` is the damping time over the time step. Done once for each:
+    /// nothing of it changes with the positions.
+    pub(super) fn still(&self, of: Tissue<'_>, damping: f32, still: &mut Still, pool: &Pool) {
+        if still.of == Some((self.id, damping)) {
+            return;
+        }
         let more = 1.0 + f64::from(damping);
         let region = |&[mu, carried]: &[f64; 2]| {
             let own = ELEMENT_BULK * mu * more;
@@ -121,16 +122,17 @@ impl Pressures {
             )
         };
         let regions: Vec<(f32, f32, f32)> = self.regions.iter().map(region).collect();
-        grown.still = regions.iter().map(|r| [r.0, r.2]).collect();
-        elements.resize(self.tets + 1, [0.0; 2]);
-        elements[self.tets] = [0.0; 2];
+        still.of = Some((self.id, damping));
+        still.carried = regions.iter().map(|r| r.2).collect();
+        still.elements.resize(self.tets + 1, [0.0; 2]);
+        still.elements[self.tets] = [0.0; 2];
         let six = of.volumes.six_rest().as_flattened();
         let cuts = self.element_cuts();
-        pool.each_part(elements, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
+        pool.each_part(&mut still.elements, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
             let own = cuts[i]..cuts[i + 1];
             for ((element, &r), six) in elements.iter_mut().zip(&of.region[own.clone()]).zip(&six[own]) {
-                let (still, rise, _) = regions[r as usize];
-                *element = [still, rise / six];
+                let (start, rise, _) = regions[r as usize];
+                *element = [start, rise / six];
             }
         });
     }
@@ -141,12 +143,12 @@ impl Pressures {
     pub(super) fn update(
         &self,
         (of, positions): (Tissue<'_>, &[[f32; 4]]),
-        nodal: &mut [f32],
-        elements: &mut [Element],
-        grown: &mut Grown,
+        (nodal, growth): (&mut [f32], &mut Vec<Row>),
+        still: &Still,
+        elements: &mut Vec<Element>,
+        total: &mut Vec<f32>,
         (advance, pool): (bool, &Pool),
     ) {
-        let Grown { growth, total, still } = grown;
         of.volumes.measure(positions, growth, pool);
         total.resize(self.len(), 0.0);
         // Each piece has its part of the nodal pressures and, as its slot, the same part of the totals.
@@ -154,7 +156,7 @@ impl Pressures {
         pool.each_part(nodal, &self.patch_cuts, &mut totals, &|i, nodal, total| {
             let (first, end) = (self.patch_cuts[i], self.patch_cuts[i + 1]);
             let (rate, share) = (&self.rate[first..end], &self.share[first..end]);
-            self.around.each(&self.start[first..=end], growth.as_flattened(), |k, sum| {
+            self.around.of_piece(i, growth.as_flattened(), |k, sum| {
                 let step = rate[k] * sum;
                 if advance {
                     nodal[k] = (nodal[k] + step) * share[k];
@@ -162,19 +164,26 @@ impl Pressures {
                 total[k] = nodal[k] + step;
             });
         });
+        elements.resize(self.tets + 1, [0.0; 2]);
         pool.each_part(elements, &self.element_cuts(), &mut [(); slabs::PIECES], &|i, elements, ()| {
-            let first = self.row_cuts[i];
-            widest(Spread { of, total, growth, still, first, elements });
-            let end = first * WIDTH + elements.len();
-            let from = self.walls.partition_point(|w| (w.0 as usize) < first * WIDTH);
-            for &(t, patches) in self.walls[from..].iter().take_while(|w| (w.0 as usize) < end) {
-                let element = &mut elements[t as usize - first * WIDTH];
-                let [a, b, c, d] = patches.map(|p| total[p as usize]);
-                let [start, carried] = still[of.region[t as usize] as usize];
-                let growth = growth.as_flattened()[t as usize];
-                element[0] = start + (((a + b) + (c + d)) * MEAN - growth * (element[1] * carried));
-            }
+            self.spread(&Spread { of, total, growth, still, first: self.row_cuts[i] }, elements);
         });
+    }
+
+    /// Pressures of the elements from row `first` on.
+    fn spread(&self, spread: &Spread<'_>, elements: &mut [Element]) {
+        widest(Rows { spread, elements });
+        let first = spread.first * WIDTH;
+        let end = first + elements.len();
+        let from = self.walls.partition_point(|w| (w.0 as usize) < first);
+        for &(t, patches) in self.walls[from..].iter().take_while(|w| (w.0 as usize) < end) {
+            let t = t as usize;
+            let [a, b, c, d] = patches.map(|p| spread.total[p as usize]);
+            let [start, rise] = spread.still.elements[t];
+            let carried = spread.still.carried[spread.of.region[t] as usize];
+            let growth = spread.growth.as_flattened()[t];
+            elements[t - first][0] = start + (((a + b) + (c + d)) * MEAN - growth * (rise * carried));
+        }
     }
 
     /// Pieces of elements for threads.
@@ -186,61 +195,66 @@ impl Pressures {
 /// Share of a patch's pressure in the derivative of an element's energy by six times its volume.
 const MEAN: f32 = 1.0 / 24.0;
 
-/// Elements' derivatives from the pressures of their corners.
+/// What elements' derivatives follow from.
 struct Spread<'a> {
     of: Tissue<'a>,
     total: &'a [f32],
     growth: &'a [Row],
-    still: &'a [[f32; 2]],
+    still: &'a Still,
     /// Row that the elements begin with.
     first: usize,
+}
+
+/// Elements' derivatives from the pressures of their corners.
+struct Rows<'a> {
+    spread: &'a Spread<'a>,
     elements: &'a mut [Element],
 }
 
-impl Kernel for Spread<'_> {
+impl Kernel for Rows<'_> {
     type Out = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let corners = self.of.volumes.corners().numbers(self.total);
-        let regions = &self.of.region[self.first * WIDTH..];
-        let (rows, rest) = self.elements.as_chunks_mut::<WIDTH>();
-        for (k, row) in rows.iter_mut().enumerate() {
-            spread::<V>(row, &corners, (self.first + k, &self.growth[self.first + k]), (regions, k, self.still));
+        let corners = self.spread.of.volumes.corners().numbers(self.spread.total);
+        let still = &self.spread.still.elements[self.spread.first * WIDTH..][..self.elements.len()];
+        let ((rows, rest), (still, last)) = (self.elements.as_chunks_mut::<WIDTH>(), still.as_chunks::<WIDTH>());
+        for (k, (row, still)) in rows.iter_mut().zip(still).enumerate() {
+            *row = self.spread.row::<V>(&corners, k, still);
         }
         if !rest.is_empty() {
-            let mut last = [[0.0; 2]; WIDTH];
-            last[..rest.len()].copy_from_slice(rest);
-            let k = rows.len();
-            spread::<V>(&mut last, &corners, (self.first + k, &self.growth[self.first + k]), (regions, k, self.still));
-            rest.copy_from_slice(&last[..rest.len()]);
+            let mut padded = [[0.0; 2]; WIDTH];
+            padded[..last.len()].copy_from_slice(last);
+            let row = self.spread.row::<V>(&corners, rows.len(), &padded);
+            rest.copy_from_slice(&row[..rest.len()]);
         }
     }
 }
 
-/// Sixteen elements: row `k` of `regions`.
-#[inline(always)]
-fn spread<V: Lanes>(
-    elements: &mut [Element; WIDTH],
-    corners: &Numbers<'_, 4, u32>,
-    (row, growth): (usize, &Row),
-    (regions, k, still): (&[u8], usize, &[[f32; 2]]),
-) {
-    let regions = &regions[k * WIDTH..regions.len().min((k + 1) * WIDTH)];
-    let alike = regions.iter().all(|&r| r == regions[0]);
-    for lane in (0..WIDTH).step_by(V::N) {
-        let [start, carried] = if alike {
-            still[regions[0] as usize].map(V::splat)
-        } else {
-            let of = |i: usize| core::array::from_fn(|l| regions.get(l).map_or(0.0, |&r| still[r as usize][i]));
-            [V::load(&of(0), lane), V::load(&of(1), lane)]
-        };
-        let (a, b): (V, V) = (corners.gather(row, 0, lane), corners.gather(row, 1, lane));
-        let (c, d): (V, V) = (corners.gather(row, 2, lane), corners.gather(row, 3, lane));
-        let [_, rise] = V::load_pairs(elements, lane);
-        // The mean of its patches, less what the element's own change from now on will add again.
-        let slope = start + (((a + b) + (c + d)) * V::splat(MEAN) - V::load(growth, lane) * (rise * carried));
-        V::store_pairs([slope, rise], elements, lane);
+impl Spread<'_> {
+    /// Sixteen elements, `k` rows on.
+    #[inline(always)]
+    fn row<V: Lanes>(&self, corners: &Numbers<'_, 4, u32>, k: usize, still: &[Element; WIDTH]) -> [Element; WIDTH] {
+        let row = self.first + k;
+        let regions = &self.of.region[row * WIDTH..self.of.region.len().min((row + 1) * WIDTH)];
+        let carried = |&r: &u8| self.still.carried[r as usize];
+        let alike = regions.iter().all(|&r| r == regions[0]);
+        let mut out = *still;
+        for lane in (0..WIDTH).step_by(V::N) {
+            let carried = if alike {
+                V::splat(carried(&regions[0]))
+            } else {
+                V::load(&core::array::from_fn(|l| regions.get(l).map_or(0.0, carried)), lane)
+            };
+            let (a, b): (V, V) = (corners.gather(row, 0, lane), corners.gather(row, 1, lane));
+            let (c, d): (V, V) = (corners.gather(row, 2, lane), corners.gather(row, 3, lane));
+            let [start, rise] = V::load_pairs(still, lane);
+            // The mean of its patches, less what the element's own change from now on will add again.
+            let slope =
+                start + (((a + b) + (c + d)) * V::splat(MEAN) - V::load(&self.growth[row], lane) * (rise * carried));
+            V::store_pairs([slope, rise], &mut out, lane);
+        }
+        out
     }
 }
 

@@ -3,7 +3,7 @@
 use super::around::{Around, Element, Force, Matrix, Sums, Vector, area, away};
 use super::rings::{Batch, Part};
 use super::touch::Touching;
-use crate::fast::{Kernel, Lanes, Row, WIDTH};
+use crate::fast::{Kernel, Lanes, Row, WIDTH, dot};
 
 /// What is the same in all sweeps of a substep. Arrays of vertices are those of the part.
 #[derive(Clone, Copy)]
@@ -171,7 +171,7 @@ impl<'a> Sweep<'a> {
             sums.neighbour(V::load(&weights[k], first), &c);
             let n = area(&a, &b, &c);
             // Six times the volume is minus this.
-            let volume = n[0] * a[0] + n[1] * a[1] + n[2] * a[2];
+            let volume = dot(n, a);
             sums.element((&elements, batch.elements + k - 2, first), &n, volume);
             let keeps = keeps[k];
             for i in 0..3 {

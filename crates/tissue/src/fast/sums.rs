@@ -1,0 +1,121 @@
+//! Sums of a few numbers each from a long list, sixteen sums at a time.
+//!
+//! One sum after the other is mostly waiting: each ends after another count of numbers, which the processor guesses wrong.
+//! Sums of about as many numbers side by side end together.
+
+use super::lanes::{Kernel, Lanes, Places, WIDTH};
+use crate::bytes;
+use core::ops::Range;
+
+/// Sixteen sums.
+#[derive(Debug, Clone)]
+struct Batch {
+    /// Their numbers, from the first of the piece on.
+    sums: [u32; WIDTH],
+    count: usize,
+    rows: Range<usize>,
+}
+
+/// Which numbers go into which sum, in pieces that threads may share.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Sums {
+    places: Places<1, u32>,
+    /// Bits of the lanes whose sums are not yet at their end, of each row of places.
+    lanes: Vec<u16>,
+    batches: Vec<Batch>,
+    /// Where each piece's batches begin, and the end.
+    pieces: Vec<usize>,
+}
+
+impl Sums {
+    /// Of the lists `around[start[i]..start[i + 1]]`, for pieces of lists cut at `cuts`.
+    pub(crate) fn new(start: &[u32], around: &[u32], cuts: &[usize]) -> Self {
+        let list = |sum: usize| &around[start[sum] as usize..start[sum + 1] as usize];
+        let (mut rows, mut out) = (Vec::new(), Self { pieces: vec![0], ..Self::default() });
+        for piece in cuts.windows(2) {
+            let mut order: Vec<usize> = (piece[0]..piece[1]).collect();
+            order.sort_by_key(|&sum| (core::cmp::Reverse(list(sum).len()), sum));
+            for sums in order.chunks(WIDTH) {
+                let (first, most) = (rows.len(), list(sums[0]).len());
+                for k in 0..most {
+                    let place = |l: usize| sums.get(l).and_then(|&sum| list(sum).get(k));
+                    let some = list(sums[0])[k];
+                    rows.push([core::array::from_fn(|l| place(l).copied().unwrap_or(some))]);
+                    out.lanes.push((0..WIDTH).filter(|&l| place(l).is_some()).fold(0, |bits, l| bits | 1 << l));
+                }
+                let own = |l: usize| (sums[l.min(sums.len() - 1)] - piece[0]) as u32;
+                let sums_of = core::array::from_fn(own);
+                out.batches.push(Batch { sums: sums_of, count: sums.len(), rows: first..rows.len() });
+            }
+            out.pieces.push(out.batches.len());
+        }
+        out.places = Places::new(rows);
+        out
+    }
+
+    /// Bytes that they take.
+    pub(crate) fn bytes(&self) -> usize {
+        self.places.bytes() + bytes::of(&self.lanes) + bytes::of(&self.batches) + bytes::of(&self.pieces)
+    }
+
+    /// For each sum of a piece, in any order, what `then` makes of its number, from the first of the piece on, and of it.
+    pub(crate) fn of_piece<F: FnMut(usize, f32)>(&self, piece: usize, numbers: &[f32], then: F) {
+        let batches = &self.batches[self.pieces[piece]..self.pieces[piece + 1]];
+        super::widest(Piece { of: self, batches, numbers, then });
+    }
+}
+
+struct Piece<'a, F> {
+    of: &'a Sums,
+    batches: &'a [Batch],
+    numbers: &'a [f32],
+    then: F,
+}
+
+impl<F: FnMut(usize, f32)> Kernel for Piece<'_, F> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(mut self) {
+        let numbers = self.of.places.numbers(self.numbers);
+        for batch in self.batches {
+            let mut all = [0.0; WIDTH];
+            for first in (0..WIDTH).step_by(V::N).take_while(|&f| f < batch.count) {
+                // Two sums at a time: one after the other would wait for each addition.
+                let mut sums = [V::splat(0.0); 2];
+                for row in batch.rows.clone() {
+                    let number = V::choose(self.of.lanes[row], first, numbers.gather(row, 0, first), V::splat(0.0));
+                    sums[row & 1] = sums[row & 1] + number;
+                }
+                let own = batch.rows.start & 1;
+                (sums[own] + sums[1 - own]).store(&mut all, first);
+            }
+            (0..batch.count).for_each(|l| (self.then)(batch.sums[l] as usize, all[l]));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_of_any_lengths_in_any_pieces_are_those_of_each_list_by_itself() {
+        let lengths: Vec<usize> = (0..75).map(|i| (i * 7) % 23).collect();
+        let mut start = vec![0];
+        lengths.iter().for_each(|&n| start.push(start[start.len() - 1] + n as u32));
+        let around: Vec<u32> = (0..start[75]).map(|i| i * 37 % 101).collect();
+        // Whole numbers, so that the order of adding does not matter.
+        let numbers: Vec<f32> = (0..101).map(|i| (i * i % 59) as f32 - 20.0).collect();
+        for cuts in [vec![0, 75], vec![0, 0, 16, 17, 60, 75]] {
+            let sums = Sums::new(&start, &around, &cuts);
+            let mut found = vec![f32::NAN; 75];
+            for piece in 0..cuts.len() - 1 {
+                sums.of_piece(piece, &numbers, |i, sum| found[cuts[piece] + i] = sum);
+            }
+            let list = |i: usize| &around[start[i] as usize..start[i + 1] as usize];
+            let wanted: Vec<f32> = (0..75).map(|i| list(i).iter().map(|&p| numbers[p as usize]).sum()).collect();
+            assert_eq!(found, wanted);
+        }
+    }
+}
