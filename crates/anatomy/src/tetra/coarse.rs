@@ -11,13 +11,26 @@ const SAMPLES: usize = 10;
 /// a sixth at a few thousand elements; what has lost a third is not there any more, and would only be blown up.
 const LOST: f64 = 0.35;
 
+/// Mean volume of `count` elements, mm3.
+fn mean(count: usize, fields: &LabelFields) -> f64 {
+    fields.volumes.iter().sum::<f64>() / count.max(1) as f64
+}
+
 /// Whether a mesh of `count` elements has lost its inner labels, by their volumes before they were restored.
 pub(super) fn is_lost(found: &[f64], count: usize, fields: &LabelFields) -> bool {
     let inner = fields.parts.len();
     let sum = |volumes: &[f64]| volumes.iter().take(inner).sum::<f64>();
-    let (wanted, mean) = (sum(&fields.volumes), fields.volumes.iter().sum::<f64>() / count.max(1) as f64);
+    let wanted = sum(&fields.volumes);
     // What is smaller than two elements is lost at any rate.
-    wanted > 2.0 * mean && sum(found) < (1.0 - LOST) * wanted
+    inner > 0 && wanted > 2.0 * mean(count, fields) && sum(found) < (1.0 - LOST) * wanted
+}
+
+/// Whether a mesh of `count` elements has lost a label that should have many of them, by its volumes when it has just been
+/// coarsened: so much is not made good again, and improving such a mesh takes longer than all the rest.
+pub(super) fn is_gone(coarsened: &[f64], count: usize, fields: &LabelFields) -> bool {
+    let (mean, volumes) = (mean(count, fields), coarsened.iter().zip(&fields.volumes));
+    !fields.parts.is_empty()
+        && volumes.into_iter().any(|(&v, &wanted)| wanted > MANY * mean && v < (1.0 - LOST) * wanted)
 }
 
 /// A label with the volume of so many elements
@@ -27,9 +40,9 @@ const OFF: f64 = 0.1;
 
 /// Whether a mesh of `count` elements misses the volume of a label that should have many of them.
 pub(super) fn is_off(restored: &[f64], count: usize, fields: &LabelFields) -> bool {
-    let mean = fields.volumes.iter().sum::<f64>() / count.max(1) as f64;
-    let volumes = restored.iter().zip(&fields.volumes);
-    volumes.into_iter().any(|(&v, &wanted)| wanted > MANY * mean && (v / wanted - 1.0).abs() > OFF)
+    let (mean, volumes) = (mean(count, fields), restored.iter().zip(&fields.volumes));
+    !fields.parts.is_empty()
+        && volumes.into_iter().any(|(&v, &wanted)| wanted > MANY * mean && (v / wanted - 1.0).abs() > OFF)
 }
 
 /// Gives each inner label the elements that hold most of it, as many as have its volume together, and at least one. Such a

@@ -192,10 +192,8 @@ pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
 struct Made {
     raw: RawMesh,
     crumbs: Vec<Crumb>,
-    /// Volume of each label before it was restored, mm3,
-    found: Vec<f64>,
-    /// and after that.
-    restored: Vec<f64>,
+    /// Labels are not represented by their surfaces: they are to be regions.
+    lost: bool,
     /// Whether the inner labels are regions without surfaces of their own.
     regions: bool,
 }
@@ -206,7 +204,7 @@ impl Made {
         let (mut best, mut aim) = (Self::once(fields, size, wanted, done)?, wanted as f64);
         let mut last = best.raw.tets.len();
         for _ in 0..if wanted < FEW { MORE_TRIES } else { 1 } {
-            if best.has_count(wanted, COUNT) || last == 0 || best.is_lost(fields) {
+            if best.has_count(wanted, COUNT) || last == 0 || best.lost {
                 break;
             }
             // What the last one is short of is asked for on top.
@@ -250,13 +248,7 @@ impl Made {
     }
 
     fn is_good(&self, fields: &LabelFields, wanted: usize) -> bool {
-        fields.parts.is_empty() || (self.has_count(wanted, ACCEPTED) && !self.is_lost(fields))
-    }
-
-    fn is_lost(&self, fields: &LabelFields) -> bool {
-        let count = self.raw.tets.len();
-        !fields.parts.is_empty()
-            && (coarse::is_lost(&self.found, count, fields) || coarse::is_off(&self.restored, count, fields))
+        fields.parts.is_empty() || (self.has_count(wanted, ACCEPTED) && !self.lost)
     }
 }
 
@@ -419,6 +411,10 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
         }
     }
     done(Stage::Coarsen);
+    let volumes = |work: &Work| work.volumes(fields.labels.len());
+    if coarse::is_gone(&volumes(&work), work.count(), fields) {
+        return Made { raw: work.into_raw(), crumbs, lost: true, regions: false };
+    }
     work.improve();
     for (sag, floor) in [(0.1, 0.3), (0.2, 0.28), (0.3, 0.26), (0.5, 0.24)] {
         if work.count() > wanted {
@@ -426,15 +422,16 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
             work.improve();
         }
     }
-    let found = work.volumes(fields.labels.len());
+    let found = volumes(&work);
     work.restore_volumes(&fields.volumes, 0.40);
     work.finish();
     work.settle_volumes(&fields.volumes);
-    let restored = work.volumes(fields.labels.len());
+    let (count, restored) = (work.count(), volumes(&work));
+    let lost = coarse::is_lost(&found, count, fields) || coarse::is_off(&restored, count, fields);
     let mut raw = work.into_raw();
     // Changes of surfaces are checked one by one above, but not everything where three labels meet.
     repair::repair(&mut raw, fields.labels.len() as u8, 0.0, |corners, l| coarse::holds(corners, l, fields));
-    Made { raw, crumbs, found, restored, regions: false }
+    Made { raw, crumbs, lost, regions: false }
 }
 
 /// Bisects for the finest edge whose estimated count is `count`.

@@ -98,6 +98,10 @@ fn a_large_label_whose_volume_cannot_be_restored_is_not_represented_by_its_surfa
     assert!(coarse::is_off(&half, 5_000, &fields));
     // A label of few elements may have any volume.
     assert!(!coarse::is_off(&[fields.volumes[0], half[1]], 10, &fields));
+    // Half of it is gone before any improvement, a fifth less may be made good.
+    assert!(coarse::is_gone(&half, 5_000, &fields) && !coarse::is_gone(&half, 10, &fields));
+    let fifth: Vec<f64> = fields.volumes.iter().map(|v| 0.8 * v).collect();
+    assert!(!coarse::is_gone(&fifth, 5_000, &fields));
 }
 
 #[test]
