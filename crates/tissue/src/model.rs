@@ -156,6 +156,7 @@ impl Model {
             velocities: vec![[0.0; 4]; self.rest.len()],
             pressure: vec![0.0; self.pressures()],
             csf_kpa: 0.0,
+            knotted: 0,
             tools: Vec::new(),
             time_s: 0.0,
         }

@@ -16,6 +16,8 @@ pub struct State {
     pub(crate) csf_kpa: f64,
     /// One per tool.
     pub(crate) tools: Vec<ToolState>,
+    /// Frames in a row that ended with crushed elements though nothing acted.
+    pub(crate) knotted: u32,
     /// Time since rest, s.
     pub(crate) time_s: f64,
 }
@@ -33,6 +35,7 @@ impl State {
         self.pressure.clone_from(&other.pressure);
         self.csf_kpa = other.csf_kpa;
         self.tools.clone_from(&other.tools);
+        self.knotted = other.knotted;
         self.time_s = other.time_s;
     }
 }

@@ -15,7 +15,7 @@ use crate::physical::descent::{Body, Descent, DescentScratch, Substep};
 use crate::report::{Event, StepReport, ToolReport};
 use crate::sphere_tree::Spheres;
 use crate::tool::{Rod, ToolMotion, travel};
-use crate::untangle::untangle;
+use crate::untangle::{CRUSHED, unknot, untangle};
 use crate::vec3::{V3, dot, norm, scale, sub, xyz};
 use crate::volumes::Survey;
 use crate::{Model, State};
@@ -29,6 +29,8 @@ const MOST_SUBSTEPS: u32 = 64;
 /// How often a frame that ended in numbers that are not finite is tried again with half the step. Turned elements are
 /// worth one more try: the solver turns them back by itself.
 const RETRIES: u32 = 4;
+/// Frames that tissue is given to come out of a knot by itself.
+const PATIENCE: u32 = 15;
 /// Elements that are worth a thread of their own.
 const THREAD_TETS: usize = 4000;
 
@@ -164,12 +166,13 @@ impl Stepper {
             }
         }
         report.rollbacks = failures.iter().filter(|e| matches!(e, Event::RolledBack { .. })).count() as u32;
+        self.untie(model, state);
         let failed_for_good = failures.contains(&Event::Held);
         report.events = failures;
         report.events.extend(jumped);
         report.events.append(&mut self.events);
         // Where elements were turned, what was measured last may be the state before.
-        if failed_for_good || survey.inverted > 0 {
+        if failed_for_good || survey.inverted > 0 || state.knotted >= PATIENCE {
             survey = self.survey(model, &state.positions);
         }
         report.inverted = survey.inverted;
@@ -177,6 +180,20 @@ impl Stepper {
         self.fill(model, state, tools, &mut report);
         done(Stage::Check);
         report
+    }
+
+    /// Draws what stays crushed frame after frame, though nothing acts, to where it is at rest.
+    fn untie(&mut self, model: &Model, state: &mut State) {
+        let at_rest = |(p, rest): (&[f32; 4], &[f32; 4])| rest[3] > 0.0 || p == rest;
+        if !self.couplings.is_empty() || !state.positions.iter().zip(&model.rest).all(at_rest) {
+            state.knotted = 0;
+            return;
+        }
+        model.volumes.smaller(CRUSHED, &self.growth, &mut self.turned);
+        state.knotted = if self.turned.is_empty() { 0 } else { state.knotted.saturating_add(1) };
+        if let Some(late) = state.knotted.checked_sub(PATIENCE) {
+            unknot(&self.turned, (&model.tets, &model.rest), state, (0.1 * late as f32).min(1.0));
+        }
     }
 
     /// A tool that moves further in a frame than the finest cut allows has not gone there, it has been put there: it lets

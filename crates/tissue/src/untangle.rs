@@ -6,7 +6,11 @@
 //! (equation (10) of the paper as an inequality), Gauss-Seidel over all elements that are crushed at all, until none is
 //! turned or [`ROUNDS`] have passed. Pushing moves vertices along the gradient by their inverse mass, so it keeps momentum
 //! and angular momentum, and where nothing is turned it does nothing.
+//!
+//! Lengths alone do not know on which side of its neighbours a vertex is, so in paper mode tissue can stay knotted: elements
+//! remain crushed though nothing acts on them any more. Then their corners are drawn to where they are at rest.
 
+use crate::State;
 use crate::fast::{Pool, Row};
 use crate::vec3::{add, cross, dot, scale, shift, sub, xyz};
 use crate::volumes::{Survey, Volumes};
@@ -14,7 +18,7 @@ use crate::volumes::{Survey, Volumes};
 /// Share of its volume at rest that an element is opened to.
 const LEAST: f32 = 0.02;
 /// Elements below this share are watched in a round: pushing one open can turn another.
-const CRUSHED: f32 = 0.3;
+pub(crate) const CRUSHED: f32 = 0.3;
 /// Passes over the watched elements in a round, and rounds at most: a round begins by choosing what to watch.
 const PASSES: u32 = 50;
 const ROUNDS: u32 = 5;
@@ -45,6 +49,19 @@ pub(crate) fn untangle(
         survey = volumes.survey(positions, growth, pool);
     }
     survey
+}
+
+/// Brings the corners of the listed elements to a stop, a share of the way to where they are at rest.
+pub(crate) fn unknot(list: &[(u32, f32)], (tets, rest): (&[[u32; 4]], &[[f32; 4]]), state: &mut State, share: f32) {
+    let mut nodes: Vec<u32> = list.iter().flat_map(|&(t, _)| tets[t as usize]).collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    for n in nodes.into_iter().map(|n| n as usize).filter(|&n| rest[n][3] > 0.0) {
+        let p = &mut state.positions[n];
+        let way = sub(xyz(rest[n]), xyz(*p));
+        shift(p, share, way);
+        state.velocities[n] = [0.0; 4];
+    }
 }
 
 /// Pushes one element open to six times the volume `least`; says whether it had less.
