@@ -22,6 +22,7 @@ pub(super) fn remarks<T: Copy + Into<u16> + Sync>(report: &MeshReport, source: &
     }
     for (i, l) in report.labels.iter().enumerate() {
         all.extend(of_crumbs(source, i));
+        all.extend(of_missing(source, i).filter(|_| l.lost_at.is_none()));
         all.extend(of_label(l, report.coarse_regions));
     }
     // Of a single label it is the same surface.
@@ -100,6 +101,22 @@ fn of_crumbs<T>(source: &Source<'_, T>, label: usize) -> Option<String> {
         "label {name}: {pieces} separate piece(s) of {volume:.2} mm3 in all ({:.1} voxels) are too small for elements of their own and are counted to what lies around them; the largest is at {at}",
         volume / source.fields.voxel
     ))
+}
+
+/// Pieces so small or flat that nothing of them is left in the smooth fields.
+fn of_missing<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>, label: usize) -> Option<String> {
+    let fields = source.fields;
+    let missing = source.voxels.missing(fields.labels[label], fields.step, |p| fields.label_at(p) == Some(label));
+    (missing.pieces > 0).then(|| {
+        format!(
+            "label {}: {} separate piece(s) of {} voxel(s) in all, one at {}, are lost where voxels are resampled to cells of {:.2} mm; voxels as long in all directions, or of half the size, would keep them",
+            fields.labels[label],
+            missing.pieces,
+            missing.voxels,
+            place(missing.at),
+            fields.step
+        )
+    })
 }
 
 fn of_label(l: &LabelReport, coarse_regions: bool) -> Vec<String> {

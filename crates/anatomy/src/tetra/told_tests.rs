@@ -81,6 +81,21 @@ fn a_label_without_an_element_is_told_and_refused_with_its_place() {
     assert_eq!(refused, MeshError::Lost { label: 5, voxels: 1, at: [-0.75, 1.25, 1.0] });
 }
 
+#[test]
+fn a_flat_island_that_smoothing_loses_is_told_with_its_place() {
+    let mut inner: Vec<[usize; 3]> = Vec::new();
+    (24..32).for_each(|i| (14..22).for_each(|j| (20..23).for_each(|k| inner.push([i, j, k]))));
+    inner.push([16, 24, 22]);
+    let (_, report) =
+        mesh(&ball_with([0.5, 0.5, 2.0], &inner), &MeshOptions::new(&[4, 5], &[5], 8_000)).expect("a mesh");
+    let words = ["label 5: 1 separate piece(s) of 1 voxel(s)", "(-2.8, 1.2, 1.0) mm", "half the size"];
+    assert!(told(&report, &words), "{:?}", report.remarks);
+    inner.pop();
+    let (_, report) =
+        mesh(&ball_with([0.5, 0.5, 2.0], &inner), &MeshOptions::new(&[4, 5], &[5], 8_000)).expect("a mesh");
+    assert!(!told(&report, &["separate piece(s)"]), "{:?}", report.remarks);
+}
+
 /// A shell of two voxels, label 5, around a ball.
 fn shell() -> Volume<u8> {
     labelled([1.0; 3], |v| {

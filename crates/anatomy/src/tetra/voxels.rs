@@ -1,6 +1,7 @@
 //! The labels as they were given, for what their smooth fields do not keep.
 
 use monro_geometry::{Grid, Patient, Point, Volume};
+use rayon::prelude::*;
 use std::collections::BTreeSet;
 
 /// Pieces of voxels of more than so many cells are no specks.
@@ -30,24 +31,59 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
     /// voxels whose labels `of` accepts. Voxels that share an edge or a corner are not separate.
     pub(super) fn is_separate(&self, p: Point<Patient>, step: f64, of: impl Fn(u16) -> bool) -> bool {
         let grid = self.0.grid();
-        let is_in = |at: usize| of(self.0.data()[at].into());
-        let Some([i, j, k]) = grid.containing(p).filter(|&[i, j, k]| is_in(grid.index(i, j, k))) else { return false };
+        let at = grid.containing(p).map(|[i, j, k]| grid.index(i, j, k));
+        at.is_some_and(|at| of(self.0.data()[at].into()) && self.piece(at, step, of).is_some())
+    }
+
+    /// The voxels of the piece of a voxel, of those whose labels `of` accepts, if it is small: less than some cells of edge
+    /// `step` (mm) in all.
+    fn piece(&self, at: usize, step: f64, of: impl Fn(u16) -> bool) -> Option<BTreeSet<usize>> {
+        let grid = self.0.grid();
         let most = (CELLS * step.powi(3) / grid.voxel_volume()) as usize + 1;
-        let mut piece = BTreeSet::from([grid.index(i, j, k)]);
-        let mut edge: Vec<[usize; 3]> = vec![[i, j, k]];
+        let (mut piece, mut edge) = (BTreeSet::from([at]), vec![grid.voxel(at)]);
         while let Some(v) = edge.pop() {
             for [i, j, k] in around(v, grid.dims()) {
                 let at = grid.index(i, j, k);
-                if is_in(at) && piece.insert(at) {
+                if of(self.0.data()[at].into()) && piece.insert(at) {
                     edge.push([i, j, k]);
                 }
             }
             if piece.len() > most {
-                return false;
+                return None;
             }
         }
-        true
+        Some(piece)
     }
+}
+
+impl<T: Copy + Into<u16> + Sync> Voxels<'_, T> {
+    /// The small separate pieces of a label of which no voxel `is_there`, by its centre, in what they were smoothed to.
+    pub(super) fn missing(&self, label: u16, step: f64, is_there: impl Fn([f64; 3]) -> bool + Sync) -> Missing {
+        let (grid, data) = (self.0.grid(), self.0.data());
+        let absent = |&at: &usize| data[at].into() == label && !is_there(centre(grid, at));
+        let absent: Vec<usize> = (0..data.len()).into_par_iter().filter(absent).collect();
+        let (mut all, mut seen) = (Missing::default(), BTreeSet::new());
+        for &at in &absent {
+            if seen.contains(&at) {
+                continue;
+            }
+            let Some(piece) = self.piece(at, step, |l| l == label) else { continue };
+            if piece.iter().all(|v| absent.binary_search(v).is_ok()) {
+                all = Missing { pieces: all.pieces + 1, voxels: all.voxels + piece.len(), at: centre(grid, at) };
+            }
+            seen.extend(piece);
+        }
+        all
+    }
+}
+
+/// Pieces of a label that are lost.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Missing {
+    pub(super) pieces: usize,
+    pub(super) voxels: usize,
+    /// The centre of a voxel of one of them, LPS mm.
+    pub(super) at: [f64; 3],
 }
 
 fn centre(grid: &Grid, at: usize) -> [f64; 3] {
