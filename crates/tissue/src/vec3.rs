@@ -63,3 +63,8 @@ pub(crate) fn shift(p: &mut [f32; 4], s: f32, d: V3) {
     p[1] += s * d[1];
     p[2] += s * d[2];
 }
+
+/// The larger of two; the first where the second is not a number. Unlike `f32::max` a single instruction.
+pub(crate) fn larger(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}

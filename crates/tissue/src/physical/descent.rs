@@ -14,7 +14,7 @@ use crate::fast::{Pool, Row, WIDTH, plain, widest};
 use crate::model::{Region, Tether};
 use crate::rigid::Rigid;
 use crate::slabs::{self, Round, Slabs};
-use crate::vec3::{V3, shift, sub, xyz};
+use crate::vec3::{V3, larger, shift, sub, xyz};
 use crate::volumes::Volumes;
 
 /// A vertex goes this many times as far as its own minimum (successive over-relaxation): smooth motions converge in fewer
@@ -207,8 +207,9 @@ impl Descent {
         for c in body.couplings.iter_mut() {
             c.force = penalty_force(c, c.point(body.positions));
         }
-        let motion = scratch.memory.iter().flatten().flat_map(|m| &m.motion).flatten();
-        motion.fold(0f32, |m, v| m.max(*v)).sqrt()
+        let motion = scratch.memory.iter().flatten().flat_map(|m| &m.motion);
+        let most = motion.fold([0f32; WIDTH], |most, row| core::array::from_fn(|l| larger(most[l], row[l])));
+        most.into_iter().fold(0.0, larger).sqrt()
     }
 
     /// Inertial target, lagged terms and the lists of what acts on single vertices.
