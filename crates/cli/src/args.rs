@@ -231,9 +231,11 @@ What is printed (forces in N, along the axes of the scene):
   punch_forces_N, rod_forces_N
                   force of each sphere, of each rod on the tissue; punch_force_N, rod_force_N: of the first, along its
                   motion, positive when the tissue resists
-  converged       the tolerance (residual 1e-6) was met with all motion and load imposed, no element is turned, and the
-                  mesh is as fine as --refine asked
+  converged       the tolerance (residual 1e-6) was met with all motion and load imposed, no element is turned, no sphere
+                  has gone through the surface, the loads are borne, and the mesh is as fine as --refine asked
   residual        force out of balance over supports' forces and loads
+  unborne         sum of the forces out of balance over the sum of the loads and of the spheres' forces; above 0.01 is no
+                  answer
   share           share of the imposed motion and load that was reached, 0 to 1
   tets_solved     elements that the answer was found on, after refinement
   turned          how many of them are turned inside out or without volume

@@ -5,8 +5,8 @@ mod common;
 use common::{block, nodes, options, physical};
 use monro_geometry::{Point, TetMesh, Vector};
 use monro_tissue::{
-    EmbeddedRod, Finer, Material, ModelOptions, SphereContact, StaticError, StaticOptions, StaticProblem,
-    StaticSolution, Support, equilibrium,
+    EmbeddedRod, Finer, Material, Model, ModelOptions, SphereContact, StaticError, StaticOptions, StaticProblem,
+    StaticSolution, Stop, Support, equilibrium,
 };
 
 fn material(poisson: f64) -> ModelOptions {
@@ -168,4 +168,87 @@ fn a_sphere_that_begins_inside_is_refused() {
     problem.contacts.push(SphereContact { radius_mm: 5.0, friction: 0.0, from, to });
     let told = equilibrium(&mesh, &material(0.3), &problem, &StaticOptions::default(), &mut || true);
     assert!(matches!(told, Err(StaticError::Inside { sphere: 0, radius_mm: 5.0, .. })), "{told:?}");
+}
+
+/// A block of 60 mm with a sphere of 5 mm radius over the middle of a face of its surface, as coarse as it is.
+fn over_a_face(hold_top: impl Fn(f64) -> bool, depth: f64, refine: bool) -> Result<StaticSolution, StaticError> {
+    let mesh = block([6; 3], 10.0, |_| 4);
+    let mut problem = StaticProblem::default();
+    hold(&mut problem, 0, nodes(&mesh, |p| p.z == 0.0), [Some(0.0); 3]);
+    hold(&mut problem, 1, nodes(&mesh, |p| p.z == 60.0 && hold_top(p.x)), [Some(0.0); 3]);
+    let (from, to) = (Point::new(33.5, 36.5, 66.0), Point::new(33.5, 36.5, 65.0 - depth));
+    problem.contacts.push(SphereContact { radius_mm: 5.0, friction: 0.0, from, to });
+    let (o, how) = (material(0.3), StaticOptions::default());
+    if refine {
+        return equilibrium(&mesh, &o, &problem, &how, &mut || true);
+    }
+    Model::new(&mesh, &o)?.equilibrium(&problem, &how, &mut || true)
+}
+
+#[test]
+fn a_sphere_between_the_vertices_of_a_coarse_mesh_does_not_slip_through() {
+    let solved = over_a_face(|_| false, 1.0, false).expect("solved");
+    assert!(solved.converged && solved.overlaps.is_empty(), "{:?} {:?}", solved.stop, solved.overlaps);
+    assert!(-solved.contacts[0].z > 1.0, "{:?}", solved.contacts[0]);
+}
+
+#[test]
+fn held_vertices_under_a_sphere_bear_no_invented_force() {
+    let free = over_a_face(|_| false, 3.0, true).expect("solved");
+    let force = -free.contacts[0].z;
+    assert!(free.converged && free.overlaps.is_empty() && force > 0.0);
+    match over_a_face(|_| true, 3.0, true) {
+        Err(StaticError::OnlyHeld { sphere: 0, vertices, depth_mm }) => {
+            assert!(vertices > 0 && (depth_mm - 3.0).abs() < 0.1, "{vertices} {depth_mm}");
+        }
+        other => panic!("{other:?}"),
+    }
+    // Half of the surface is held, up to the edge of the contact.
+    let half = over_a_face(|x| x < 35.0, 3.0, true).expect("solved");
+    let overlap = half.overlaps.first().expect("told");
+    assert!(overlap.held > 0 && overlap.held_mm > 0.1 && -half.contacts[0].z < 3.0 * force, "{overlap:?} {force}");
+}
+
+#[test]
+fn a_sphere_that_goes_through_the_surface_is_never_called_converged() {
+    let solved = over_a_face(|_| false, 30.0, false).expect("solved");
+    assert!(!solved.converged, "{:?} {:?}", solved.stop, solved.overlaps);
+    let force = -solved.contacts[0].z;
+    assert!(solved.stop != Some(Stop::Through) || force > 0.0, "{force} at {}", solved.share);
+}
+
+#[test]
+fn a_rod_far_thinner_than_the_elements_ends_soon_and_is_told() {
+    let mesh = block([5; 3], 10.0, |_| 4);
+    let mut problem = StaticProblem::default();
+    hold(&mut problem, 0, nodes(&mesh, |p| p.z == 0.0), [Some(0.0); 3]);
+    let ends = [Point::new(25.0, 25.0, 50.0), Point::new(25.0, 25.0, 10.0)];
+    let rod = |radius_mm, up| EmbeddedRod { radius_mm, ends, displacement_mm: Vector::new(0.0, 0.0, up) };
+    problem.rods.push(rod(1e-3, 2.0));
+    let solved = equilibrium(&mesh, &material(0.3), &problem, &StaticOptions::default(), &mut || true);
+    let solved = solved.expect("its axis is on vertices");
+    assert_eq!((solved.coarse[0].what, solved.coarse[0].index), ("rod", 0));
+    assert!(solved.tets < 150_000, "{}", solved.tets);
+    // A second one in its place has nothing left to hold.
+    problem.rods = vec![rod(1.5, 2.0), rod(1.5, -2.0)];
+    let taken = equilibrium(&mesh, &material(0.3), &problem, &StaticOptions::default(), &mut || true);
+    assert!(matches!(taken, Err(StaticError::Taken { rod: 1, vertices }) if vertices > 0), "{taken:?}");
+}
+
+/// A soft beam on a stub a million times as stiff, which is pulled: its weight is nothing against that.
+#[test]
+fn loads_small_against_what_something_stiff_bears_are_borne_all_the_same() {
+    let mesh = block([10, 2, 2], 10.0, |c| if c[0] < 2 { 5 } else { 4 });
+    let sag = |stiff: f64| {
+        let mut o = material(0.3);
+        o.materials.insert(5, Material { young_kpa: stiff, poisson: 0.3, ..Material::BRAIN });
+        let mut problem = StaticProblem { body_force_mn_mm3: [0.0, 0.0, -1e-4], ..StaticProblem::default() };
+        hold(&mut problem, 0, nodes(&mesh, |p| p.x == 0.0), [Some(0.0); 3]);
+        hold(&mut problem, 1, nodes(&mesh, |p| p.x == 10.0), [Some(1.0), None, None]);
+        let solved = solve(&mesh, &o, &problem);
+        assert!((sum(&solved.reaction).z / (1e-4 * 40_000.0) - 1.0).abs() < 0.01, "{:?}", sum(&solved.reaction));
+        nodes(&mesh, |p| p.x == 100.0).into_iter().map(|n| solved.displacement[n as usize].z).sum::<f64>() / 9.0
+    };
+    let (some, much) = (sag(3e3), sag(6.5e6));
+    assert!((much / some - 1.0).abs() < 0.03, "{much} mm against {some} mm");
 }

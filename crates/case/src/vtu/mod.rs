@@ -33,7 +33,9 @@ pub enum VtuError {
         reason: String,
     },
     /// A cell that is no linear tetrahedron.
-    #[error("VTU cell {cell} is of VTK type {kind}; only linear tetrahedra (10) are read")]
+    #[error(
+        "VTU cell {cell} is of VTK type {kind}; only linear tetrahedra (10) are read; write the file without its other cells (lines, triangles of surfaces) and their cell data"
+    )]
     CellType {
         /// The cell.
         cell: usize,

@@ -9,6 +9,24 @@ use std::collections::BTreeMap;
 /// Poisson's ratios that the solver takes.
 const POISSON: core::ops::Range<f64> = 0.0..0.4999;
 
+/// Young's moduli (kPa) that some material has.
+const YOUNG_KPA: core::ops::RangeInclusive<f64> = 1e-3..=1e9;
+
+/// Remarks on moduli that no material has.
+pub(super) fn odd(materials: &BTreeMap<u16, Material>) -> Vec<String> {
+    let odd = materials.iter().filter(|(_, m)| !YOUNG_KPA.contains(&m.young_kpa));
+    odd.map(|(region, m)| {
+        format!(
+            "Young's modulus of region {region} is {:e} Pa: tissue has some 1e2 to 1e10; moduli are in Pa, so if {} kPa \
+             are meant write {}",
+            m.young_kpa * 1e3,
+            m.young_kpa * 1e3,
+            m.young_kpa * 1e6
+        )
+    })
+    .collect()
+}
+
 /// The materials of a case by region.
 pub(super) fn read(case: &Value) -> Result<BTreeMap<u16, Material>> {
     let entries = case["materials"].as_object().context("no \"materials\"")?;
@@ -24,28 +42,48 @@ pub(super) fn read(case: &Value) -> Result<BTreeMap<u16, Material>> {
 /// Young's modulus (Pa) and Poisson's ratio.
 fn moduli(m: &Value) -> Result<(f64, f64)> {
     let of = |name: &str| m[name].as_f64();
-    let lame = of("mu").zip(of("lam").or_else(|| Some(of("lam_hat")? - of("mu")?)));
-    let from_lame = lame.map(|(mu, lam)| (mu * (3.0 * lam + 2.0 * mu) / (lam + mu), lam / (2.0 * (lam + mu))));
-    let (young, poisson) = match (of("E").zip(of("nu")), from_lame) {
-        (None, None) => bail!("{m} gives neither E and nu nor mu and lam (or lam_hat), as numbers in Pa"),
-        (Some(given), None) | (None, Some(given)) => given,
-        (Some(given), Some(other)) => {
-            let mu = |(young, poisson): (f64, f64)| young / (2.0 * (1.0 + poisson));
-            let same = (mu(other) / mu(given) - 1.0).abs() < 0.01 && (other.1 - given.1).abs() < 0.01;
-            ensure!(
-                same,
-                "mu and lam mean E {:.6} Pa and nu {:.6}, but it also says E {} and nu {}",
-                other.0,
-                other.1,
-                given.0,
-                given.1
-            );
-            given
-        }
+    for (name, value) in [("E", of("E")), ("mu", of("mu"))] {
+        let wrong = value.filter(|v| !(v.is_finite() && *v > 0.0));
+        ensure!(wrong.is_none(), "{name} is {} Pa, wanted more than 0", wrong.unwrap_or_default());
+    }
+    let lame = |name: &str| Some((of("mu")?, of(name)? - if name == "lam_hat" { of("mu")? } else { 0.0 }));
+    let all: Vec<(f64, f64)> = ["lam", "lam_hat"].into_iter().filter_map(lame).map(from_lame).collect();
+    let given = of("E").zip(of("nu")).or(all.first().copied());
+    let Some((young, poisson)) = given else {
+        bail!("{m} gives neither E and nu nor mu and lam (or lam_hat), as numbers in Pa");
     };
+    for other in all {
+        ensure!(
+            agree((young, poisson), other),
+            "mu and lam (or lam_hat) mean E {:.6} Pa and nu {:.6}, but it also says E {young} and nu {poisson}: lam differs \
+             by {:.3} %; say one pair only",
+            other.0,
+            other.1,
+            100.0 * (lam(other) / lam((young, poisson)) - 1.0)
+        );
+    }
     ensure!(young.is_finite() && young > 0.0, "Young's modulus is {young} Pa, wanted more than 0");
     ensure!(POISSON.contains(&poisson), "Poisson's ratio is {poisson}, {}", wanted(poisson));
     Ok((young, poisson))
+}
+
+/// E and nu of Lamé's constants.
+fn from_lame((mu, lam): (f64, f64)) -> (f64, f64) {
+    (mu * (3.0 * lam + 2.0 * mu) / (lam + mu), lam / (2.0 * (lam + mu)))
+}
+
+/// Lamé's second constant.
+fn lam((young, poisson): (f64, f64)) -> f64 {
+    young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+}
+
+/// Whether two pairs of E and nu are one material. Near 0.5 lam tells what nu does not; near 0 it is small beside mu.
+fn agree(given: (f64, f64), other: (f64, f64)) -> bool {
+    let mu = |(young, poisson): (f64, f64)| young / (2.0 * (1.0 + poisson));
+    let apart = (mu(other) / mu(given) - 1.0).abs().max((other.1 - given.1).abs());
+    let lam_apart = (lam(other) - lam(given)).abs() / lam(given).max(mu(given));
+    // What no solver takes is refused for that, with a way out.
+    apart < 0.01 && (lam_apart < 0.01 || !POISSON.contains(&given.1))
 }
 
 fn wanted(poisson: f64) -> String {

@@ -1,5 +1,6 @@
 //! `monro solve`: a static scene (JSON and meshes in SI) to its equilibrium.
 
+mod limits;
 mod materials;
 mod outcome;
 mod remarks;
@@ -141,6 +142,7 @@ fn forces(scene: &Scene, solved: &StaticSolution) -> Map<String, Value> {
     }
     json.insert("converged".into(), solved.converged.into());
     json.insert("residual".into(), solved.residual.into());
+    json.insert("unborne".into(), solved.unborne.into());
     json.insert("share".into(), solved.share.into());
     json.insert("tets_solved".into(), solved.tets.into());
     json.insert("turned".into(), solved.turned.into());

@@ -1,5 +1,6 @@
 //! What a solution does not say by itself.
 
+use super::limits;
 use super::scene::Scene;
 use monro_geometry::{Bvh, Patient, TetMesh, TriangleMesh, Vector};
 use monro_tissue::{SphereContact, StaticSolution, Stop};
@@ -10,6 +11,7 @@ pub(super) fn remarks(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
     out.extend(solved.stop.map(|stop| stopped(stop, solved)));
     out.extend(unfinished(solved));
     out.extend(turned(scene, solved));
+    out.extend(limits::all(scene, solved));
     if !scene.problem.contacts.is_empty() && solved.share >= 1.0 {
         let surfaces = [surface(&scene.mesh, None), surface(&scene.mesh, Some(&solved.displacement))];
         let all = scene.problem.contacts.iter().zip(&solved.contacts).enumerate();
@@ -25,10 +27,32 @@ fn why(stop: Stop) -> &'static str {
         Stop::Products => "the largest number of products with the Hessian was taken",
         Stop::Stuck => "no step brought the forces nearer to balance",
         Stop::Lost => "the body flew away: it may be held too loosely, or pushed too hard",
+        Stop::Through => "a sphere lies inside the tissue that it should push aside",
+        Stop::Unborne => "supports, rods and spheres do not bear the loads",
     }
 }
 
 fn stopped(stop: Stop, solved: &StaticSolution) -> String {
+    match stop {
+        Stop::Through if solved.share < 1.0 => {
+            return format!(
+                "stopped at {:.1} % of motion and load: pressed on, a sphere goes through the surface, for the elements under \
+                 it give out; forces and displacement are those before; press less deep, or give a finer mesh under it",
+                100.0 * solved.share
+            );
+        }
+        Stop::Through => return format!("this is no answer: {}", why(stop)),
+        Stop::Unborne => {
+            return format!(
+                "this is no answer: {}; forces out of balance sum up to {:.2} % of the loads (wanted less than 1 %), \
+                 because they are small against the forces of something stiff that is moved; hold that by supports \
+                 instead, or make its modulus nearer to that of its surroundings",
+                why(stop),
+                100.0 * solved.unborne
+            );
+        }
+        _ => {}
+    }
     format!(
         "stopped before the tolerance was met: {}; {:.1} % of motion and load are imposed, with a residual of {:.2e} \
          after {} Newton steps; the displacement is the best so far",
@@ -96,6 +120,14 @@ fn sphere(index: usize, c: &SphereContact, force: Vector<Patient>, [rest, end]: 
             "sphere {index} {how}: it begins {:.4} mm from the surface and ends {:.4} mm from it, and pushes with no force",
             first - c.radius_mm,
             last - c.radius_mm
+        ));
+    }
+    let along = force.dot(c.to - c.from) / force.norm() / (c.to - c.from).norm().max(f64::MIN_POSITIVE);
+    if along < 0.0 && c.friction == 0.0 && first >= c.radius_mm {
+        return Some(format!(
+            "sphere {index} is pushed on along its motion, by {:.2e} N, and has no friction: it has slipped past what it \
+             pressed on; look at steps of the way before",
+            -along * force.norm() * 1e-3
         ));
     }
     (first < c.radius_mm).then(|| {

@@ -71,3 +71,27 @@ fn conflicts(problem: &StaticProblem, sets: &[(String, Vec<u32>)]) -> Vec<String
     };
     found.iter().map(told).collect()
 }
+
+/// Supports that leave nothing to find, or only carry the body along.
+pub(super) fn nothing_to_find(nodes: usize, problem: &StaticProblem) -> Option<String> {
+    let mut held = BTreeMap::<u32, [bool; 3]>::new();
+    for s in &problem.supports {
+        let of = held.entry(s.node).or_default();
+        (0..3).for_each(|a| of[a] |= s.displacement_mm[a].is_some());
+    }
+    if held.len() == nodes && held.values().all(|h| *h == [true; 3]) {
+        return Some(format!("all {nodes} nodes are held in all components: there is nothing to find"));
+    }
+    let first = problem.supports.first()?.displacement_mm;
+    let same = problem.supports.iter().all(|s| s.displacement_mm == first);
+    let moves = first.iter().flatten().any(|v| *v != 0.0);
+    let loaded = problem.body_force_mn_mm3 != [0.0; 3] || problem.pressures.iter().any(|p| p.kpa != 0.0);
+    let alone = !loaded && problem.contacts.is_empty() && problem.rods.is_empty();
+    (same && moves && alone).then(|| {
+        format!(
+            "all that is held moves by the same {:?} mm and nothing else acts: the body is only carried along; hold another \
+             set at 0 if it should deform",
+            first.map(Option::unwrap_or_default)
+        )
+    })
+}

@@ -12,6 +12,9 @@ use std::path::{Path, PathBuf};
 
 const MM: f64 = 1e3;
 
+/// Largest coordinate of a mesh, m.
+const FAR: f64 = 1e4;
+
 /// One case on one mesh.
 #[derive(Debug)]
 pub(crate) struct Scene {
@@ -55,6 +58,7 @@ fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Resu
     let energy = [&scene["energy"]["name"], &scene["energy"]].into_iter().find_map(Value::as_str);
     let energy = energy.unwrap_or("stable_neo_hookean");
     ensure!(energy == "stable_neo_hookean", "the energy is \"{energy}\"; only stable_neo_hookean is known");
+    si(&scene["units"])?;
     let name = mesh["file"].as_str().with_context(|| format!("mesh \"{mesh_name}\" names no file"))?;
     let file = folder.join(name);
     let bytes = fs::read(&file).with_context(|| format!("cannot read {}", file.display()))?;
@@ -65,8 +69,17 @@ fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Resu
     let tets = mesh_mm(&grid, &materials).with_context(|| file.display().to_string())?;
     let (problem, sets) = problem(&grid, mesh, case).with_context(in_case)?;
     let mut remarks = remarks::all(case, &problem, &sets);
+    remarks.extend(materials::odd(&materials));
+    remarks.extend(remarks::nothing_to_find(tets.vertices.len(), &problem));
     remarks.extend(units::check(&tets, &problem, &sets).with_context(in_case)?);
     Ok(Scene { grid, mesh: tets, materials, problem, sets, remarks, sources: Vec::new() })
+}
+
+/// Refuses units other than SI, if a scene names its units.
+fn si(units: &Value) -> Result<()> {
+    let named = units.as_str().map_or(units.is_null(), |u| u.trim_start().to_uppercase().starts_with("SI"));
+    ensure!(named, "the units are {units}; only SI is read (m, N, Pa): convert the scene and its mesh, and say \"SI\"");
+    Ok(())
 }
 
 /// A scene that counts its nodes and elements must mean this file.
@@ -87,6 +100,13 @@ fn pick<'a>(scene: &'a Value, map: &str, what: &str, name: &str) -> Result<&'a V
 
 fn mesh_mm(grid: &UnstructuredGrid, materials: &BTreeMap<u16, Material>) -> Result<TetMesh> {
     let labels = materials::regions(grid, materials)?;
+    let far = grid.points.iter().position(|p| p.iter().any(|v| v.is_finite() && v.abs() > FAR));
+    if let Some(node) = far {
+        bail!(
+            "node {node} is at {} m, further than {FAR} m from the origin; move the mesh there, or mend it",
+            grid.points[node].map(|v| format!("{v:e}")).join(" ")
+        );
+    }
     let vertices: Vec<Point<Patient>> = grid.points.iter().map(|p| Point::from_array(p.map(|v| v * MM))).collect();
     let mut tets = grid.tets.clone();
     let corner = |v: u32| vertices.get(v as usize).copied().unwrap_or(Point::ORIGIN);
@@ -191,10 +211,14 @@ fn pressure(mesh: &Value, p: &Value) -> Result<Pressure> {
     let there = || lists.map(Map::keys).into_iter().flatten().map(String::as_str).collect::<Vec<_>>().join(", ");
     let faces = lists.and_then(|l| l.get(name)?.as_array());
     let faces = faces.with_context(|| format!("the mesh has no face list \"{name}\"; there are: {}", there()))?;
-    let corner = |f: &Value, i: usize| f[i].as_u64().and_then(|v| u32::try_from(v).ok());
-    let face = |f: &Value| Some([corner(f, 0)?, corner(f, 1)?, corner(f, 2)?]);
-    let faces = faces.iter().map(face).collect::<Option<_>>();
-    let faces = faces.with_context(|| format!("face list \"{name}\": a face is not three vertex numbers"))?;
+    ensure!(!faces.is_empty(), "the face list \"{name}\" is empty: its pressure would push nothing");
+    let corner = |v: &Value| v.as_u64().and_then(|v| u32::try_from(v).ok());
+    let face = |(i, f): (usize, &Value)| {
+        let corners = f.as_array().and_then(|f| f.iter().map(corner).collect::<Option<Vec<u32>>>());
+        let three = corners.and_then(|c| <[u32; 3]>::try_from(c).ok());
+        three.with_context(|| format!("face {i} of the list \"{name}\" is {f}, wanted three vertex numbers"))
+    };
+    let faces = faces.iter().enumerate().map(face).collect::<Result<_>>()?;
     Ok(Pressure { faces, kpa: number(&p["pressure"], "pressure")? * 1e-3 })
 }
 
@@ -231,7 +255,7 @@ fn number(value: &Value, name: &str) -> Result<f64> {
 }
 
 fn vector(value: &Value, name: &str) -> Result<[f64; 3]> {
-    let numbers = value.as_array().map(|v| v.iter().filter_map(Value::as_f64).collect::<Vec<_>>());
+    let numbers = value.as_array().and_then(|v| v.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>());
     let three = numbers.and_then(|v| <[f64; 3]>::try_from(v).ok());
     three.with_context(|| format!("\"{name}\" is {value}, wanted three numbers"))
 }

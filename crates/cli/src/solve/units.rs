@@ -21,7 +21,7 @@ pub(super) fn check(mesh: &TetMesh, problem: &StaticProblem, sets: &[(String, Ve
     let diagonal = diagonal(mesh);
     apart(diagonal, problem, sets)?;
     swallowed(diagonal, mesh, problem)?;
-    let mut out = Vec::new();
+    let mut out = carried(diagonal, problem, sets);
     if !BODY_MM.contains(&diagonal) {
         out.push(format!(
             "the body has a diagonal of {diagonal:.4} mm: points of a mesh are in metres; scale it if they are not"
@@ -51,6 +51,18 @@ pub(super) fn check(mesh: &TetMesh, problem: &StaticProblem, sets: &[(String, Ve
         }
     }
     Ok(out)
+}
+
+/// Sets that the whole body follows further than it is long.
+fn carried(diagonal: f64, problem: &StaticProblem, sets: &[(String, Vec<u32>)]) -> Vec<String> {
+    let mut furthest = std::collections::BTreeMap::<u32, f64>::new();
+    for s in &problem.supports {
+        let mm = s.displacement_mm.iter().flatten().fold(0.0, |m: f64, v| m.max(v.abs()));
+        furthest.entry(s.set).and_modify(|f| *f = f.max(mm)).or_insert(mm);
+    }
+    let odd = furthest.into_iter().filter(|(_, mm)| *mm > ODD * diagonal);
+    odd.map(|(set, mm)| compared(&format!("the displacement of the set \"{}\"", sets[set as usize].0), mm, diagonal))
+        .collect()
 }
 
 fn compared(what: &str, mm: f64, diagonal: f64) -> String {

@@ -215,3 +215,53 @@ fn every_printed_field_is_explained_by_help() {
         }
     }
 }
+
+#[test]
+fn input_that_was_read_as_something_else_is_refused() {
+    let face = |list: Value| {
+        move |s: &mut Value| {
+            s["meshes"]["cube"]["face_sets"] = json!({ "f": list });
+            s["cases"]["stretch"]["pressure"] = json!({ "faces": "f", "pressure": 100.0 });
+        }
+    };
+    let put = |at: &'static str, value: Value| move |s: &mut Value| s["cases"]["stretch"][at] = value;
+    let table: [(Box<dyn FnOnce(&mut Value)>, &[&str]); 7] = [
+        (Box::new(face(json!([]))), &["list \"f\" is empty"]),
+        (Box::new(face(json!([[0, 1, 2, 3]]))), &["face 0", "[0,1,2,3]", "three"]),
+        (Box::new(put("body_force", json!([0.0, 0.0, -1.0, "x"]))), &["body_force", "three numbers"]),
+        (Box::new(|s| s["units"] = json!("mm")), &["\"mm\"", "only SI"]),
+        (
+            Box::new(put("materials", json!({ "1": { "E": 3000.0, "nu": 0.49, "mu": 1006.711, "lam": 45000.0 } }))),
+            &["lam differs by -8.", "one pair only"],
+        ),
+        (Box::new(put("materials", json!({ "1": { "E": 0.0, "nu": 0.3, "mu": 1e-300 } }))), &["E is 0", "more than 0"]),
+        (
+            Box::new(put("embedded_rod", json!([rod_json(0.001), rod_json(-0.001)]))),
+            &["rod 1", "already hold all", "apart"],
+        ),
+    ];
+    for (change, words) in table {
+        let dir = tempfile::tempdir().expect("temp");
+        let args = changed(dir.path(), change);
+        says(&refusal(&args.each_ref().map(String::as_str)), words);
+    }
+}
+
+fn rod_json(up: f64) -> Value {
+    json!({ "radius": 0.003, "p0": [0.01, 0.01, 0.005], "p1": [0.01, 0.01, 0.015], "displacement": [0.0, 0.0, up] })
+}
+
+#[test]
+fn moduli_typed_in_kilopascal_and_bodies_only_carried_along_are_remarked_upon() {
+    let soft = told(|case| case["materials"]["1"]["E"] = json!(0.3));
+    says(&remarks(&soft), &["region 1", "3e-1 Pa", "moduli are in Pa", "300"]);
+    let carried = told(|case| case["dirichlet"] = json!([held("x1", "xyz", [0.5, 0.0, 0.0])]));
+    says(&remarks(&carried), &["carried along", "times the body's diagonal"]);
+}
+
+#[test]
+fn a_coordinate_beyond_all_bodies_is_named_by_its_node() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = with_mesh(dir.path(), "0.02 0.02 0.02", "0.02 0.02 1e300");
+    says(&refusal(&args.each_ref().map(String::as_str)), &["node 6", "1e300", "10000 m"]);
+}

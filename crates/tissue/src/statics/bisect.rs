@@ -95,7 +95,11 @@ impl Fine {
         tets.into_iter().zip(kept).collect()
     }
 
-    fn centroid(&self, t: usize) -> P {
+    pub(super) fn longest_edge(&self, t: usize) -> f64 {
+        self.longest(self.tets[t], |_| true).map_or(0.0, |e| self.length2(e).sqrt())
+    }
+
+    pub(super) fn centroid(&self, t: usize) -> P {
         let corners = self.tets[t].map(|v| self.points[v as usize]);
         core::array::from_fn(|k| corners.iter().map(|p| p[k]).sum::<f64>() / 4.0)
     }

@@ -1,12 +1,14 @@
 //! Which new vertices of a finer mesh are held, component by component.
 //!
-//! A new vertex lies in the middle of an edge. It is held where the edge belongs to an element or to an outer face whose
-//! vertices are all held by one set. Where two sets adjoin, a face between them is held by both together if it continues
-//! a face that one of them holds alone, without a bend: otherwise the side of a body would be held between its held ends.
+//! A new vertex lies in the middle of an edge. It is held where one set holds the edge (`patches` tells which edges these
+//! are), at the mean of what its ends are held at. Where two sets adjoin, an outer face between them is held by both
+//! together if it continues a face that one of them holds alone, without a bend: otherwise the side of a body would be
+//! held between its held ends.
 
 use super::Support;
-use super::bisect::{Cuts, P, key};
+use super::bisect::{Cuts, P};
 use super::loads::area;
+use super::patches::{Held, all, edges, held_edges};
 use crate::physical::elastic::dot;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,23 +19,17 @@ const SMOOTH: f64 = 0.707;
 pub(super) struct Before<'a> {
     pub(super) points: &'a [P],
     pub(super) tets: &'a [[u32; 4]],
+    /// Region of each element.
+    pub(super) labels: &'a [u16],
     /// Its outer faces.
     pub(super) outer: &'a [[u32; 3]],
 }
-
-/// Displacement (mm) at which each vertex is held in one component; `None` where it is free.
-type Held = Vec<Option<f64>>;
 
 /// Supports of the new vertices, in the order of the sets.
 pub(super) fn inherited(supports: &[Support], before: &Before<'_>, cuts: &Cuts) -> Vec<Support> {
     let mut new = BTreeMap::<(u32, u32), [Option<f64>; 3]>::new();
     for axis in 0..3 {
-        let mut sets = BTreeMap::<u32, Held>::new();
-        for s in supports.iter().filter(|s| s.displacement_mm[axis].is_some()) {
-            let held = sets.entry(s.set).or_insert_with(|| vec![None; before.points.len()]);
-            held[s.node as usize] = s.displacement_mm[axis];
-        }
-        for (e, set, value) in before.held_edges(&sets) {
+        for (e, set, value) in before.held_edges(&before.sets(supports, axis)) {
             if let Some(&node) = cuts.get(&e) {
                 new.entry((set, node)).or_default()[axis] = Some(value);
             }
@@ -43,12 +39,16 @@ pub(super) fn inherited(supports: &[Support], before: &Before<'_>, cuts: &Cuts) 
     new.into_iter().map(support).collect()
 }
 
-fn all(held: &Held, nodes: &[u32]) -> bool {
-    nodes.iter().all(|&v| held[v as usize].is_some())
-}
-
-fn edges(nodes: &[u32]) -> impl Iterator<Item = [u32; 2]> {
-    nodes.iter().enumerate().flat_map(|(i, &a)| nodes[..i].iter().map(move |&b| key(a, b)))
+/// Vertices that are held by themselves in some component, with no held edge around them.
+pub(super) fn points(supports: &[Support], before: &Before<'_>) -> Vec<u32> {
+    let mut out = BTreeSet::new();
+    for axis in 0..3 {
+        let held = before.held_edges(&before.sets(supports, axis));
+        let joined: BTreeSet<u32> = held.into_iter().flat_map(|(e, _, _)| e).collect();
+        let alone = supports.iter().filter(|s| s.displacement_mm[axis].is_some() && !joined.contains(&s.node));
+        out.extend(alone.map(|s| s.node));
+    }
+    out.into_iter().collect()
 }
 
 fn middle(held: &Held, [a, b]: [u32; 2]) -> Option<f64> {
@@ -56,14 +56,22 @@ fn middle(held: &Held, [a, b]: [u32; 2]) -> Option<f64> {
 }
 
 impl Before<'_> {
+    /// What each set holds in a component.
+    fn sets(&self, supports: &[Support], axis: usize) -> BTreeMap<u32, Held> {
+        let mut sets = BTreeMap::<u32, Held>::new();
+        for s in supports.iter().filter(|s| s.displacement_mm[axis].is_some()) {
+            let held = sets.entry(s.set).or_insert_with(|| vec![None; self.points.len()]);
+            held[s.node as usize] = s.displacement_mm[axis];
+        }
+        sets
+    }
+
     /// Edges held in a component, the set that holds each, and the displacement of its middle, mm.
     fn held_edges(&self, sets: &BTreeMap<u32, Held>) -> Vec<([u32; 2], u32, f64)> {
         let mut out = Vec::new();
         let mut own = BTreeSet::new();
         for (&set, held) in sets {
-            let mut of_set = BTreeSet::new();
-            self.tets.iter().filter(|t| all(held, &t[..])).for_each(|t| of_set.extend(edges(t)));
-            self.outer.iter().filter(|f| all(held, &f[..])).for_each(|f| of_set.extend(edges(f)));
+            let of_set = held_edges(self.tets, self.labels, held);
             out.extend(of_set.iter().filter_map(|&e| Some((e, set, middle(held, e)?))));
             own.extend(of_set);
         }
@@ -175,6 +183,28 @@ mod tests {
         });
         for (p, way) in found {
             assert_eq!(way.map(|w| w.is_some()), [p.z == 0.0 || p.x == 0.0; 3], "at {p:?}");
+        }
+    }
+
+    fn named(hold: impl Fn(Point<Patient>) -> bool) -> impl Fn(Point<Patient>) -> Option<(u32, Way)> {
+        move |p| hold(p).then_some((0, [Some(1.0); 3]))
+    }
+
+    #[test]
+    fn a_held_sheet_inside_is_not_perforated_by_a_finer_mesh() {
+        for (p, way) in held(4, named(|p| p.x == 10.0)) {
+            assert_eq!(way, if p.x == 10.0 { [Some(1.0); 3] } else { [None; 3] }, "at {p:?}");
+        }
+    }
+
+    #[test]
+    fn a_held_line_is_not_perforated_by_a_finer_mesh() {
+        // On the outside, and through the middle of the body.
+        for y in [0.0, 10.0] {
+            let line = |p: Point<Patient>| p.x == 10.0 && p.y == y;
+            for (p, way) in held(4, named(line)) {
+                assert_eq!(way, if line(p) { [Some(1.0); 3] } else { [None; 3] }, "at {p:?}");
+            }
         }
     }
 }

@@ -4,7 +4,7 @@ use super::refine::distance;
 use super::{EmbeddedRod, StaticError, StaticProblem};
 use crate::Model;
 use crate::membrane::OUTSIDE;
-use crate::physical::elastic::{D3, Elastic, cross, sub};
+use crate::physical::elastic::{D3, Elastic, cross, dot, sub};
 use std::collections::{BTreeMap, BTreeSet};
 
 pub(crate) struct Loads {
@@ -108,6 +108,13 @@ impl Loads {
         }
     }
 
+    /// Sum of the sizes of all loads, mN.
+    pub(super) fn sum(&self, x: &[D3]) -> f64 {
+        let size = |f: D3| dot(f, f).sqrt();
+        let pushed = self.pushed.iter().map(|(t, kpa)| kpa.abs() * size(area(t.map(|n| x[n as usize]))));
+        self.dead.iter().map(|f| size(*f)).sum::<f64>() + pushed.sum::<f64>()
+    }
+
     /// Size of the loads, mN.
     pub(crate) fn size2(&self, x: &[D3]) -> f64 {
         let dead: f64 = self.dead.iter().flatten().map(|v| v * v).sum();
@@ -128,15 +135,20 @@ fn hold(
     let ends = r.ends.map(|p| (p - model.origin).to_array());
     let reach = r.radius_mm * (1.0 + 1e-5);
     let inside = |p: &[f32; 4]| distance(ends, [p[0], p[1], p[2]].map(f64::from)) <= reach;
-    let mut held = Vec::new();
-    for (i, p) in model.rest.iter().enumerate() {
-        if inside(p) && support[i].iter().any(Option::is_none) {
+    let (mut held, mut all) = (Vec::new(), 0);
+    for (i, _) in model.rest.iter().enumerate().filter(|(_, p)| inside(p)) {
+        all += 1;
+        if support[i].iter().any(Option::is_none) {
             let way = r.displacement_mm.to_array();
             held.push((i as u32, support[i].map(|s| s.is_none())));
             support[i] = core::array::from_fn(|a| support[i][a].or(Some(way[a])));
         }
     }
-    if held.is_empty() { Err(StaticError::Rod { rod, radius_mm: r.radius_mm }) } else { Ok(held) }
+    match (held.is_empty(), all) {
+        (false, _) => Ok(held),
+        (true, 0) => Err(StaticError::Rod { rod, radius_mm: r.radius_mm }),
+        (true, vertices) => Err(StaticError::Taken { rod, vertices }),
+    }
 }
 
 /// Faces of the pressures with normals that point into the tissue.

@@ -12,9 +12,13 @@ mod bisect;
 mod held;
 mod loads;
 mod newton;
+mod overlap;
+mod patches;
 mod problem;
 mod refine;
+mod site;
 mod sphere;
+mod told;
 
 use crate::{Model, ModelOptions};
 use monro_geometry::{Patient, TetMesh, Vector};
@@ -23,6 +27,7 @@ use refine::Refined;
 use std::collections::BTreeSet;
 
 pub use problem::{EmbeddedRod, Pressure, SphereContact, StaticError, StaticProblem, Support};
+pub use told::{Coarse, Overlap, StaticSolution, Stop, Unfinished};
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,68 +66,6 @@ impl Default for StaticOptions {
     }
 }
 
-/// An equilibrium, or the best found.
-#[derive(Debug, Clone, PartialEq)]
-pub struct StaticSolution {
-    /// Displacement of each vertex of the mesh, mm.
-    pub displacement: Vec<Vector<Patient>>,
-    /// Force of the supports on each vertex, mN; zero in free components.
-    pub reaction: Vec<Vector<Patient>>,
-    /// Force of each sphere on the tissue, mN.
-    pub contacts: Vec<Vector<Patient>>,
-    /// Force of each rod on the tissue, mN.
-    pub rods: Vec<Vector<Patient>>,
-    /// Force out of balance over the forces that act.
-    pub residual: f64,
-    /// Share of the imposed motion that was reached: below 1 only when the solver had to stop.
-    pub share: f64,
-    /// Whether the tolerance was met with all of the motion imposed, no element turned inside out, and the mesh as fine as
-    /// [`Finer::Times`] asked.
-    pub converged: bool,
-    /// Why the tolerance was not met; `None` when it was.
-    pub stop: Option<Stop>,
-    /// Elements of the mesh that it was found on.
-    pub tets: usize,
-    /// How many of them are left without volume or turned inside out: the answer means nothing around them.
-    pub turned: usize,
-    /// The element of the given mesh that is the first of these, or holds it.
-    pub first_turned: Option<usize>,
-    /// A finer mesh whose solution was given up: this one is that of the mesh before it.
-    pub unfinished: Option<Unfinished>,
-    /// Newton steps taken.
-    pub steps: u32,
-    /// Products with the Hessian.
-    pub products: u32,
-}
-
-/// Why the tolerance was not met.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stop {
-    /// The caller asked to stop.
-    Asked,
-    /// [`StaticOptions::steps`] were taken.
-    Steps,
-    /// [`StaticOptions::products`] were taken.
-    Products,
-    /// No step brings the forces nearer to balance.
-    Stuck,
-    /// The body flew away.
-    Lost,
-}
-
-/// What was reached on a finer mesh that was given up.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Unfinished {
-    /// Its elements.
-    pub tets: usize,
-    /// Force out of balance over the forces that act; infinite when it was not begun or could not be made.
-    pub residual: f64,
-    /// How many of its elements were turned inside out.
-    pub turned: usize,
-    /// Why it ended; `None` when only turned elements spoilt it.
-    pub stop: Option<Stop>,
-}
-
 /// Finds the equilibrium of a mesh at rest. The mesh is refined around rods and spheres, and as a whole as often as the
 /// options ask; results are given at the vertices of `mesh`. `keep_going` is asked before each product with the Hessian:
 /// return `false` to stop with the best state so far (a time budget belongs to the caller).
@@ -138,8 +81,9 @@ pub fn equilibrium(
 ) -> Result<StaticSolution, StaticError> {
     validate(mesh.vertices.len(), problem)?;
     outside(mesh, problem)?;
-    let mut refined = Refined::new(mesh, problem).around_tools();
+    let mut refined = Refined::new(mesh, problem).around_tools(keep_going);
     let mut solved = on(&refined, model, None, options, keep_going)?;
+    overlap::refuse(&solved)?;
     let mut times = 0;
     while solved.converged && options.finer.go_on(times, solved.tets) {
         let finer = refined.clone().halved();
@@ -159,19 +103,8 @@ pub fn equilibrium(
     solved.reaction = refined.gathered(solved.reaction);
     solved.displacement.truncate(refined.given());
     solved.first_turned = solved.first_turned.map(|t| refined.part_of(t));
+    (solved.coarse, solved.points) = (refined.coarse, Refined::new(mesh, problem).points());
     Ok(solved)
-}
-
-impl Unfinished {
-    /// Of what was found on a finer mesh: nothing where time was up before, nothing inside where it made no model.
-    fn of(tets: usize, found: Option<Option<StaticSolution>>) -> Self {
-        let (residual, turned) = (f64::INFINITY, 0);
-        match found {
-            None => Self { tets, residual, turned, stop: Some(Stop::Asked) },
-            Some(None) => Self { tets, residual, turned, stop: Some(Stop::Stuck) },
-            Some(Some(f)) => Self { tets, residual: f.residual, turned: f.turned, stop: f.stop },
-        }
-    }
 }
 
 fn on(
@@ -210,7 +143,7 @@ impl Model {
         let elastic = &self.elastic().ok_or(StaticError::NotPhysical)?;
         let loads = loads::Loads::new(self, elastic, problem)?;
         balance::check(elastic, &loads, problem, &self.number)?;
-        let spheres = sphere::Spheres::new(self, elastic, problem);
+        let spheres = sphere::Spheres::new(self, elastic, (problem, &loads.support));
         let start = start.map(|moved| {
             let mut x = elastic.rest.clone();
             for (d, &n) in moved.iter().zip(&self.number) {
@@ -225,6 +158,10 @@ impl Model {
             solved.x.iter().zip(&elastic.rest).map(|(x, r)| core::array::from_fn(|a| x[a] - r[a])).collect();
         let rods = loads.rods.iter().map(|held| taken(held, &mut solved.reaction)).collect();
         let turned: BTreeSet<u32> = solved.turned.iter().copied().collect();
+        let held = |n: u32| loads.support[n as usize].iter().any(Option::is_some);
+        let overlaps = overlap::all(self, (elastic, &solved.x), (&problem.contacts, &solved.spheres), held);
+        let through = overlaps.iter().any(|o| o.passed).then_some(Stop::Through);
+        let stop = solved.stop.or(through);
         Ok(StaticSolution {
             displacement: back(&moved),
             reaction: back(&solved.reaction),
@@ -232,8 +169,12 @@ impl Model {
             rods,
             residual: solved.residual,
             share: solved.share,
-            converged: solved.stop.is_none() && turned.is_empty(),
-            stop: solved.stop,
+            converged: stop.is_none() && turned.is_empty(),
+            stop,
+            overlaps,
+            unborne: solved.unborne,
+            coarse: Vec::new(),
+            points: Vec::new(),
             tets: self.tets.len(),
             turned: turned.len(),
             first_turned: self.tet_number.iter().position(|t| turned.contains(t)),

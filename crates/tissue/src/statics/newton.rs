@@ -1,9 +1,10 @@
 //! Newton's method with conjugate gradients and a line search, along a path of growing motion and load.
 
 use super::loads::Loads;
+use super::overlap::Sphere;
 use super::sphere::Spheres;
 use super::{StaticOptions, Stop};
-use crate::physical::elastic::{D3, Elastic, Tangent, dot};
+use crate::physical::elastic::{D3, Elastic, Tangent, dot, volume_gradient};
 
 /// Tolerance on the way; only the end must be exact.
 const LOOSE: f64 = 1e-2;
@@ -17,8 +18,15 @@ const AUGMENTATIONS: u32 = 30;
 /// Newton steps after which a step of motion and load counts as too long.
 const PATIENCE: u32 = 40;
 
-/// Forces out of balance that are rounding, over those that cancel each other within every element at rest.
+/// Force out of balance at a node that is rounding, over those that cancel each other there within every element at rest.
 const ROUNDING: f64 = 1e-12;
+
+/// Largest allowed ratio of the forces out of balance to the loads, over the tolerance: beside something stiff that is moved,
+/// loads are small against the forces that act.
+const BORNE: f64 = 10.0;
+
+/// Largest sum of the forces out of balance over the sum of the loads that still is an answer.
+const UNBORNE: f64 = 0.01;
 
 /// A state further away than this many sizes of the body is lost.
 const LOST: f64 = 100.0;
@@ -28,6 +36,9 @@ pub(super) struct Solved {
     pub(super) reaction: Vec<D3>,
     /// Force of each sphere on the tissue, mN.
     pub(super) contacts: Vec<D3>,
+    pub(super) spheres: Vec<Sphere>,
+    /// Sum of the forces out of balance over the sum of the loads.
+    pub(super) unborne: f64,
     pub(super) residual: f64,
     /// Share of the imposed motion and of the loads that was reached.
     pub(super) share: f64,
@@ -50,8 +61,8 @@ struct Problem<'a> {
     steps: u32,
     products: u32,
     stop: Option<Stop>,
-    /// Square of a force out of balance that is nothing but rounding, mN2.
-    rounding: f64,
+    /// Square of the force out of balance at each node that is nothing but rounding, mN2.
+    rounding: Vec<f64>,
 }
 
 /// A state with its derivatives.
@@ -73,7 +84,7 @@ pub(super) fn solve(
     keep_going: &mut dyn FnMut() -> bool,
 ) -> Solved {
     let options = *options;
-    let rounding = ROUNDING * ROUNDING * inner(&elastic.base, &elastic.base);
+    let rounding = rounding(elastic);
     let (share, stop) = (0.0, None);
     let mut problem =
         Problem { elastic, loads, spheres, options, keep_going, share, steps: 0, products: 0, stop, rounding };
@@ -85,11 +96,31 @@ pub(super) fn solve(
     let reaction = at.gradient.iter().zip(&loads.support);
     let reaction = reaction.map(|(g, s)| core::array::from_fn(|a| if s[a].is_some() { g[a] } else { 0.0 })).collect();
     let contacts = problem.spheres.forces(&at.x);
+    let firm = problem.spheres.firm(&at.x);
+    let spheres =
+        problem.spheres.centres().into_iter().zip(firm).map(|(centre, firm)| Sphere { centre, firm }).collect();
     let turned = elastic.turned(&at.x).collect();
+    let unborne = problem.unborne(&at, &contacts);
     let (steps, products) = (problem.steps, problem.products);
     let met = residual <= options.tolerance && share >= 1.0;
-    let stop = if met { None } else { problem.stop.or(Some(Stop::Stuck)) };
-    Solved { x: at.x, reaction, contacts, residual, share, turned, stop, steps, products }
+    let stop = match (met, unborne > UNBORNE) {
+        (true, false) => None,
+        (true, true) => Some(Stop::Unborne),
+        (false, _) => problem.stop.or(Some(Stop::Stuck)),
+    };
+    Solved { x: at.x, reaction, contacts, spheres, unborne, residual, share, turned, stop, steps, products }
+}
+
+/// Square of what rounding leaves at each node.
+fn rounding(elastic: &Elastic) -> Vec<f64> {
+    let mut forces = vec![0.0; elastic.rest.len()];
+    for (tet, mu) in elastic.tets.iter().zip(&elastic.mu) {
+        let (_, gradient) = volume_gradient(tet.map(|n| elastic.rest[n as usize]));
+        for (&n, g) in tet.iter().zip(&gradient) {
+            forces[n as usize] += mu * dot(*g, *g).sqrt();
+        }
+    }
+    forces.into_iter().map(|f| (ROUNDING * f).powi(2)).collect()
 }
 
 fn shifted(x: &[D3], d: &[D3], s: f64) -> Vec<D3> {
@@ -155,7 +186,12 @@ impl Problem<'_> {
             self.steps += 1;
         }
         let settled = self.converge(&mut at, tolerance, if patient { PATIENCE } else { u32::MAX });
-        if patient && self.stop.is_none() && (!settled || self.elastic.turned(&at.x).next().is_some()) {
+        let through = self.spheres.through(&self.elastic.tets, &at.x);
+        if patient && self.stop.is_none() && (!settled || through || self.elastic.turned(&at.x).next().is_some()) {
+            return None;
+        }
+        if through {
+            self.stop = self.stop.or(Some(Stop::Through));
             return None;
         }
         if !settled && self.lost(&at.x) {
@@ -197,18 +233,23 @@ impl Problem<'_> {
     }
 
     fn newton(&mut self, at: &mut Point, tolerance: f64, patience: u32) -> bool {
+        let mut last = f64::INFINITY;
         for _ in 0..patience {
             let residual = self.residual(at);
-            if residual <= tolerance {
+            let met = residual <= tolerance;
+            let out = self.out_of_balance(at);
+            // Within the tolerance what does not fall any more is as good as it gets.
+            if met && (tolerance >= LOOSE || self.borne(at, out) || out > 0.25 * last) {
                 return true;
             }
+            last = if met { out } else { last };
             if self.spent() || self.steps >= self.options.steps {
                 self.stop = self.stop.or(Some(Stop::Steps));
-                return false;
+                return met;
             }
             let forcing = (0.5 * residual.sqrt()).clamp(1e-8, 0.1);
             let d = self.linear(at, None, forcing);
-            let Some(next) = self.search(at, &d) else { return false };
+            let Some(next) = self.search(at, &d) else { return met };
             *at = next;
             self.steps += 1;
         }
@@ -244,18 +285,39 @@ impl Problem<'_> {
         }
     }
 
-    /// Square of the force out of balance.
+    /// Square of the force out of balance, without what is nothing but rounding.
     fn out_of_balance(&self, at: &Point) -> f64 {
         let mut free = at.gradient.clone();
         self.mask(&mut free);
-        inner(&free, &free)
+        let one = |(g, rounding): (&D3, &f64)| Some(dot(*g, *g)).filter(|g2| g2 > rounding).unwrap_or_default();
+        free.iter().zip(&self.rounding).map(one).sum()
     }
 
     /// Force out of balance over the size of reactions and loads.
     fn residual(&self, at: &Point) -> f64 {
+        let mut held = at.gradient.clone();
+        for (g, s) in held.iter_mut().zip(&self.loads.support) {
+            (0..3).filter(|&a| s[a].is_none()).for_each(|a| g[a] = 0.0);
+        }
         let out = self.out_of_balance(at);
-        let acting = inner(&at.gradient, &at.gradient) - out + self.loads.size2(&at.x) + self.spheres.size2(&at.x);
-        if out <= self.rounding { 0.0 } else { (out / acting.max(f64::MIN_POSITIVE)).sqrt() }
+        let acting = inner(&held, &held) + self.loads.size2(&at.x) + self.spheres.size2(&at.x);
+        if out == 0.0 { 0.0 } else { (out / acting.max(f64::MIN_POSITIVE)).sqrt() }
+    }
+
+    /// Whether a force out of balance (its square) is small also against the loads alone.
+    fn borne(&self, at: &Point, out: f64) -> bool {
+        let loads = self.loads.size2(&at.x) + self.spheres.size2(&at.x);
+        loads == 0.0 || out <= loads * (BORNE * self.options.tolerance).powi(2)
+    }
+
+    /// Sum of the forces out of balance over the sum of the loads and the forces of spheres.
+    fn unborne(&self, at: &Point, contacts: &[D3]) -> f64 {
+        let mut free = at.gradient.clone();
+        self.mask(&mut free);
+        let sum: D3 = core::array::from_fn(|a| free.iter().map(|g| g[a]).sum());
+        let pushed: f64 = contacts.iter().map(|f| dot(*f, *f).sqrt()).sum();
+        let loads = self.loads.sum(&at.x) + pushed;
+        if loads > 0.0 { dot(sum, sum).sqrt() / loads } else { 0.0 }
     }
 
     fn product(&mut self, at: &mut Point, d: &[D3], out: &mut Vec<D3>) {

@@ -109,13 +109,35 @@ pub enum StaticError {
     },
     /// A rod holds nothing.
     #[error(
-        "rod {rod} of radius {radius_mm} mm has no free vertex inside: it lies outside of the tissue, or the mesh is too coarse"
+        "rod {rod} of radius {radius_mm} mm has no vertex inside: it lies outside of the tissue, or is too thin for the mesh around it, which is refined down to 1/128 of its edges; place it inside, make it thicker, or give a finer mesh there"
     )]
     Rod {
         /// Which.
         rod: usize,
         /// Its radius, mm.
         radius_mm: f64,
+    },
+    /// Supports or other rods hold all that a rod would.
+    #[error(
+        "rod {rod} holds nothing: supports or rods before it already hold all of the {vertices} vertices inside it; take one of them away, or move them apart"
+    )]
+    Taken {
+        /// Which.
+        rod: usize,
+        /// Vertices inside it.
+        vertices: usize,
+    },
+    /// A sphere meets only what is held.
+    #[error(
+        "sphere {sphere} meets only vertices that are held ({vertices}, the deepest {depth_mm:.4} mm inside it): they cannot give way, so it has no force; hold less of the surface under it, or move it"
+    )]
+    OnlyHeld {
+        /// Which.
+        sphere: usize,
+        /// Held vertices inside it.
+        vertices: usize,
+        /// How deep the deepest is, mm.
+        depth_mm: f64,
     },
     /// A sphere begins inside the tissue.
     #[error(

@@ -2,7 +2,7 @@
 
 use super::bisect::{Cuts, Fine, P, key};
 use super::held::{self, Before};
-use super::{EmbeddedRod, SphereContact, StaticProblem};
+use super::{Coarse, EmbeddedRod, SphereContact, StaticProblem};
 use crate::membrane;
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,6 +12,9 @@ const ROD_SIZE: f64 = 0.6;
 
 /// Elements under a sphere over the radius of the contact that Hertz expects at this depth.
 const CONTACT_SIZE: f64 = 0.2;
+
+/// The given edges around a tool over the smallest that they are refined to: seven times halved.
+const HALVED: f64 = 128.0;
 
 /// Growth of the elements with the distance from a tool, mm per mm.
 const GROWTH: f64 = 0.7;
@@ -30,6 +33,8 @@ struct Zone {
     size: f64,
     /// Only the surface needs small elements, or all that is inside as well.
     surface: bool,
+    /// What it is for: "rod" or "sphere", and which.
+    tool: (&'static str, usize),
 }
 
 /// A problem on a mesh that has been refined for it.
@@ -37,6 +42,8 @@ struct Zone {
 pub(super) struct Refined {
     pub(super) mesh: TetMesh,
     pub(super) problem: StaticProblem,
+    /// Tools whose elements are not as small as they should be.
+    pub(super) coarse: Vec<Coarse>,
     fine: Fine,
 }
 
@@ -44,23 +51,24 @@ impl Refined {
     pub(super) fn new(mesh: &TetMesh, problem: &StaticProblem) -> Self {
         let points = mesh.vertices.iter().map(|p| p.to_array()).collect();
         let fine = Fine::new(points, mesh.tets.clone(), mesh.labels.clone());
-        Self { mesh: mesh.clone(), problem: problem.clone(), fine }
+        Self { mesh: mesh.clone(), problem: problem.clone(), coarse: Vec::new(), fine }
     }
 
-    /// Makes the elements around tools small enough to tell their radius.
-    pub(super) fn around_tools(mut self) -> Self {
-        let zones = zones(&self.problem, &self.fine);
+    /// Makes the elements around tools small enough to tell their radius, as long as `keep_going` says so.
+    pub(super) fn around_tools(mut self, keep_going: &mut dyn FnMut() -> bool) -> Self {
+        let mut zones = zones(&self.problem, &self.fine);
+        self.coarse = zones.iter_mut().filter_map(|z| z.limit(&self.fine)).collect();
         if zones.is_empty() {
             return self;
         }
         let size = |x: P| zones.iter().map(|z| z.size_at(x)).fold(f64::INFINITY, f64::min);
-        while self.fine.tets.len() < MOST_TETS {
+        while self.fine.tets.len() < MOST_TETS && keep_going() {
             let before = outer_faces(&self.fine);
-            let old = self.fine.tets.clone();
+            let old = (self.fine.tets.clone(), self.fine.labels.clone());
             let Some(cuts) = self.fine.bisect(&size) else { break };
             self.inherit(&cuts, &old, &before, false);
         }
-        for rod in &self.problem.rods {
+        for rod in self.problem.rods.iter().filter(|_| keep_going()) {
             snap(&mut self.fine, rod);
         }
         self.finished()
@@ -69,7 +77,7 @@ impl Refined {
     /// Each element into eight.
     pub(super) fn halved(mut self) -> Self {
         let before = outer_faces(&self.fine);
-        let old = self.fine.tets.clone();
+        let old = (self.fine.tets.clone(), self.fine.labels.clone());
         let cuts = self.fine.eight();
         self.inherit(&cuts, &old, &before, true);
         self.finished()
@@ -81,10 +89,16 @@ impl Refined {
         self
     }
 
+    /// Vertices that are held by themselves: no finer mesh can tell what is meant around them.
+    pub(super) fn points(&self) -> Vec<u32> {
+        let Fine { points, tets, labels, .. } = &self.fine;
+        held::points(&self.problem.supports, &Before { points, tets, labels, outer: &outer_faces(&self.fine) })
+    }
+
     /// Supports and pressures of the new vertices.
-    fn inherit(&mut self, cuts: &Cuts, tets: &[[u32; 4]], outer: &[[u32; 3]], eight: bool) {
+    fn inherit(&mut self, cuts: &Cuts, (tets, labels): &(Vec<[u32; 4]>, Vec<u16>), outer: &[[u32; 3]], eight: bool) {
         // The points of the old mesh are the first of the new one.
-        let before = Before { points: &self.fine.points, tets, outer };
+        let before = Before { points: &self.fine.points, tets, labels, outer };
         let new = held::inherited(&self.problem.supports, &before, cuts);
         self.problem.supports.extend(new);
         for p in &mut self.problem.pressures {
@@ -151,6 +165,22 @@ impl Fine {
 }
 
 impl Zone {
+    /// Keeps the size within reach of the elements that are there; what it should be if it cannot.
+    fn limit(&mut self, fine: &Fine) -> Option<Coarse> {
+        let around = (0..fine.tets.len()).filter_map(|t| self.edge_around(fine, t));
+        let given_mm = around.min_by(f64::total_cmp)?;
+        let (wanted_mm, least_mm) = (self.size, given_mm / HALVED);
+        self.size = self.size.max(least_mm);
+        let (what, index) = self.tool;
+        (wanted_mm < least_mm).then_some(Coarse { what, index, wanted_mm, least_mm, given_mm })
+    }
+
+    /// The longest edge of an element that the tool may lie in or touch.
+    fn edge_around(&self, fine: &Fine, t: usize) -> Option<f64> {
+        let edge = fine.longest_edge(t);
+        (distance(self.ends, fine.centroid(t)) <= self.radius + edge).then_some(edge)
+    }
+
     fn size_at(&self, x: P) -> f64 {
         let apart = distance(self.ends, x) - self.radius;
         self.size + GROWTH * if self.surface { apart.abs() } else { apart.max(0.0) }
@@ -158,16 +188,23 @@ impl Zone {
 }
 
 fn zones(problem: &StaticProblem, fine: &Fine) -> Vec<Zone> {
-    let rods = problem.rods.iter().map(|r| Zone {
+    let rods = problem.rods.iter().enumerate().map(|(i, r)| Zone {
         ends: r.ends.map(Point::to_array),
         radius: r.radius_mm,
         size: ROD_SIZE * r.radius_mm,
         surface: true,
+        tool: ("rod", i),
     });
-    let contacts = problem.contacts.iter().filter_map(|c| {
+    let contacts = problem.contacts.iter().enumerate().filter_map(|(i, c)| {
         let depth = depth(c, fine)?;
         let size = (CONTACT_SIZE * (c.radius_mm * depth).sqrt()).clamp(c.radius_mm / 40.0, c.radius_mm / 5.0);
-        Some(Zone { ends: [c.from.to_array(), c.to.to_array()], radius: c.radius_mm, size, surface: false })
+        Some(Zone {
+            ends: [c.from.to_array(), c.to.to_array()],
+            radius: c.radius_mm,
+            size,
+            surface: false,
+            tool: ("sphere", i),
+        })
     });
     rods.chain(contacts).collect()
 }

@@ -1,33 +1,26 @@
 //! Contact of the outer surface with rigid spheres: an augmented Lagrangian on the surface's vertices.
 //!
+//! Between vertices the surface is guarded: the middle of each face stays out of a sphere a little smaller, so that a sphere
+//! pressed deep does not slip through where the faces under it are stretched. What is held cannot give way and takes no part.
+//!
 //! Of each vertex with the surface area `A` around it, pressed by `p` (kPa) and reaching `g` into the sphere, the energy is
 //! `A / (2 e) (max(0, p + e g)^2 - p^2)`; the pressures take the step `p <- max(0, p + e g)` until nothing reaches in any
 //! more (Alart and Curnier 1991; Simo and Laursen 1992). Friction (Coulomb) holds a vertex by a spring to the place on the
 //! sphere where it touched first, up to the coefficient times the pressure of the last step.
 
 use super::StaticProblem;
+use super::site::{self, Hold, Site};
 use crate::Model;
-use crate::membrane::OUTSIDE;
-use crate::physical::elastic::{D3, Elastic, dot};
-
-/// Penalty over Young's modulus, per length of an edge.
-const PENALTY: f64 = 10.0;
+use crate::physical::elastic::{D3, Elastic, dot, sub};
 
 /// What may still reach in, over the radius of the sphere.
 const REACH: f64 = 1e-4;
 
+/// The middle of a face nearer to a centre than this share of the radius has been gone through.
+const THROUGH: f64 = 0.8;
+
 /// Longest step of a sphere over its radius.
 const STRIDE: f64 = 0.1;
-
-/// A vertex of the outer surface.
-#[derive(Debug, Clone, Copy)]
-struct Site {
-    node: u32,
-    /// Area around it at rest, mm2.
-    area: f64,
-    /// Penalty, kPa/mm.
-    penalty: f64,
-}
 
 /// A sphere and what it does to each site.
 #[derive(Debug, Clone)]
@@ -64,10 +57,6 @@ struct Touch {
     slid: f64,
     /// Largest shear traction, kPa.
     limit: f64,
-}
-
-fn sub(a: D3, b: D3) -> D3 {
-    core::array::from_fn(|k| a[k] - b[k])
 }
 
 fn axpy(a: D3, s: f64, b: D3) -> D3 {
@@ -122,11 +111,14 @@ impl Sphere {
     fn touch(&self, i: usize, site: &Site, x: D3) -> Option<Touch> {
         let out = sub(x, self.centre);
         let far = dot(out, out).sqrt();
-        let pressure = self.pressure[i] + site.penalty * (self.radius - far);
+        let pressure = self.pressure[i] + site.penalty * (site.reach * self.radius - far);
         if pressure <= 0.0 || far == 0.0 {
             return None;
         }
         let normal = out.map(|v| v / far);
+        if site.firm(normal) {
+            return None;
+        }
         let drift = self.held[i].map_or([0.0; 3], |held| {
             let drift = sub(out, held);
             axpy(drift, -dot(drift, normal), normal)
@@ -138,7 +130,7 @@ impl Sphere {
     /// Distance of the nearest site from the sphere, less than 0 when it reaches in, mm.
     fn away(&self, sites: &[Site], x: &[D3]) -> f64 {
         let far = |s: &Site| {
-            let out = sub(x[s.node as usize], self.centre);
+            let out = sub(s.at(x), self.centre);
             dot(out, out)
         };
         sites.iter().map(far).fold(f64::INFINITY, f64::min).sqrt() - self.radius
@@ -146,7 +138,7 @@ impl Sphere {
 
     /// The next pressure of each site, and how far one reaches in or holds off, mm.
     fn next(&self, sites: &[Site], x: &[D3]) -> (Vec<f64>, f64) {
-        let at = |i: usize, s: &Site| self.touch(i, s, x[s.node as usize]).map_or(0.0, |t| t.pressure);
+        let at = |i: usize, s: &Site| self.touch(i, s, s.at(x)).map_or(0.0, |t| t.pressure);
         let next: Vec<f64> = sites.iter().enumerate().map(|(i, s)| at(i, s)).collect();
         let gaps = next.iter().zip(&self.pressure).zip(sites).map(|((n, p), s)| (n - p).abs() / s.penalty);
         let worst = gaps.fold(0.0, f64::max);
@@ -156,8 +148,9 @@ impl Sphere {
     /// After a step of the load: new sites are held where they are, sliding ones where their friction still reaches.
     fn settle(&mut self, sites: &[Site], x: &[D3]) {
         for (i, site) in sites.iter().enumerate() {
-            let at = x[site.node as usize];
-            self.held[i] = self.touch(i, site, at).filter(|_| self.friction > 0.0).map(|t| {
+            let at = site.at(x);
+            let rubs = self.friction > 0.0 && site.reach == 1.0;
+            self.held[i] = self.touch(i, site, at).filter(|_| rubs).map(|t| {
                 let out = sub(at, self.centre);
                 let kept = if t.slides(site.penalty) { t.limit / (site.penalty * t.slid) } else { 1.0 };
                 axpy(out, -kept, t.drift)
@@ -167,8 +160,8 @@ impl Sphere {
 }
 
 impl Spheres {
-    pub(super) fn new(model: &Model, elastic: &Elastic, problem: &StaticProblem) -> Self {
-        let sites = if problem.contacts.is_empty() { Vec::new() } else { sites(model, elastic) };
+    pub(super) fn new(model: &Model, elastic: &Elastic, (problem, support): (&StaticProblem, &[Hold])) -> Self {
+        let sites = if problem.contacts.is_empty() { Vec::new() } else { site::all(model, elastic, support) };
         let local = |p: monro_geometry::Point<monro_geometry::Patient>| (p - model.origin).to_array();
         let spheres = problem.contacts.iter().map(|c| Sphere {
             radius: c.radius_mm,
@@ -203,7 +196,7 @@ impl Spheres {
     fn touches<'a>(&'a self, x: &'a [D3]) -> impl Iterator<Item = (usize, usize, &'a Site, Touch)> {
         self.spheres.iter().enumerate().flat_map(move |(k, s)| {
             let sites = self.sites.iter().enumerate();
-            sites.filter_map(move |(i, site)| Some((k, i, site, s.touch(i, site, x[site.node as usize])?)))
+            sites.filter_map(move |(i, site)| Some((k, i, site, s.touch(i, site, site.at(x))?)))
         })
     }
 
@@ -213,15 +206,14 @@ impl Spheres {
         for (_, _, site, t) in self.touches(x) {
             energy += site.area * (0.5 * t.pressure.powi(2) / site.penalty + t.friction(site.penalty));
             let force = t.traction(site.penalty);
-            (0..3).for_each(|a| gradient[site.node as usize][a] -= site.area * force[a]);
+            site.scatter(force.map(|f| -site.area * f), gradient);
         }
         energy
     }
 
     pub(super) fn add_hessian(&self, x: &[D3], d: &[D3], out: &mut [D3]) {
         for (_, _, site, t) in self.touches(x) {
-            let change = t.change(site.penalty, d[site.node as usize]);
-            (0..3).for_each(|a| out[site.node as usize][a] += site.area * change[a]);
+            site.scatter(t.change(site.penalty, site.at(d)).map(|c| site.area * c), out);
         }
     }
 
@@ -230,11 +222,12 @@ impl Spheres {
         for (_, _, site, t) in self.touches(x) {
             let (n, k) = (t.normal, site.area * site.penalty);
             let shear = site.area * t.stiffness(site.penalty);
-            let b = &mut blocks[site.node as usize];
             let pairs = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
-            for (b, (p, q)) in b.iter_mut().zip(pairs) {
-                let unit = f64::from(u8::from(p == q));
-                *b += k * n[p] * n[q] + shear * (unit - n[p] * n[q]);
+            for (node, weight) in site.weights() {
+                for (b, (p, q)) in blocks[node].iter_mut().zip(pairs) {
+                    let unit = f64::from(u8::from(p == q));
+                    *b += weight * (k * n[p] * n[q] + shear * (unit - n[p] * n[q]));
+                }
             }
         }
     }
@@ -261,6 +254,35 @@ impl Spheres {
         self.spheres.iter_mut().for_each(|s| s.settle(&self.sites, x));
     }
 
+    /// Whether a sphere has gone through the surface: its centre lies in an element, or the middle of a free face deep in it.
+    pub(super) fn through(&self, tets: &[[u32; 4]], x: &[D3]) -> bool {
+        let deep = |s: &Sphere, v: &Site| {
+            let out = sub(v.at(x), s.centre);
+            dot(out, out) < (THROUGH * s.radius).powi(2) && !v.held()
+        };
+        let middles = |s: &Sphere| self.sites.iter().any(|v| v.reach < 1.0 && deep(s, v));
+        self.spheres.iter().any(|s| middles(s) || super::refine::holder(x, tets, s.centre).is_some())
+    }
+
+    /// Held vertices inside each sphere, and how deep the deepest is, mm.
+    pub(super) fn firm(&self, x: &[D3]) -> Vec<(usize, f64)> {
+        let of = |s: &Sphere| {
+            let vertices = self.sites.iter().filter(|v| v.reach == 1.0);
+            let deep = vertices.filter_map(|v| {
+                let out = sub(v.at(x), s.centre);
+                let far = dot(out, out).sqrt();
+                let inside = s.radius - far > REACH * s.radius;
+                (inside && v.firm(out.map(|o| o / far.max(f64::MIN_POSITIVE)))).then_some(s.radius - far)
+            });
+            deep.fold((0, 0.0), |(n, most), d| (n + 1, d.max(most)))
+        };
+        self.spheres.iter().map(of).collect()
+    }
+
+    pub(super) fn centres(&self) -> Vec<D3> {
+        self.spheres.iter().map(|s| s.centre).collect()
+    }
+
     /// Force of each sphere on the tissue, mN.
     pub(super) fn forces(&self, x: &[D3]) -> Vec<D3> {
         let mut out = vec![[0.0; 3]; self.spheres.len()];
@@ -269,20 +291,4 @@ impl Spheres {
         }
         out
     }
-}
-
-/// Vertices of the outer surface.
-fn sites(model: &Model, elastic: &Elastic) -> Vec<Site> {
-    let (mut area, mut young) = (vec![0.0; elastic.rest.len()], vec![0.0f64; elastic.rest.len()]);
-    for face in model.membranes.faces.iter().filter(|m| m.outer == OUTSIDE) {
-        let [a, b, c] = face.nodes.map(|n| elastic.rest[n as usize]);
-        let size = super::loads::area([a, b, c]);
-        let modulus = model.regions[face.inner as usize].material.young_kpa;
-        for &n in &face.nodes {
-            area[n as usize] += dot(size, size).sqrt() / 3.0;
-            young[n as usize] = young[n as usize].max(modulus);
-        }
-    }
-    let nodes = (0..area.len()).filter(|&n| area[n] > 0.0);
-    nodes.map(|n| Site { node: n as u32, area: area[n], penalty: PENALTY * young[n] / area[n].sqrt() }).collect()
 }

@@ -1,0 +1,122 @@
+//! What a solve tells.
+
+use monro_geometry::{Patient, Vector};
+
+/// An equilibrium, or the best found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StaticSolution {
+    /// Displacement of each vertex of the mesh, mm.
+    pub displacement: Vec<Vector<Patient>>,
+    /// Force of the supports on each vertex, mN; zero in free components.
+    pub reaction: Vec<Vector<Patient>>,
+    /// Force of each sphere on the tissue, mN.
+    pub contacts: Vec<Vector<Patient>>,
+    /// Force of each rod on the tissue, mN.
+    pub rods: Vec<Vector<Patient>>,
+    /// Force out of balance over the forces that act.
+    pub residual: f64,
+    /// Share of the imposed motion that was reached: below 1 only when the solver had to stop.
+    pub share: f64,
+    /// Whether the tolerance was met with all of the motion imposed, no element turned inside out, and the mesh as fine as
+    /// [`Finer::Times`] asked.
+    pub converged: bool,
+    /// Why it is no answer; `None` when it is one.
+    pub stop: Option<Stop>,
+    /// Elements of the mesh that it was found on.
+    pub tets: usize,
+    /// How many of them are left without volume or turned inside out: the answer means nothing around them.
+    pub turned: usize,
+    /// The element of the given mesh that is the first of these, or holds it.
+    pub first_turned: Option<usize>,
+    /// A finer mesh whose solution was given up: this one is that of the mesh before it.
+    pub unfinished: Option<Unfinished>,
+    /// Where spheres and tissue overlap in the end.
+    pub overlaps: Vec<Overlap>,
+    /// Sum of the forces out of balance over the sum of the loads and of the spheres' forces.
+    pub unborne: f64,
+    /// Tools whose elements were not made as small as they should be.
+    pub coarse: Vec<Coarse>,
+    /// Vertices of the given mesh that are held by themselves, with no held edge or face around them: where the mesh was
+    /// refined, what holds them is a point, and has no force of its own that does not depend on the mesh.
+    pub points: Vec<u32>,
+    /// Newton steps taken.
+    pub steps: u32,
+    /// Products with the Hessian.
+    pub products: u32,
+}
+
+/// Why what was found is no answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stop {
+    /// The caller asked to stop.
+    Asked,
+    /// [`StaticOptions::steps`] were taken.
+    Steps,
+    /// [`StaticOptions::products`] were taken.
+    Products,
+    /// No step brings the forces nearer to balance.
+    Stuck,
+    /// The body flew away.
+    Lost,
+    /// A sphere lies inside the tissue that it should push aside: see [`StaticSolution::overlaps`].
+    Through,
+    /// Supports, rods and spheres do not bear the loads: see [`StaticSolution::unborne`].
+    Unborne,
+}
+
+/// Where a sphere and the tissue overlap in the end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Overlap {
+    /// Which sphere.
+    pub sphere: usize,
+    /// Whether the overlap is so deep that this is no answer.
+    pub passed: bool,
+    /// Whether the sphere's centre lies inside the tissue.
+    pub centre_inside: bool,
+    /// How deep the surface that is free reaches into the sphere, mm.
+    pub depth_mm: f64,
+    /// Held vertices inside the sphere; they cannot give way, and it presses on none of them.
+    pub held: usize,
+    /// How deep the deepest of them is, mm.
+    pub held_mm: f64,
+}
+
+/// A tool whose elements were not made as small as they should be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Coarse {
+    /// "rod" or "sphere".
+    pub what: &'static str,
+    /// Which.
+    pub index: usize,
+    /// Edge that its elements should have, mm.
+    pub wanted_mm: f64,
+    /// Edge down to which they were refined, mm.
+    pub least_mm: f64,
+    /// Longest edge of the smallest given element around it, mm.
+    pub given_mm: f64,
+}
+
+/// What was reached on a finer mesh that was given up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unfinished {
+    /// Its elements.
+    pub tets: usize,
+    /// Force out of balance over the forces that act; infinite when it was not begun or could not be made.
+    pub residual: f64,
+    /// How many of its elements were turned inside out.
+    pub turned: usize,
+    /// Why it ended; `None` when only turned elements spoilt it.
+    pub stop: Option<Stop>,
+}
+
+impl Unfinished {
+    /// Of what was found on a finer mesh: nothing where time was up before, nothing inside where it made no model.
+    pub(super) fn of(tets: usize, found: Option<Option<StaticSolution>>) -> Self {
+        let (residual, turned) = (f64::INFINITY, 0);
+        match found {
+            None => Self { tets, residual, turned, stop: Some(Stop::Asked) },
+            Some(None) => Self { tets, residual, turned, stop: Some(Stop::Stuck) },
+            Some(Some(f)) => Self { tets, residual: f.residual, turned: f.turned, stop: f.stop },
+        }
+    }
+}
