@@ -411,7 +411,7 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
         }
     }
     done(Stage::Coarsen);
-    let volumes = |work: &Work| work.volumes(fields.labels.len());
+    let volumes = |work: &Work<'_>| work.volumes(fields.labels.len());
     if coarse::is_gone(&volumes(&work), work.count(), fields) {
         return Made { raw: work.into_raw(), crumbs, lost: true, regions: false };
     }
