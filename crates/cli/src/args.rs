@@ -4,6 +4,7 @@ use crate::bench::args::BenchCommand;
 use crate::trackers::{DoctorArgs, FakeTrackerCommand, TrackArgs};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use monro_prepare::DEFAULT_ELEMENTS;
+use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -192,7 +193,25 @@ pub(crate) enum LabelsCommand {
     },
 }
 
+/// What "monro simulate --json" and its files say of how far the result can be relied on.
+const SIMULATE_FIELDS: &str = "\
+In --json and summary.json:
+  reliable        false where the end is not a result: elements turned inside out at the end, frames held, a target
+                  more than 20 mm off, drained volume missed by more than 10 %
+  remarks         why, and whatever else is to be said; also on stderr and at the head of report.html
+  inverted_most, inverted_at_end
+                  turned elements: most in a frame, and in the last one
+  rollbacks, frames_held
+                  steps taken back and done in smaller ones; frames that even the smallest could not solve
+  drained_ml      asked and reached; null without --drain-ml
+  volumes         of the brain's own tissue and of each ventricle, ml: rest_ml, change_ml at the end, largest_change_ml
+  max_whole_volume_change_percent
+                  of brain and ventricles together, which the skull holds: hardly anything, whatever moves inside
+In insertion.csv time_s is negative while pressure, drainage and gravity come on, and the axial force is empty in a frame
+held (held is 1): nothing was felt there. A result that is not reliable is no failure of the command: the status is 0.";
+
 #[derive(Debug, Args)]
+#[command(after_help = SIMULATE_FIELDS)]
 pub(crate) struct SimulateArgs {
     /// A case made by "monro prepare".
     pub(crate) case: PathBuf,
@@ -205,18 +224,23 @@ pub(crate) struct SimulateArgs {
     /// Which soft body.
     #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
     pub(crate) mode: ModeArg,
-    /// Cerebrospinal fluid drained from the ventricles from the start, ml (negative: infused; physical mode).
+    /// Cerebrospinal fluid drained from the ventricles, ml (negative: infused; physical mode), within the second before the
+    /// insertion. More than they hold is refused; suction ends at three times the brain's shear modulus (23 mmHg), so
+    /// that after about half to two thirds no more is drained, which is told: walls that meet are not modelled.
     #[arg(long, value_name = "ML", allow_hyphen_values = true, conflicts_with = "csf_pressure_mmhg")]
     pub(crate) drain_ml: Option<f64>,
-    /// Pressure in the ventricles above that of the scan, mmHg (physical mode).
+    /// How much more the pressure in the ventricles exceeds that at the surface of the brain (transmural) than in the scan,
+    /// mmHg (physical mode). Measured differences are a few mmHg: an intracranial pressure that is high everywhere deforms
+    /// nothing. It rises within the second before the insertion.
     #[arg(long, value_name = "MMHG", allow_hyphen_values = true)]
     pub(crate) csf_pressure_mmhg: Option<f64>,
     /// TOML file with what to change of the materials of brain and ventricles; docs/materials.md lists all, with units.
     #[arg(long, value_name = "FILE.toml")]
     pub(crate) materials: Option<PathBuf>,
     /// Acceleration that the tissue has begun to feel since the scan, m/s2, LPS: lost buoyancy, another position of the head.
-    #[arg(long, value_name = "X,Y,Z", value_delimiter = ',', num_args = 3, allow_hyphen_values = true)]
-    pub(crate) gravity: Option<Vec<f64>>,
+    /// As "0,9.81,0" or as three numbers after each other.
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
+    pub(crate) gravity: Option<[f64; 3]>,
     /// Overwrite an existing output folder.
     #[arg(long)]
     pub(crate) force: bool,
@@ -243,6 +267,34 @@ What is printed (forces in N, along the axes of the scene):
                   work done on that mesh: Newton steps, products of the tangent stiffness with a vector
   max_displacement_mm, seconds, case, mesh, mode, out, remarks
 Paper mode has no forces: frames (stepped), residual_mm (largest motion in the last one), note.";
+
+/// Three numbers with commas between them.
+fn triple(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Result<Vec<f64>, _> = text.split([',', ' ']).filter(|n| !n.is_empty()).map(str::parse).collect();
+    let three = numbers.ok().and_then(|n| <[f64; 3]>::try_from(n).ok());
+    three.filter(|n| n.iter().all(|v| v.is_finite())).ok_or_else(|| "wanted three finite numbers, as 0,9.81,0".into())
+}
+
+/// The arguments with three numbers after `--gravity` made one: a parser that took up to three values would also take what
+/// follows them.
+pub(crate) fn joined(given: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    let number = |a: &OsString| a.to_str().is_some_and(|t| t.trim_end_matches(',').parse::<f64>().is_ok());
+    let mut out: Vec<OsString> = Vec::new();
+    let mut rest = given.into_iter().peekable();
+    while let Some(argument) = rest.next() {
+        let gravity = argument == "--gravity";
+        out.push(argument);
+        let mut values = Vec::new();
+        while gravity && values.len() < 3 {
+            let Some(value) = rest.next_if(number) else { break };
+            values.push(value.to_string_lossy().trim_end_matches(',').to_owned());
+        }
+        if !values.is_empty() {
+            out.push(values.join(",").into());
+        }
+    }
+    out
+}
 
 fn milliseconds(text: &str) -> Result<u64, String> {
     text.parse().map_err(|_| "wanted whole milliseconds from 0, as 60000 for a minute".into())
@@ -468,4 +520,23 @@ pub(crate) fn elements(text: &str) -> Result<usize, String> {
     let range = monro_anatomy::tetra::ELEMENTS;
     let rule = || format!("the number of elements must be from {} to {}", range.start(), range.end());
     text.parse().ok().filter(|n| range.contains(n)).ok_or_else(rule)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gravity_with_commas_was_refused_and_one_with_spaces_must_not_take_what_follows() {
+        for given in ["--gravity 0,-9.81,0", "--gravity -0 -9.81 0", "--gravity=0,-9.81,0", "--gravity 0, -9.81, 0"] {
+            let line = format!("monro simulate {given} CASE --out DIR");
+            let cli = Cli::try_parse_from(joined(line.split(' ').map(OsString::from))).expect(given);
+            let Command::Simulate(args) = cli.command else { panic!("{given}") };
+            assert_eq!((args.gravity, args.case), (Some([0.0, -9.81, 0.0]), PathBuf::from("CASE")), "{given}");
+        }
+        for given in ["--gravity 0,9", "--gravity nan,0,0", "--gravity 0 9", "--gravity"] {
+            let line = format!("monro simulate CASE {given} --out DIR");
+            assert!(Cli::try_parse_from(joined(line.split(' ').map(OsString::from))).is_err(), "{given}");
+        }
+    }
 }

@@ -31,7 +31,7 @@ use monro_prepare::NOTICE;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::parse_from(args::joined(std::env::args_os()));
     interrupt::install();
     let console = Console::new(cli.json);
     let result = match &cli.command {

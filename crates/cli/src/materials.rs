@@ -1,6 +1,6 @@
 //! Materials from a file: what it does not say stays as it is. And back, whole.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 use monro_session::Materials;
 use monro_tissue::{Insertion, Material, ThinMembrane};
 use serde::Deserialize;
@@ -54,10 +54,14 @@ pub(crate) fn read(file: &Path) -> Result<Materials> {
 pub(crate) fn parse(text: &str) -> Result<Materials> {
     let given: Given = toml::from_str(text)?;
     let head = Materials::HEAD;
-    Ok(Materials {
+    let all = Materials {
         brain: given.brain.over(head.brain, ThinMembrane::PIA),
         ventricles: given.ventricles.over(head.ventricles, ThinMembrane::EPENDYMA),
-    })
+    };
+    for (region, m) in [("brain", &all.brain), ("ventricles", &all.ventricles)] {
+        m.check().map_err(|fault| anyhow!("{region}.{fault}"))?;
+    }
+    Ok(all)
 }
 
 impl Region {
@@ -167,6 +171,22 @@ mod tests {
             used.ventricles.insertion.cut_force_mn = 1e-7 * (n as f64).sqrt();
             used.brain.membrane = wall.map(|thickness_mm| ThinMembrane { thickness_mm, ..ThinMembrane::PIA });
             assert_eq!(parse(&text(&used).expect("text")).expect("materials"), used);
+        }
+    }
+
+    #[test]
+    fn a_value_out_of_range_is_named_with_its_region_and_its_range() {
+        for (given, told) in [
+            ("[brain.insertion]\ncut_force_mn = -3", "brain.insertion.cut_force_mn is -3, wanted 0 or more"),
+            (
+                "[brain.insertion]\nstatic_friction_mn_per_mm = 0.5",
+                "brain.insertion.dynamic_friction_mn_per_mm is 1.04, wanted at most static_friction_mn_per_mm, which is 0.5",
+            ),
+            ("[ventricles]\npoisson = 0.5", "ventricles.poisson is 0.5, wanted 0 to below 0.4999"),
+            ("[brain.membrane]\nyoung_kpa = -1", "brain.membrane.young_kpa is -1, wanted more than 0"),
+        ] {
+            let said = format!("{:#}", said(given).expect_err("refused"));
+            assert!(said.ends_with(told), "{said}");
         }
     }
 

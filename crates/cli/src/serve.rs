@@ -23,6 +23,7 @@ pub(crate) fn run(args: &ServeArgs, console: &Console) -> Result<()> {
         None => Some(beside(case_dir)?),
     };
     let model = soft_body::model(args.mode, args.materials.as_deref())?;
+    soft_body::remarks(&model).iter().for_each(|r| console.warn(r));
     let settings = soft_body::name(args.mode, &model.materials)?;
     let options = ServeOptions {
         case_dir: case_dir.clone(),

@@ -26,6 +26,18 @@ pub(crate) fn model(mode: ModeArg, file: Option<&Path>) -> Result<ModelSettings>
     Ok(model)
 }
 
+/// What a reader of the materials would not expect.
+pub(crate) fn remarks(model: &ModelSettings) -> Option<String> {
+    let [brain, ventricles] = [model.materials.brain, model.materials.ventricles].map(|m| m.damping_s);
+    let used = brain.max(ventricles);
+    (matches!(model.mode, Mode::Physical(_)) && brain != ventricles).then(|| {
+        format!(
+            "damping_s is {brain} s for the brain and {ventricles} s for the ventricles, but a soft body has one damping \
+             time: the larger, {used} s, was used for both."
+        )
+    })
+}
+
 /// The name under which a recording knows a soft body: the mode as on the command line, and on the following lines all
 /// materials, if they are not those of a head.
 pub(crate) fn name(mode: ModeArg, used: &Materials) -> Result<String> {

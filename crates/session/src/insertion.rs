@@ -2,12 +2,14 @@
 
 use crate::deformation::at;
 use crate::tissue_model::{self, ModelSettings};
-use crate::{Follower, SessionError};
+use crate::{Follower, SessionError, StructureVolumes};
 use core::ops::RangeInclusive;
 use monro_case::Case;
 use monro_geometry::{Patient, Point, Structure, TetMesh};
 use monro_guidance::{NeedlePose, Plan, Reading, TargetReading};
-use monro_tissue::{Event, FrameSettings, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose};
+use monro_tissue::{
+    Csf, Event, FrameSettings, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose,
+};
 
 pub use monro_tissue::Mode;
 
@@ -16,6 +18,10 @@ pub(crate) const SPEED_MM_S: RangeInclusive<f64> = 0.1..=500.0;
 
 /// Length of the catheter behind its tip, mm (ventricular catheters are 200 to 350 mm long).
 const CATHETER_LENGTH_MM: f64 = 250.0;
+
+/// Time over which what is done to the fluid and gravity come on before the insertion, s. At once they would throw the
+/// tissue; this is many periods of its slowest motion (a head's: about 8 Hz).
+const BRING_ON_S: f64 = 1.0;
 
 /// How the insertion is done.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,14 +34,14 @@ pub struct InsertionSettings {
     pub diameter_mm: f64,
     /// Time the catheter rests at the target before the end, s.
     pub hold_s: f64,
-    /// Time stepping of the soft body.
+    /// Time stepping of the soft body. What it says of fluid and gravity comes on evenly in a second before the insertion.
     pub frame: FrameSettings,
 }
 
 /// One moment of the insertion. Lengths in mm, angles in radians, patient frame (LPS).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// Time since the start at the skin, s.
+    /// Time since the start at the skin, s; negative while fluid and gravity come on.
     pub time_s: f64,
     /// Tip of the catheter.
     pub tip: Point<Patient>,
@@ -69,6 +75,8 @@ pub struct Insertion {
     settings: InsertionSettings,
     tool: Tool,
     frames_done: usize,
+    /// Frames before the catheter begins to move.
+    frames_before: usize,
     frames_in_all: usize,
 }
 
@@ -76,10 +84,16 @@ impl Insertion {
     /// Prepares the insertion of a case.
     ///
     /// # Errors
-    /// A speed out of range, a mesh that cannot be simulated, a path beside the brain.
+    /// A speed out of range, more fluid to be drained than there is, a mesh that cannot be simulated, a path beside the brain.
     pub fn new(case: &Case, settings: &InsertionSettings) -> Result<Self, SessionError> {
         if !SPEED_MM_S.contains(&settings.speed_mm_s) {
             return Err(SessionError::Speed(settings.speed_mm_s));
+        }
+        if let Csf::Drained { ml } = settings.frame.csf {
+            let holds_ml = StructureVolumes::new(&case.tets).ventricles_ml();
+            if ml >= holds_ml {
+                return Err(SessionError::Drained { ml, holds_ml });
+            }
         }
         let length_mm = case.plan.length();
         let (opening, _) =
@@ -87,6 +101,7 @@ impl Insertion {
         let model = Model::new(&case.tets, &tissue_model::options(&case.tets, opening, &settings.model))?;
         let moving = (length_mm / settings.speed_mm_s / settings.frame.dt_s).ceil();
         let resting = (settings.hold_s / settings.frame.dt_s).ceil();
+        let frames_before = frames_before(&settings.frame);
         Ok(Self {
             state: model.rest_state(),
             stepper: Stepper::new(&model),
@@ -98,7 +113,8 @@ impl Insertion {
             settings: *settings,
             tool: Tool { tip: TipShape::Round, radius_mm: settings.diameter_mm / 2.0 },
             frames_done: 0,
-            frames_in_all: (moving + resting) as usize,
+            frames_before,
+            frames_in_all: frames_before + (moving + resting) as usize,
         })
     }
 
@@ -117,7 +133,9 @@ impl Insertion {
         }
         let motion =
             ToolMotion { tool: self.tool, from: self.pose(self.frames_done), to: self.pose(self.frames_done + 1) };
-        let step = self.stepper.step(&self.model, &mut self.state, &[motion], &self.settings.frame);
+        let share = (self.frames_done + 1) as f64 / self.frames_before as f64;
+        let settings = self.settings.frame.brought_on(share.min(1.0));
+        let step = self.stepper.step(&self.model, &mut self.state, &[motion], &settings);
         self.model.nodes_into(&self.state, &mut self.nodes);
         self.frames_done += 1;
         self.read(motion.to, step).map(Some)
@@ -146,6 +164,7 @@ impl Insertion {
     }
 
     fn pose(&self, frame: usize) -> ToolPose {
+        let frame = frame.saturating_sub(self.frames_before);
         let depth = (frame as f64 * self.settings.frame.dt_s * self.settings.speed_mm_s).min(self.plan.length());
         ToolPose { tip: self.plan.at_depth(depth), tail: self.plan.at_depth(depth - CATHETER_LENGTH_MM) }
     }
@@ -156,7 +175,7 @@ impl Insertion {
         let reading = Reading::new(&self.plan, &needle);
         let label = step.tools.first().and_then(|t| t.label);
         Ok(Frame {
-            time_s: self.frames_done as f64 * self.settings.frame.dt_s,
+            time_s: (self.frames_done as f64 - self.frames_before as f64) * self.settings.frame.dt_s,
             tip: pose.tip,
             depth_mm: reading.depth,
             distance_rigid_mm: TargetReading::new(&needle, self.plan.target()).distance,
@@ -169,7 +188,22 @@ impl Insertion {
     }
 }
 
+fn frames_before(settings: &FrameSettings) -> usize {
+    let loaded = settings.csf != Csf::AtRest || settings.gravity_mm_s2 != [0.0; 3];
+    if loaded { (BRING_ON_S / settings.dt_s).ceil() as usize } else { 0 }
+}
+
 impl Frame {
+    /// Whether the soft body could not take this step at all: it was taken back to before it, so nothing was felt.
+    pub fn held(&self) -> bool {
+        self.step.events.contains(&Event::Held)
+    }
+
+    /// Force of the tissue against the advance, mN (without a unit in paper mode); `None` where nothing was felt.
+    pub fn axial_force_mn(&self) -> Option<f64> {
+        self.step.tools.first().filter(|_| !self.held()).map(|t| t.axial_force_mn)
+    }
+
     /// Whether the tip is in a ventricle: cerebrospinal fluid drips.
     pub fn in_ventricle(&self) -> bool {
         self.at_tip.is_some_and(Structure::is_ventricle)

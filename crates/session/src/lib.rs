@@ -7,10 +7,12 @@ mod deformation;
 mod insertion;
 pub mod live;
 mod tissue_model;
+mod volumes;
 
 pub use deformation::{DeformedSampler, Follower};
 pub use insertion::{Frame, Insertion, InsertionSettings, Mode};
 pub use tissue_model::{BURR_HOLE_RADIUS_MM, Materials, ModelSettings};
+pub use volumes::StructureVolumes;
 
 use monro_geometry::EmbeddingError;
 use monro_guidance::NeedleError;
@@ -32,6 +34,14 @@ pub enum SessionError {
     /// The plan gives no needle pose.
     #[error(transparent)]
     Needle(#[from] NeedleError),
+    /// More fluid is to be drained than there is.
+    #[error("{ml} ml cannot be drained: the ventricles of the case hold {holds_ml:.1} ml")]
+    Drained {
+        /// What is to be drained.
+        ml: f64,
+        /// Volume of all ventricles.
+        holds_ml: f64,
+    },
     /// The path never meets the tissue.
     #[error("the planned path of {length_mm:.1} mm does not meet the brain; is the plan of this patient?")]
     PathMisses {

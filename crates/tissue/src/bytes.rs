@@ -40,7 +40,7 @@ impl State {
 impl Stepper {
     /// Bytes of the memory to work in, by what they are for; all of it is there after a first step with a tool.
     pub fn bytes(&self) -> Vec<Held> {
-        let copies = self.backup.bytes() + of(&self.previous) + of(&self.push) + of(&self.tethers);
+        let copies = self.backup.bytes() + of(&self.previous) + of(&self.tethers);
         let checks = of(&self.growth) + of(&self.turned);
         vec![
             ("copies of the state", copies),

@@ -1,9 +1,12 @@
 //! Cerebrospinal fluid as an input: a pressure in all fluid regions, or a volume drained from them.
 //!
 //! The fluid regions are one communicating space. A pressure `p` above that at rest adds `-p dV` to the energy, so it pushes
-//! the walls along the gradient of the space's volume and follows them. A drained volume is a condition on that volume; its
-//! multiplier is the pressure, found by integral control over the substeps with the stiffness of a cavity in a wide elastic
-//! solid, `dp = 4/3 mu dV / V` (Lame), as the gain.
+//! the walls along the gradient of the space's volume and follows them. The solver takes it as it takes the tissue's own
+//! pressures, through the volume of each fluid element: where fluid and tissue press on each other, what both do to a wall
+//! that moves along itself cancels, at any pressure. (As a force set at the start of a step it did not: walls folded from
+//! 30 mmHg on.) A drained volume is a condition on that volume; its multiplier is the pressure, found by integral control over
+//! the substeps with the stiffness of a cavity in a wide elastic solid, `dp = 4/3 mu dV / V` (Lame), as the gain; as much as walls bear that the model does not know to
+//! meet, and no more.
 
 use crate::fast::Row;
 use crate::vec3::{V3, cross, six_volume, sub, xyz};
@@ -11,6 +14,9 @@ use crate::{Csf, FrameSettings, Model, State};
 
 /// Share of the missing pressure that a substep adds.
 const GAIN: f64 = 0.15;
+/// Most suction that draining may come to over the shear modulus of the tissue: where walls meet, more of it would only pull
+/// them through each other. With 3 no element of three heads was turned however much was asked for, with 6 a hundred were.
+const MOST_SUCTION: f64 = 3.0;
 
 /// The fluid space: its elements and the stiffness around it.
 #[derive(Debug, Clone, Default)]
@@ -49,26 +55,17 @@ impl FluidSpace {
         if self.tets.is_empty() { 0.0 } else { (self.volume_mm3(model, &state.positions) - self.rest_mm3) * 1e-3 }
     }
 
-    /// Sets the pressure of this substep and fills the acceleration of each node by it, mm/s2; left empty when there is
-    /// none.
-    pub(crate) fn push(&self, model: &Model, state: &mut State, settings: &FrameSettings, out: &mut Vec<[f32; 4]>) {
-        out.clear();
-        state.csf_kpa = match settings.csf {
+    /// Pressure of the next substep above that at rest, kPa.
+    pub(crate) fn pressure_kpa(&self, model: &Model, state: &State, settings: &FrameSettings) -> f64 {
+        match settings.csf {
             _ if self.tets.is_empty() => 0.0,
             Csf::AtRest => 0.0,
             Csf::Pressure { kpa } => kpa,
             Csf::Drained { ml } => {
                 let missing = -ml - self.change_ml(model, state);
                 let stiff = 4.0 / 3.0 * self.shear_kpa / (self.rest_mm3 * 1e-3);
-                state.csf_kpa + GAIN * stiff * missing
+                (state.csf_kpa + GAIN * stiff * missing).max(-MOST_SUCTION * self.shear_kpa)
             }
-        };
-        if state.csf_kpa != 0.0 {
-            out.resize(model.rest.len(), [0.0; 4]);
-            self.add_forces(model, &state.positions, state.csf_kpa, |node, force| {
-                let mass = model.mass[node as usize];
-                (0..3).for_each(|a| out[node as usize][a] += force[a] / mass);
-            });
         }
     }
 

@@ -1,5 +1,6 @@
 //! Why a model was refused.
 
+use crate::MaterialFault;
 use monro_geometry::TetMeshError;
 use thiserror::Error;
 
@@ -67,35 +68,13 @@ pub enum ModelError {
         /// The first element that has it.
         tet: usize,
     },
-    /// A material has a value outside its range.
-    #[error(
-        "the material of label {label} is unusable: E {young_kpa} kPa, nu {poisson}, density {density_kg_m3} kg/m3 \
-         (wanted: E > 0, 0 <= nu < 0.4999, density > 0, coefficients in 0..=1, forces >= 0)"
-    )]
+    /// A material, or the thin membrane around its region, has a value outside its range.
+    #[error("the material of label {label} is unusable: {fault}")]
     Material {
         /// The label.
         label: u16,
-        /// Young's modulus, kPa.
-        young_kpa: f64,
-        /// Poisson's ratio.
-        poisson: f64,
-        /// Density, kg/m3.
-        density_kg_m3: f64,
-    },
-    /// The thin membrane around a region has a value outside its range.
-    #[error(
-        "the thin membrane of label {label} is unusable: E {young_kpa} kPa, nu {poisson}, thickness {thickness_mm} mm \
-         (wanted: E > 0, 0 <= nu <= 0.5, thickness > 0; leave it out for none)"
-    )]
-    ThinMembrane {
-        /// The label.
-        label: u16,
-        /// Young's modulus, kPa.
-        young_kpa: f64,
-        /// Poisson's ratio.
-        poisson: f64,
-        /// Thickness, mm.
-        thickness_mm: f64,
+        /// The value and its range.
+        fault: MaterialFault,
     },
     /// An option of the mode is out of range.
     #[error("{name} is {value}, wanted {wanted}")]

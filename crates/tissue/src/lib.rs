@@ -46,7 +46,7 @@ mod volumes;
 
 pub use bytes::Held;
 pub use error::ModelError;
-pub use material::{Insertion, Material, PaperCoefficients, ThinMembrane};
+pub use material::{Insertion, Material, MaterialFault, PaperCoefficients, ThinMembrane};
 pub use model::Model;
 pub use options::{
     Attachment, AttachmentKind, CollisionResponse, Csf, DihedralScope, FrameSettings, Mode, ModelOptions, PaperOptions,

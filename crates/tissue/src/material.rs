@@ -1,5 +1,7 @@
 //! What a region of tissue is made of, with the source of each default.
 
+use thiserror::Error;
+
 /// Constitutive, numerical and insertion parameters of one region.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
@@ -10,7 +12,8 @@ pub struct Material {
     /// Mass density, kg/m3.
     pub density_kg_m3: f64,
     /// Kelvin-Voigt damping time, s: viscous stress is this times the shear modulus times twice the rate of the strain that
-    /// changes shape. Changes of volume, which near-incompressible tissue hardly makes, are not damped.
+    /// changes shape. Changes of volume, which near-incompressible tissue hardly makes, are not damped. A model has one
+    /// damping time, the largest of those of its regions.
     pub damping_s: f64,
     /// Normalised coefficients of the paper's constraints (paper mode).
     pub paper: PaperCoefficients,
@@ -123,9 +126,10 @@ impl ThinMembrane {
     /// thousandth of what an element of 3 mm has, so ventricles have none unless a study asks for it.
     pub const EPENDYMA: Self = Self { young_kpa: 3.0, poisson: 0.49, thickness_mm: 0.02 };
 
-    pub(crate) fn is_valid(&self) -> bool {
-        let positive = |v: f64| v.is_finite() && v > 0.0;
-        positive(self.young_kpa) && positive(self.thickness_mm) && (0.0..=0.5).contains(&self.poisson)
+    fn check(&self) -> Result<(), MaterialFault> {
+        positive("membrane.young_kpa", self.young_kpa)?;
+        between("membrane.poisson", self.poisson, (0.0..=0.5).contains(&self.poisson), "0 to 0.5")?;
+        positive("membrane.thickness_mm", self.thickness_mm)
     }
 }
 
@@ -155,23 +159,51 @@ impl Insertion {
         dynamic_friction_mn_per_mm: 0.0,
     };
 
-    pub(crate) fn is_valid(&self) -> bool {
-        let all = [
-            self.puncture_force_mn,
-            self.puncture_depth_mm,
-            self.cut_force_mn,
-            self.static_friction_mn_per_mm,
-            self.dynamic_friction_mn_per_mm,
-        ];
-        all.iter().all(|v| v.is_finite() && *v >= 0.0)
-            && self.dynamic_friction_mn_per_mm <= self.static_friction_mn_per_mm
+    fn check(&self) -> Result<(), MaterialFault> {
+        let (fixed, sliding) = (self.static_friction_mn_per_mm, self.dynamic_friction_mn_per_mm);
+        not_negative("insertion.puncture_force_mn", self.puncture_force_mn)?;
+        not_negative("insertion.puncture_depth_mm", self.puncture_depth_mm)?;
+        not_negative("insertion.cut_force_mn", self.cut_force_mn)?;
+        not_negative("insertion.static_friction_mn_per_mm", fixed)?;
+        not_negative("insertion.dynamic_friction_mn_per_mm", sliding)?;
+        let most = format!("at most static_friction_mn_per_mm, which is {fixed}");
+        between("insertion.dynamic_friction_mn_per_mm", sliding, sliding <= fixed, &most)
     }
 }
 
 impl PaperCoefficients {
-    pub(crate) fn is_valid(&self) -> bool {
-        [self.stretch, self.dihedral, self.triangle, self.volume, self.hetero].iter().all(|k| (0.0..=1.0).contains(k))
+    fn check(&self) -> Result<(), MaterialFault> {
+        let share = |field, k: f64| between(field, k, (0.0..=1.0).contains(&k), "0 to 1");
+        share("paper.stretch", self.stretch)?;
+        share("paper.dihedral", self.dihedral)?;
+        share("paper.triangle", self.triangle)?;
+        share("paper.volume", self.volume)?;
+        share("paper.hetero", self.hetero)
     }
+}
+
+/// A value of a material that is out of its range.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error("{field} is {value}, wanted {wanted}")]
+pub struct MaterialFault {
+    /// Which value, with its part of the material: `insertion.cut_force_mn`.
+    pub field: &'static str,
+    /// The value.
+    pub value: f64,
+    /// The allowed range.
+    pub wanted: String,
+}
+
+fn between(field: &'static str, value: f64, fits: bool, wanted: &str) -> Result<(), MaterialFault> {
+    if fits { Ok(()) } else { Err(MaterialFault { field, value, wanted: wanted.to_owned() }) }
+}
+
+fn positive(field: &'static str, value: f64) -> Result<(), MaterialFault> {
+    between(field, value, value.is_finite() && value > 0.0, "more than 0")
+}
+
+fn not_negative(field: &'static str, value: f64) -> Result<(), MaterialFault> {
+    between(field, value, value.is_finite() && value >= 0.0, "0 or more")
 }
 
 impl Material {
@@ -185,14 +217,17 @@ impl Material {
         self.young_kpa * self.poisson / ((1.0 + self.poisson) * (1.0 - 2.0 * self.poisson))
     }
 
-    pub(crate) fn is_valid(&self) -> bool {
-        let positive = |v: f64| v.is_finite() && v > 0.0;
-        positive(self.young_kpa)
-            && (0.0..0.4999).contains(&self.poisson)
-            && positive(self.density_kg_m3)
-            && self.damping_s.is_finite()
-            && self.damping_s >= 0.0
-            && self.paper.is_valid()
-            && self.insertion.is_valid()
+    /// Whether it can be simulated.
+    ///
+    /// # Errors
+    /// The first value that is out of its range.
+    pub fn check(&self) -> Result<(), MaterialFault> {
+        positive("young_kpa", self.young_kpa)?;
+        between("poisson", self.poisson, (0.0..0.4999).contains(&self.poisson), "0 to below 0.4999")?;
+        positive("density_kg_m3", self.density_kg_m3)?;
+        not_negative("damping_s", self.damping_s)?;
+        self.paper.check()?;
+        self.insertion.check()?;
+        self.membrane.map_or(Ok(()), |m| m.check())
     }
 }

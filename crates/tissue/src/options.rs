@@ -115,12 +115,14 @@ pub enum Csf {
     /// Nothing: the pressure is that at rest.
     #[default]
     AtRest,
-    /// This much pressure more than at rest, kPa (1 mmHg is 0.133322 kPa).
+    /// This much pressure more than at rest, kPa (1 mmHg is 0.133322 kPa), above that around the tissue: pressure raised
+    /// inside and around alike deforms nothing.
     Pressure {
         /// The difference, kPa.
         kpa: f64,
     },
-    /// This much volume less than at rest, ml; negative for an infusion.
+    /// This much volume less than at rest, ml, as far as that takes no more suction than three times the tissue's shear
+    /// modulus (walls that meet are not modelled); negative for an infusion.
     Drained {
         /// The volume, ml.
         ml: f64,
@@ -128,6 +130,15 @@ pub enum Csf {
 }
 
 impl Csf {
+    /// A share of it.
+    fn brought_on(self, share: f64) -> Self {
+        match self {
+            Self::AtRest => Self::AtRest,
+            Self::Pressure { kpa } => Self::Pressure { kpa: kpa * share },
+            Self::Drained { ml } => Self::Drained { ml: ml * share },
+        }
+    }
+
     fn sane(self) -> Self {
         match self {
             Self::Pressure { kpa } if kpa.is_finite() => Self::Pressure { kpa: kpa.clamp(-100.0, 100.0) },
@@ -164,6 +175,12 @@ impl Default for FrameSettings {
 }
 
 impl FrameSettings {
+    /// The settings with a share of gravity and of what is done to the fluid, for bringing them on slowly.
+    #[must_use]
+    pub fn brought_on(&self, share: f64) -> Self {
+        Self { gravity_mm_s2: self.gravity_mm_s2.map(|g| g * share), csf: self.csf.brought_on(share), ..*self }
+    }
+
     /// The settings with what is unusable made usable: no step shorter than a microsecond, at least one iteration.
     pub(crate) fn sane(&self) -> Self {
         let dt_s = if self.dt_s.is_finite() { self.dt_s.clamp(1e-6, 1.0) } else { 1.0 / 60.0 };

@@ -57,8 +57,6 @@ pub struct Stepper {
     pub(crate) paper: PaperScratch,
     pub(crate) descent: DescentScratch,
     fluid: FluidSpace,
-    /// Acceleration of each node by the fluid's pressure, mm/s2; empty when there is none.
-    pub(crate) push: Vec<[f32; 4]>,
     events: Vec<Event>,
     residual: f32,
     /// Share of the tissue in the predicted deformation space.
@@ -89,7 +87,6 @@ impl Stepper {
             paper: PaperScratch::default(),
             descent: DescentScratch::default(),
             fluid: FluidSpace::new(model),
-            push: Vec::new(),
             events: Vec::new(),
             residual: 0.0,
             space: 1.0,
@@ -160,6 +157,9 @@ impl Stepper {
                     if attempt == RETRIES {
                         self.events.clear();
                         come_free(model, state);
+                        // What the failed solution says of forces and motion is nothing that happened.
+                        self.couplings.clear();
+                        self.residual = 0.0;
                         failures.push(Event::Held);
                     }
                 }
@@ -293,9 +293,9 @@ impl Stepper {
 
     /// Physical mode: one implicit Euler step.
     fn descend(&mut self, solver: &Descent, model: &Model, state: &mut State, settings: &FrameSettings, dt: f32) {
-        self.fluid.push(model, state, settings, &mut self.push);
+        state.csf_kpa = self.fluid.pressure_kpa(model, state, settings);
         let mut body = Body {
-            push: &self.push,
+            fluid_kpa: state.csf_kpa as f32,
             positions: &mut state.positions,
             velocities: &state.velocities,
             pressure: &mut state.pressure,

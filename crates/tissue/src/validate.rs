@@ -55,14 +55,7 @@ fn duplicate_vertices(mesh: &TetMesh) -> Result<(), ModelError> {
 
 pub(crate) fn options(mesh: &TetMesh, options: &ModelOptions) -> Result<(), ModelError> {
     for (&label, m) in &options.materials {
-        if !m.is_valid() {
-            let (young_kpa, poisson, density_kg_m3) = (m.young_kpa, m.poisson, m.density_kg_m3);
-            return Err(ModelError::Material { label, young_kpa, poisson, density_kg_m3 });
-        }
-        if let Some(t) = m.membrane.filter(|t| !t.is_valid()) {
-            let (young_kpa, poisson, thickness_mm) = (t.young_kpa, t.poisson, t.thickness_mm);
-            return Err(ModelError::ThinMembrane { label, young_kpa, poisson, thickness_mm });
-        }
+        m.check().map_err(|fault| ModelError::Material { label, fault })?;
     }
     share("number of materials", options.materials.len() as f64, 0.0, 255.0, "at most 255")?;
     if let Some(tet) = mesh.labels.iter().position(|l| !options.materials.contains_key(l)) {

@@ -270,3 +270,17 @@ fn two_catheters_far_apart_feel_what_each_alone_would_and_leave_nothing_behind()
     }
     assert!(after < 0.02, "{after} mm are left after both came out");
 }
+
+#[test]
+fn the_force_was_no_number_in_a_frame_that_no_step_could_solve() {
+    let (_, model) = column(Insertion::BRAIN);
+    let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+    let at = |frame: i32| [23.3, 24.7, 50.0 - 0.1 * f64::from(frame)];
+    let thrown = FrameSettings { gravity_mm_s2: [0.0, 0.0, -1e30], ..FrameSettings::default() };
+    for frame in 0..160 {
+        let settings = if frame < 150 { FrameSettings::default() } else { thrown };
+        let report = stepper.step(&model, &mut state, &[rod(at(frame), at(frame + 1))], &settings);
+        assert_eq!(report.events.contains(&Event::Held), frame >= 150, "{report:?}");
+        assert!(report.tools[0].axial_force_mn.is_finite() && report.residual_mm.is_finite(), "{report:?}");
+    }
+}

@@ -115,3 +115,40 @@ fn attachments_bear_the_weight() {
     let weight = model.mass_kg() * 9810.0;
     assert!((sum.z / weight - 1.0).abs() < 1e-3 && sum.x.abs() + sum.y.abs() < 1e-3 * weight, "{sum:?}, {weight} mN");
 }
+
+#[test]
+fn walls_folded_and_elements_turned_over_under_fifty_millimetres_of_mercury() {
+    let mesh = ball(12);
+    // A hole in the skull, as of a drill: without it little could move at all.
+    let held = |p: Point<Patient>| radius(p) > OUTER - 1e-6 && (p.x - OUTER).hypot(p.y).hypot(p.z) > 6.0;
+    let model = Model::new(&mesh, &options(physical(), &nodes(&mesh, held))).expect("model");
+    for mmhg in [30.0, 50.0, 150.0] {
+        let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+        for frame in 0..120 {
+            let kpa = mmhg * 0.133_322 * (f64::from(frame + 1) / 60.0).min(1.0);
+            let settings = FrameSettings { csf: Csf::Pressure { kpa }, ..FrameSettings::default() };
+            let report = stepper.step(&model, &mut state, &[], &settings);
+            assert_eq!((report.inverted, report.rollbacks), (0, 0), "{mmhg} mmHg, frame {frame}");
+            assert!(report.max_displacement_mm < OUTER - INNER, "{} mm", report.max_displacement_mm);
+        }
+    }
+}
+
+#[test]
+fn draining_all_but_a_tenth_turned_elements_inside_out() {
+    let mesh = ball(12);
+    let model = Model::new(&mesh, &options(physical(), &nodes(&mesh, |p| radius(p) > OUTER - 1e-6))).expect("model");
+    let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+    let holds = 4.0 / 3.0 * core::f64::consts::PI * INNER.powi(3) * 1e-3;
+    let (mut most, mut last) = (0.0_f64, monro_tissue::StepReport::default());
+    for frame in 0..180 {
+        let ml = 0.9 * holds * (f64::from(frame + 1) / 60.0).min(1.0);
+        let settings = FrameSettings { csf: Csf::Drained { ml }, ..FrameSettings::default() };
+        last = stepper.step(&model, &mut state, &[], &settings);
+        assert_eq!(last.inverted, 0, "frame {frame}, {last:?}");
+        most = most.max(last.max_displacement_mm);
+    }
+    // Suction ends at three times the shear modulus, and what was not drained is told.
+    assert!((last.csf_kpa + 3.0 * Material::BRAIN.shear_kpa()).abs() < 1e-9, "{last:?}");
+    assert!(last.csf_change_ml > -0.9 * holds && most < INNER, "{most} mm, {last:?}");
+}

@@ -72,21 +72,10 @@ fn key_numbers(case: &Case, done: &Run) -> Vec<KeyNumber> {
 }
 
 fn findings(done: &Run, has_ct: bool) -> Vec<Finding> {
-    let mut out = Vec::new();
-    let mut add = |severity, text: String| out.push(Finding { severity, text });
-    if done.csf().is_none() {
-        add(Severity::Warning, "The tip never entered a ventricle.".into());
-    }
-    let rollbacks: u32 = done.rows.iter().map(|r| r.frame.step.rollbacks).sum();
-    if rollbacks > 0 {
-        add(Severity::Warning, format!("The solver took back {rollbacks} steps and repeated them with smaller ones."));
-    }
-    let inverted = done.rows.iter().map(|r| r.frame.step.inverted).max().unwrap_or(0);
-    if inverted > 0 {
-        add(Severity::Warning, format!("Up to {inverted} tetrahedra were inverted in a frame."));
-    }
+    let mut out = done.findings();
     if !has_ct {
-        add(Severity::Note, "The case has no CT, so there are no slices of it here.".into());
+        let text = "The case has no CT, so there are no slices of it here.".into();
+        out.push(Finding { severity: Severity::Note, text });
     }
     out
 }
@@ -181,7 +170,8 @@ fn plots_section(done: &Run) -> Section {
         LinePlot { caption: caption.into(), x_label, y_label, log_x: false, log_y: false, series, events: events(done) }
             .figure()
     };
-    let force = |f: &Frame| f.step.tools.first().map_or(f64::NAN, |t| t.axial_force_mn);
+    // What is no number is not drawn.
+    let force = |f: &Frame| f.axial_force_mn().unwrap_or(f64::NAN);
     let force_unit = if done.has_units() { "mN" } else { "no unit (paper mode)" };
     let steps = Histogram {
         caption: "Time for a whole frame: collision, deformation, surfaces.".into(),
@@ -199,10 +189,22 @@ fn plots_section(done: &Run) -> Section {
         plot("Displacement of the target's tissue.", "mm", vec![line("target", &|f| f.target_displacement_mm)]),
         plot("Depth of the tip under the skin.", "mm", vec![line("depth", &|f| f.depth_mm)]),
         plot("Force of the tissue against the advance.", force_unit, vec![line("axial force", &force)]),
-        plot("Volume of the tissue against rest.", "%", vec![line("volume", &|f| f.step.volume_change * 100.0)]),
+        plot("Volume of brain and ventricles against rest.", "ml", volumes(done)),
+        plot(
+            "Volume of all together (the skull holds it, so it hardly changes).",
+            "%",
+            vec![line("volume", &|f| f.step.volume_change * 100.0)],
+        ),
         steps.figure(),
     ];
     Section { title: "Over time".into(), figures, ..Section::default() }
+}
+
+/// What each structure has more than at rest.
+fn volumes(done: &Run) -> Vec<Series> {
+    let of = |i: usize| done.rows.iter().map(|r| [r.frame.time_s, r.change_ml[i]]).collect();
+    let structures = done.volumes.structures().iter().enumerate();
+    structures.map(|(i, s)| Series { name: s.name().replace('_', " "), points: of(i) }).collect()
 }
 
 /// Punctures and the first CSF, to be marked in the plots.

@@ -3,6 +3,7 @@
 mod figures;
 mod output;
 mod run;
+mod verdict;
 
 use crate::args::{ModeArg, SimulateArgs};
 use crate::console::Console;
@@ -51,12 +52,12 @@ fn asked(args: &SimulateArgs) -> Result<InsertionSettings> {
         "paper mode has no pressure: --drain-ml and --csf-pressure-mmhg need --mode physical"
     );
     for (name, value) in [("--drain-ml", args.drain_ml), ("--csf-pressure-mmhg", args.csf_pressure_mmhg)] {
-        ensure!(value.is_none_or(|v| v.is_finite() && v.abs() <= 150.0), "{name} {value:?}: wanted -150 to 150");
+        let Some(value) = value else { continue };
+        ensure!(value.is_finite() && value.abs() <= 150.0, "{name} {value}: wanted -150 to 150");
     }
     out.model = soft_body::model(args.mode, args.materials.as_deref())?;
-    if let Some([x, y, z]) = args.gravity.as_deref() {
-        ensure!([x, y, z].iter().all(|g| g.is_finite()), "--gravity {x},{y},{z}: wanted three finite numbers");
-        out.frame.gravity_mm_s2 = [x, y, z].map(|g| g * 1e3);
+    if let Some(gravity) = args.gravity {
+        out.frame.gravity_mm_s2 = gravity.map(|g| g * 1e3);
     }
     Ok(out)
 }
@@ -74,6 +75,7 @@ pub(crate) fn settings(mode: ModeArg, speed_mm_s: f64) -> InsertionSettings {
 
 /// Writes series, meshes, summary and report into a folder under construction.
 pub(crate) fn write(case_dir: &Path, case: &Case, done: &Run, staging: &Staging, console: &Console) -> Result<()> {
+    done.findings().iter().for_each(|f| console.warn(&f.text));
     console.stage("write", || output::write(done, staging))?;
     let html = console.stage("report", || figures::report(case_dir, case, done))?;
     staging.write("report.html", html.as_bytes())?;

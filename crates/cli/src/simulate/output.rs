@@ -1,6 +1,6 @@
 //! Series, meshes and summary of an insertion as files.
 
-use super::{KPA_PER_MMHG, Run};
+use super::{KPA_PER_MMHG, Run, verdict};
 use crate::NOTICE;
 use crate::materials;
 use anyhow::{Context, Result};
@@ -12,8 +12,9 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-/// Columns of `insertion.csv`; that of the force is named by its unit.
-const CSV_HEADER: &str = "time_s,tip_x_lps_mm,tip_y_lps_mm,tip_z_lps_mm,depth_mm,distance_rigid_mm,distance_deformed_mm,entry_angle_error_deg,target_displacement_mm,volume_change_percent,{force},at_tip,inverted,rollbacks,step_ms\n";
+/// Columns of `insertion.csv`; that of the force is named by its unit, and empty where a frame was held: nothing was felt. One
+/// for each structure follows.
+const CSV_HEADER: &str = "time_s,tip_x_lps_mm,tip_y_lps_mm,tip_z_lps_mm,depth_mm,distance_rigid_mm,distance_deformed_mm,entry_angle_error_deg,target_displacement_mm,whole_volume_change_percent,{force},at_tip,inverted,rollbacks,step_ms,held";
 
 /// Writes everything but the report.
 pub(crate) fn write(done: &Run, staging: &Staging) -> Result<()> {
@@ -37,14 +38,18 @@ fn snapshot_name(i: usize) -> String {
 /// The series as one table.
 fn csv(done: &Run) -> String {
     let mut out = CSV_HEADER.replace("{force}", done.force_name());
+    for s in done.volumes.structures() {
+        // Writing to a String cannot fail.
+        let _ = write!(out, ",{}_change_ml", s.name());
+    }
+    out.push('\n');
     for row in &done.rows {
         let f = &row.frame;
         let [x, y, z] = f.tip.to_array();
-        let axial = f.step.tools.first().map_or(f64::NAN, |t| t.axial_force_mn);
-        // Writing to a String cannot fail.
-        let _ = writeln!(
+        let axial = f.axial_force_mn().map_or_else(String::new, |v| format!("{v:.3}"));
+        let _ = write!(
             out,
-            "{:.4},{x:.4},{y:.4},{z:.4},{:.4},{:.4},{:.4},{:.5},{:.5},{:.6},{axial:.3},{},{},{},{:.4}",
+            "{:.4},{x:.4},{y:.4},{z:.4},{:.4},{:.4},{:.4},{:.5},{:.5},{:.6},{axial},{},{},{},{:.4},{}",
             f.time_s,
             f.depth_mm,
             f.distance_rigid_mm,
@@ -55,8 +60,13 @@ fn csv(done: &Run) -> String {
             f.at_tip.map_or("outside", Structure::name),
             f.step.inverted,
             f.step.rollbacks,
-            row.ms
+            row.ms,
+            u8::from(f.held())
         );
+        for ml in &row.change_ml {
+            let _ = write!(out, ",{ml:.4}");
+        }
+        out.push('\n');
     }
     out
 }
@@ -81,6 +91,14 @@ fn collection(done: &Run) -> String {
 
 /// Numbers of the insertion, as in `summary.json`.
 fn summary(done: &Run) -> Value {
+    let mut all = numbers(done);
+    if let (Value::Object(all), Value::Object(verdict)) = (&mut all, verdict::json(done)) {
+        all.extend(verdict);
+    }
+    all
+}
+
+fn numbers(done: &Run) -> Value {
     let csf = done.csf_json();
     let last = done.last();
     json!({
@@ -95,10 +113,9 @@ fn summary(done: &Run) -> Value {
         "at_tip": last.and_then(|f| f.at_tip).map(Structure::name),
         "frames": done.rows.len(),
         "ms_per_frame": { "median": done.ms_quantile(0.5), "p99": done.ms_quantile(0.99) },
-        "max_volume_change_percent": max(done, |f| f.step.volume_change.abs() * 100.0),
+        "max_whole_volume_change_percent": max(done, |f| f.step.volume_change.abs() * 100.0),
         "max_target_shift_mm": max(done, |f| f.target_displacement_mm),
-        format!("max_{}", done.force_name()): max(done, |f| f.step.tools.first().map_or(0.0, |t| t.axial_force_mn)),
-        "rollbacks": done.rows.iter().map(|r| r.frame.step.rollbacks).sum::<u32>(),
+        format!("max_{}", done.force_name()): max(done, |f| f.axial_force_mn().unwrap_or(0.0)),
         "elements": done.rest.tets.len(),
         "speed_mm_s": done.settings.speed_mm_s,
         "materials": done.has_units().then(|| materials::json(&done.settings.model.materials)),
@@ -146,8 +163,9 @@ pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
         None => "the tip never entered a ventricle".into(),
     };
     let Some(last) = done.last() else { return "nothing was simulated".into() };
+    let verdict = if done.reliable() { "" } else { "NOT TO BE RELIED ON, see the warnings above and in the report.\n" };
     format!(
-        "{csf}; at the end the tip is {:.1} mm from the target's tissue ({:.1} mm from the planned point), in {}.\n\
+        "{verdict}{csf}; at the end the tip is {:.1} mm from the target's tissue ({:.1} mm from the planned point), in {}.\n\
          The target moved {:.2} mm. {} frames, {:.2} ms each (median; p99 {:.2}).\nReport: {}",
         last.distance_deformed_mm,
         last.distance_rigid_mm,

@@ -4,7 +4,7 @@ use crate::console::Console;
 use anyhow::Result;
 use monro_case::Case;
 use monro_geometry::{Patient, Point, TetMesh, TriangleMesh};
-use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode};
+use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode, StructureVolumes};
 use std::time::Instant;
 
 /// Deformed meshes written along the way, besides the last.
@@ -17,6 +17,8 @@ pub(crate) struct Row {
     pub(crate) frame: Frame,
     /// Collision, deformation and update of the surfaces, ms.
     pub(crate) ms: f64,
+    /// What each structure has more than at rest, ml, in the order of [`Run::volumes`].
+    pub(crate) change_ml: Vec<f64>,
 }
 
 /// The deformed mesh at one time.
@@ -43,6 +45,8 @@ pub(crate) struct Run {
     pub(crate) settings: InsertionSettings,
     /// Nodes at rest, to show displacements against.
     pub(crate) rest: TetMesh,
+    /// The structures in it and their volumes.
+    pub(crate) volumes: StructureVolumes,
 }
 
 impl Run {
@@ -95,7 +99,8 @@ impl Surfaces {
 pub(crate) fn insert(case: &Case, settings: &InsertionSettings, console: &Console) -> Result<Run> {
     let (mut insertion, mut surfaces) = console
         .stage("build soft body", || -> Result<_> { Ok((Insertion::new(case, settings)?, Surfaces::new(case)?)) })?;
-    let (rows, snapshots) = console.stage("insert", || frames(&mut insertion, &mut surfaces, console))?;
+    let volumes = StructureVolumes::new(insertion.rest());
+    let (rows, snapshots) = console.stage("insert", || frames(&mut insertion, &mut surfaces, &volumes, console))?;
     let [brain, ventricles] = surfaces.now;
     Ok(Run {
         rows,
@@ -104,10 +109,16 @@ pub(crate) fn insert(case: &Case, settings: &InsertionSettings, console: &Consol
         ventricles: TriangleMesh { vertices: ventricles, triangles: case.ventricles.triangles.clone() },
         settings: *settings,
         rest: insertion.rest().clone(),
+        volumes,
     })
 }
 
-fn frames(insertion: &mut Insertion, surfaces: &mut Surfaces, console: &Console) -> Result<(Vec<Row>, Vec<Snapshot>)> {
+fn frames(
+    insertion: &mut Insertion,
+    surfaces: &mut Surfaces,
+    volumes: &StructureVolumes,
+    console: &Console,
+) -> Result<(Vec<Row>, Vec<Snapshot>)> {
     let (mut rows, mut snapshots) = (Vec::new(), Vec::new());
     let (_, total) = insertion.progress();
     let every = total.div_ceil(SNAPSHOTS).max(1);
@@ -126,7 +137,7 @@ fn frames(insertion: &mut Insertion, surfaces: &mut Surfaces, console: &Console)
             console.progress(format!("insert: frame {done} of {total}, depth {:.1} mm", frame.depth_mm));
             snapshots.push(Snapshot { time_s: frame.time_s, mesh: insertion.deformed() });
         }
-        rows.push(Row { frame, ms });
+        rows.push(Row { frame, ms, change_ml: volumes.change_ml(insertion.nodes()) });
     }
     Ok((rows, snapshots))
 }

@@ -1,6 +1,6 @@
 //! The phantom, written as DICOM, goes through the whole chain and comes out where its truth says.
 
-use crate::common::{distance, json, point, refusal, text};
+use crate::common::{distance, json, monro, point, refusal, text};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -35,12 +35,15 @@ fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
     let done = json(&["simulate", text(&case), "--out", text(&out), "--speed", "40"]);
     assert_eq!(done["reached_ventricle"], true, "{done}");
     assert!(done["frames"].as_u64().expect("frames") > 60);
-    assert!(done["max_volume_change_percent"].as_f64().expect("volume") < 1.0, "{done}");
+    assert!(done["max_whole_volume_change_percent"].as_f64().expect("volume") < 1.0, "{done}");
     let csv = fs::read_to_string(out.join("insertion.csv")).expect("series");
     assert_eq!(csv.lines().count() as u64, done["frames"].as_u64().expect("frames") + 1);
     let html = fs::read_to_string(out.join("report.html")).expect("report");
     assert!(!html.contains("http://") && !html.contains("https://"), "the report must not need a network");
+    assert_eq!((&done["reliable"], &done["inverted_most"]), (&Value::from(true), &Value::from(0)), "{done}");
     forces_have_a_unit_in_physical_mode_only(&case, &done, dir.path());
+    fifty_millimetres_of_mercury_gave_garbage_and_no_word(&case, dir.path());
+    garbage_was_told_in_the_report_only(&case, dir.path());
     damaged_case(&case, dir.path());
 }
 
@@ -56,6 +59,47 @@ fn forces_have_a_unit_in_physical_mode_only(case: &Path, physical: &Value, dir: 
     );
     let html = fs::read_to_string(out.join("report.html")).expect("report");
     assert!(html.contains("no unit (paper mode)") && !html.contains(">mN<"), "the report names a unit");
+}
+
+/// No number that is none, and what the brain's own tissue lost is told.
+fn fifty_millimetres_of_mercury_gave_garbage_and_no_word(case: &Path, dir: &Path) {
+    let out = dir.join("pressed");
+    let done = json(&["simulate", text(case), "--out", text(&out), "--speed", "80", "--csf-pressure-mmhg", "50"]);
+    assert_eq!((&done["reliable"], &done["inverted_most"]), (&Value::from(true), &Value::from(0)), "{done}");
+    assert!(done["max_target_shift_mm"].as_f64() < Some(15.0), "{done}");
+    let [brain, ventricle] =
+        ["brain", "left_lateral_ventricle"].map(|s| done["volumes"][s]["change_ml"].as_f64().expect("ml"));
+    assert!(brain < -5.0 && ventricle > 5.0, "{done}");
+    assert!(done["remarks"].to_string().contains("own tissue"), "{done}");
+    let csv = fs::read_to_string(out.join("insertion.csv")).expect("series");
+    assert!(!csv.contains("NaN") && csv.contains(",held,brain_change_ml,"), "{csv:.400}");
+    let first = csv.lines().nth(1).expect("a frame");
+    assert!(first.starts_with("-0.98"), "the pressure comes on before the insertion: {first}");
+}
+
+fn garbage_was_told_in_the_report_only(case: &Path, dir: &Path) {
+    let out = dir.join("emptied");
+    let holds: f64 = ["left_lateral", "right_lateral", "third", "fourth"]
+        .iter()
+        .filter_map(|v| {
+            let file = fs::read_to_string(dir.join("out/summary.json")).expect("summary");
+            let summary: Value = serde_json::from_str(&file).expect("JSON");
+            summary["volumes"][format!("{v}_ventricle")]["rest_ml"].as_f64()
+        })
+        .sum();
+    let drained =
+        |ml: f64| monro(&["simulate", text(case), "--out", text(&out), "--speed", "80", "--drain-ml", &ml.to_string()]);
+    let refused = String::from_utf8_lossy(&drained(holds + 0.1).stderr).into_owned();
+    assert!(refused.contains("cannot be drained") && refused.contains("hold"), "{refused}");
+    let stderr = String::from_utf8_lossy(&drained(0.97 * holds).stderr).into_owned();
+    assert!(stderr.contains("warning: ") && stderr.contains("not the result asked for"), "{stderr}");
+    let summary: Value =
+        serde_json::from_str(&fs::read_to_string(out.join("summary.json")).expect("summary")).expect("JSON");
+    assert_eq!(summary["reliable"], false, "{summary}");
+    assert!(summary["remarks"][0].as_str().is_some_and(|r| stderr.contains(r)), "{summary}");
+    assert!(summary["drained_ml"]["asked"].as_f64() > Some(1.0) && summary["rollbacks"].is_u64(), "{summary}");
+    let html = fs::read_to_string(out.join("report.html")).expect("report");
+    assert!(html.contains("<li class=\"error\">") && !html.contains("NaN"));
 }
 
 /// A plan read in the wrong direction, or far off the head, is refused with a hint; nothing is written.

@@ -88,8 +88,8 @@ impl Substep {
 
 /// A state to be advanced.
 pub(crate) struct Body<'a> {
-    /// Acceleration of each node by what else pushes, mm/s2; empty for nothing.
-    pub(crate) push: &'a [[f32; 4]],
+    /// Pressure of the fluid above that at rest, kPa.
+    pub(crate) fluid_kpa: f32,
     pub(crate) positions: &'a mut [[f32; 4]],
     pub(crate) velocities: &'a [[f32; 4]],
     pub(crate) pressure: &'a mut [f32],
@@ -231,21 +231,27 @@ impl Descent {
     fn press(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, advance: bool, pool: &Pool) {
         let DescentScratch { elements, still, total, .. } = scratch;
         let (tissue, numbers) = (body.tissue(), (&mut *body.pressure, &mut *body.growth));
-        self.pressures.update((tissue, body.positions), numbers, still, elements, total, (advance, pool));
+        self.pressures.update(
+            (tissue, body.positions),
+            numbers,
+            still,
+            elements,
+            total,
+            (advance, body.fluid_kpa, pool),
+        );
     }
 
     /// Moves on by inertia, and sets where loads would take each vertex.
     fn predict(&self, body: &mut Body<'_>, target: &mut [[f32; 4]], step: Substep, pool: &Pool) {
-        let (velocities, push, fall) = (body.velocities, body.push, step.dt * step.dt);
+        let (velocities, fall) = (body.velocities, step.dt * step.dt);
         let mut targets = slabs::split(target, &self.node_cuts);
         pool.each_part(body.positions, &self.node_cuts, &mut targets, &|i, positions, targets| {
             for (k, (p, target)) in positions.iter_mut().zip(targets.iter_mut()).enumerate() {
                 let v = self.node_cuts[i] + k;
-                let push = push.get(v).copied().unwrap_or_default();
                 if p[3] > 0.0 {
                     // The sweeps start without the fall: at rest under a load they then have nothing to undo.
                     (0..3).for_each(|a| p[a] += step.dt * velocities[v][a]);
-                    (0..3).for_each(|a| target[a] = p[a] + fall * (step.gravity[a] + push[a]));
+                    (0..3).for_each(|a| target[a] = p[a] + fall * step.gravity[a]);
                 }
             }
         });

@@ -31,6 +31,8 @@ pub(super) struct Pressures {
     /// `k / (k + r)` of the multiplier's step, 0 where the sweeps carry all.
     rate: Vec<f32>,
     share: Vec<f32>,
+    /// Patches of fluid regions, with what the sweeps carry of their volumetric stiffness, kPa.
+    fluid: Vec<(u32, f32)>,
     /// Pieces for threads: of sixteen elements each, and of patches.
     row_cuts: Vec<usize>,
     patch_cuts: Vec<usize>,
@@ -67,23 +69,25 @@ impl Pressures {
         let patches = elastic.patch_volume.len();
         let bulk = |r: &Region| r.material.lame_kpa() + (1.0 - ELEMENT_BULK) * r.material.shear_kpa();
         let carried = |r: &Region| (PENALTY * r.material.shear_kpa()).min(bulk(r));
-        let regions: Vec<[f64; 2]> = regions.iter().map(|r| [r.material.shear_kpa(), carried(r)]).collect();
-        let mut patch_penalty = vec![0.0; patches];
+        let moduli: Vec<[f64; 2]> = regions.iter().map(|r| [r.material.shear_kpa(), carried(r)]).collect();
+        let (mut patch_penalty, mut is_fluid) = (vec![0.0; patches], vec![false; patches]);
         for (corners, &r) in elastic.patch.iter().zip(region) {
-            corners.iter().for_each(|&p| patch_penalty[p as usize] = regions[r as usize][1]);
+            corners.iter().for_each(|&p| patch_penalty[p as usize] = moduli[r as usize][1]);
+            corners.iter().for_each(|&p| is_fluid[p as usize] = regions[r as usize].material.fluid);
         }
         let (start, around) = of_patches(&elastic.patch, patches);
         let patch_cuts = slabs::even_cuts(patches);
         let wall = (0..).zip(elastic.patch.iter().zip(&elastic.tets));
         Self {
             id: NEXT.fetch_add(1, Ordering::Relaxed),
-            regions,
+            regions: moduli,
             tets: elastic.tets.len(),
             walls: wall.filter(|(_, (patches, corners))| patches != corners).map(|(t, (p, _))| (t, *p)).collect(),
             around: Sums::new(&start, &around, &patch_cuts),
             rate: patch_penalty.iter().zip(&elastic.patch_volume).map(|(r, v)| (r / (24.0 * v)) as f32).collect(),
             // What is left for the multiplier is `k - r`, so its share is `(k - r) / k`.
             share: patch_penalty.iter().zip(&elastic.patch_bulk).map(|(r, k)| ((k - r) / k) as f32).collect(),
+            fluid: (0..).zip(is_fluid).zip(&patch_penalty).filter(|f| f.0.1).map(|f| (f.0.0, *f.1 as f32)).collect(),
             row_cuts: slabs::even_cuts(elastic.tets.len().div_ceil(WIDTH)),
             patch_cuts,
         }
@@ -97,7 +101,7 @@ impl Pressures {
     /// Bytes that they take.
     pub(super) fn bytes(&self) -> usize {
         let patches = bytes::of(&self.rate) + bytes::of(&self.share);
-        patches + self.around.bytes() + bytes::of(&self.walls)
+        patches + self.around.bytes() + bytes::of(&self.walls) + bytes::of(&self.fluid)
     }
 
     /// Number of patches.
@@ -139,7 +143,8 @@ impl Pressures {
 
     /// Growth of all elements at the current positions, and their pressures with it. With `advance` the nodal pressures
     /// take the next step of the multiplier method, `p <- (p + r (J - 1)) / (1 + r / k)`, at rest in itself when
-    /// `p = k (J - 1)`.
+    /// `p = k (J - 1)`. `fluid_kpa` is the fluid's own pressure: as the solid's it acts through the volumes of elements, so
+    /// it follows them within a sweep and the two cancel where they meet.
     pub(super) fn update(
         &self,
         (of, positions): (Tissue<'_>, &[[f32; 4]]),
@@ -147,7 +152,7 @@ impl Pressures {
         still: &Still,
         elements: &mut Vec<Element>,
         total: &mut Vec<f32>,
-        (advance, pool): (bool, &Pool),
+        (advance, fluid_kpa, pool): (bool, f32, &Pool),
     ) {
         of.volumes.measure(positions, growth, pool);
         total.resize(self.len(), 0.0);
@@ -164,10 +169,26 @@ impl Pressures {
                 total[k] = nodal[k] + step;
             });
         });
+        if fluid_kpa != 0.0 {
+            self.add_fluid(fluid_kpa, nodal, total);
+        }
         elements.resize(self.tets + 1, [0.0; 2]);
         pool.each_part(elements, &self.element_cuts(), &mut [(); slabs::PIECES], &|i, elements, ()| {
             self.spread(&Spread { of, total, growth, still, first: self.row_cuts[i] }, elements);
         });
+    }
+
+    /// Adds the fluid's pressure to its patches; no suction where nothing is left to drain, which would draw elements ever
+    /// further inside out.
+    fn add_fluid(&self, kpa: f32, nodal: &[f32], total: &mut [f32]) {
+        for &(p, carried) in &self.fluid {
+            let p = p as usize;
+            // What is no multiplier yet is the stiffness times the growth.
+            let left = 1.0 + (total[p] - nodal[p]) / carried;
+            if kpa > 0.0 || left > 0.0 {
+                total[p] -= kpa;
+            }
+        }
     }
 
     /// Pressures of the elements from row `first` on.

@@ -1,0 +1,155 @@
+//! Whether an insertion can be believed, and what there is to say against it: the same words in the report, in JSON and on
+//! the console.
+
+use super::{KPA_PER_MMHG, Run};
+use crate::soft_body;
+use monro_cli::report::{Finding, Severity};
+use monro_geometry::Structure;
+use monro_session::Frame;
+use monro_tissue::Csf;
+use serde_json::{Value, json};
+
+/// A target deep in the brain that moved further than this is not believed, mm: a choice, beyond the largest that any pressure
+/// up to 150 mmHg made of three heads (14 mm).
+const MOST_SHIFT_MM: f64 = 20.0;
+/// Share of the fluid asked for that may be missing at the end.
+const MOST_MISSING: f64 = 0.1;
+/// Share of its volume that tissue may change by before that is told: hardly any really leaves it.
+const MOST_SQUEEZED: f64 = 0.02;
+
+/// Counts of what went wrong.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Trouble {
+    /// Frames that no step could finish.
+    pub(super) held: usize,
+    pub(super) rollbacks: u32,
+    /// Turned elements: most in a frame, and in the last one.
+    pub(super) inverted: usize,
+    pub(super) inverted_at_end: usize,
+}
+
+impl Run {
+    pub(super) fn trouble(&self) -> Trouble {
+        let inverted = |f: &Frame| f.step.inverted;
+        Trouble {
+            held: self.rows.iter().filter(|r| r.frame.held()).count(),
+            rollbacks: self.rows.iter().map(|r| r.frame.step.rollbacks).sum(),
+            inverted: self.rows.iter().map(|r| inverted(&r.frame)).max().unwrap_or(0),
+            inverted_at_end: self.last().map_or(0, inverted),
+        }
+    }
+
+    /// Everything to be said, the worst first.
+    pub(super) fn findings(&self) -> Vec<Finding> {
+        let of = |severity, texts: Vec<String>| texts.into_iter().map(move |text| Finding { severity, text });
+        of(Severity::Error, broken(self)).chain(of(Severity::Warning, doubts(self))).collect()
+    }
+
+    /// Whether nothing speaks against relying on it.
+    pub(super) fn reliable(&self) -> bool {
+        broken(self).is_empty()
+    }
+}
+
+/// What may make it better.
+fn helps(run: &Run) -> &'static str {
+    match run.settings.frame.csf {
+        Csf::AtRest => "A slower insertion, less gravity or a finer mesh may help.",
+        Csf::Pressure { .. } => "Ask for a smaller change of pressure.",
+        Csf::Drained { .. } => {
+            "Drain less: walls of a ventricle that meet are not modelled, and suction ends at three times the shear modulus."
+        }
+    }
+}
+
+/// What makes the result worthless.
+fn broken(run: &Run) -> Vec<String> {
+    let (trouble, elements, helps) = (run.trouble(), run.rest.tets.len(), helps(run));
+    let mut out = Vec::new();
+    if trouble.inverted_at_end > 0 {
+        let n = trouble.inverted_at_end;
+        out.push(format!("{n} of {elements} tetrahedra are turned inside out at the end: not a result. {helps}"));
+    }
+    if trouble.held > 0 {
+        out.push(format!(
+            "In {} of {} frames not even the shortest step could be solved; the tissue was taken back and drawn towards rest, \
+             so what follows is not a result. {helps}",
+            trouble.held,
+            run.rows.len()
+        ));
+    }
+    let shift = run.rows.iter().map(|r| r.frame.target_displacement_mm).fold(0.0, f64::max);
+    if shift > MOST_SHIFT_MM {
+        out.push(format!(
+            "The target moved by up to {shift:.1} mm, more than is believed ({MOST_SHIFT_MM} mm): not a result. {helps}"
+        ));
+    }
+    out.extend(undrained(run));
+    out
+}
+
+fn undrained(run: &Run) -> Option<String> {
+    let (Csf::Drained { ml }, Some(last)) = (run.settings.frame.csf, run.last()) else { return None };
+    let reached = -last.step.csf_change_ml;
+    let missed = (reached - ml).abs() > MOST_MISSING * ml.abs();
+    missed.then(|| {
+        format!("{ml:.1} ml were to be drained, {reached:.1} ml were: not the result asked for. {}", helps(run))
+    })
+}
+
+/// What makes it worth less.
+fn doubts(run: &Run) -> Vec<String> {
+    let (trouble, mut out) = (run.trouble(), Vec::new());
+    if run.csf().is_none() {
+        out.push("The tip never entered a ventricle.".into());
+    }
+    if trouble.rollbacks > 0 {
+        let n = trouble.rollbacks;
+        out.push(format!("The solver took back {n} steps and repeated them with smaller ones."));
+    }
+    if trouble.inverted > 0 {
+        out.push(format!("Up to {} of {} tetrahedra were inverted in a frame.", trouble.inverted, run.rest.tets.len()));
+    }
+    out.extend(squeezed(run));
+    out.extend(soft_body::remarks(&run.settings.model));
+    out
+}
+
+/// The skull gives nothing, so what a ventricle gains the tissue loses, by being compressed.
+fn squeezed(run: &Run) -> Option<String> {
+    let brain = run.volumes.structures().iter().position(|s| *s == Structure::Brain)?;
+    let change = run.rows.last()?.change_ml[brain];
+    let share = change / run.volumes.rest_ml()[brain];
+    let pressure = run.last().map_or(0.0, |f| f.step.csf_kpa / KPA_PER_MMHG);
+    let poisson = run.settings.model.materials.brain.poisson;
+    (share.abs() > MOST_SQUEEZED).then(|| {
+        format!(
+            "The brain's own tissue changed by {change:.1} ml ({:.1} %) at {pressure:.1} mmHg: with a Poisson's ratio of \
+             {poisson} it gives way to pressure, real tissue hardly does. Measured differences of pressure between \
+             ventricles and the surface of the brain are a few mmHg.",
+            share * 100.0
+        )
+    })
+}
+
+/// The counts, the volumes and the remarks, for `summary.json`.
+pub(super) fn json(run: &Run) -> Value {
+    let trouble = run.trouble();
+    let asked = if let Csf::Drained { ml } = run.settings.frame.csf { Some(ml) } else { None };
+    let volumes = run.volumes.structures().iter().enumerate().map(|(i, s)| {
+        let most = run.rows.iter().map(|r| r.change_ml[i]).fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m });
+        let at_end = run.rows.last().map(|r| r.change_ml[i]);
+        let own = json!({ "rest_ml": run.volumes.rest_ml()[i], "change_ml": at_end, "largest_change_ml": most });
+        (s.name().to_owned(), own)
+    });
+    json!({
+        "reliable": run.reliable(),
+        "remarks": run.findings().into_iter().map(|f| f.text).collect::<Vec<_>>(),
+        "inverted_most": trouble.inverted,
+        "inverted_at_end": trouble.inverted_at_end,
+        "rollbacks": trouble.rollbacks,
+        "frames_held": trouble.held,
+        "drained_ml": asked.map(|ml| json!({ "asked": ml, "reached": run.last().map(|f| -f.step.csf_change_ml) })),
+        "volumes": volumes.collect::<serde_json::Map<_, _>>(),
+    })
+}
