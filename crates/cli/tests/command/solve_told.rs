@@ -216,8 +216,7 @@ fn every_printed_field_is_explained_by_help() {
     }
 }
 
-/// A change of a scene, and the words that it is refused with.
-type Case = (Box<dyn FnOnce(&mut Value)>, &'static [&'static str]);
+type Change = Box<dyn FnOnce(&mut Value)>;
 
 #[test]
 fn input_that_was_read_as_something_else_is_refused() {
@@ -228,7 +227,7 @@ fn input_that_was_read_as_something_else_is_refused() {
         }
     };
     let put = |at: &'static str, value: Value| move |s: &mut Value| s["cases"]["stretch"][at] = value;
-    let table: [Case; 7] = [
+    let table: [(Change, &[&str]); 7] = [
         (Box::new(face(json!([]))), &["list \"f\" is empty"]),
         (Box::new(face(json!([[0, 1, 2, 3]]))), &["face 0", "[0,1,2,3]", "three"]),
         (Box::new(put("body_force", json!([0.0, 0.0, -1.0, "x"]))), &["body_force", "three numbers"]),

@@ -96,11 +96,10 @@ mod tests {
     use super::*;
     use crate::model::tests::block;
 
+    type Corner = [f64; 3];
+
     /// A block of 3 x 3 x 3 cells of 1 mm, held where `hold` says: its held edges, by their ends.
-    fn held(
-        label: impl Fn([f64; 3]) -> u16,
-        hold: impl Fn([f64; 3]) -> bool,
-    ) -> (Vec<[[f64; 3]; 2]>, Vec<[[f64; 3]; 4]>) {
+    fn held(label: impl Fn([f64; 3]) -> u16, hold: impl Fn([f64; 3]) -> bool) -> (Vec<[Corner; 2]>, Vec<[Corner; 4]>) {
         let mesh = block([3, 3, 3], 1.0);
         let at = |v: u32| mesh.vertices[v as usize].to_array();
         let held: Held = mesh.vertices.iter().map(|p| hold(p.to_array()).then_some(0.0)).collect();
