@@ -5,8 +5,8 @@
 //! pressures, through the volume of each fluid element: where fluid and tissue press on each other, what both do to a wall
 //! that moves along itself cancels, at any pressure. (As a force set at the start of a step it did not: walls folded from
 //! 30 mmHg on.) A drained volume is a condition on that volume; its multiplier is the pressure, found by integral control over
-//! the substeps with the stiffness of a cavity in a wide elastic solid, `dp = 4/3 mu dV / V` (Lame), as the gain; as much as walls bear that the model does not know to
-//! meet, and no more.
+//! the substeps with the stiffness of a cavity in a wide elastic solid, `dp = 4/3 mu dV / V` (Lame), as the gain. Suction has
+//! a bound, for the model does not know where walls meet.
 
 use crate::fast::Row;
 use crate::vec3::{V3, cross, six_volume, sub, xyz};
