@@ -18,7 +18,7 @@ pub struct StaticSolution {
     /// Share of the imposed motion that was reached: below 1 only when the solver had to stop.
     pub share: f64,
     /// Whether the tolerance was met with all of the motion imposed, no element turned inside out, and the mesh as fine as
-    /// [`Finer::Times`] asked.
+    /// [`Finer::Times`](super::Finer::Times) asked.
     pub converged: bool,
     /// Why it is no answer; `None` when it is one.
     pub stop: Option<Stop>,
@@ -50,9 +50,9 @@ pub struct StaticSolution {
 pub enum Stop {
     /// The caller asked to stop.
     Asked,
-    /// [`StaticOptions::steps`] were taken.
+    /// [`StaticOptions::steps`](super::StaticOptions::steps) were taken.
     Steps,
-    /// [`StaticOptions::products`] were taken.
+    /// [`StaticOptions::products`](super::StaticOptions::products) were taken.
     Products,
     /// No step brings the forces nearer to balance.
     Stuck,
