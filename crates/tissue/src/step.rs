@@ -18,7 +18,7 @@ use crate::tool::{Rod, ToolMotion, travel};
 use crate::untangle::{CRUSHED, unknot, untangle};
 use crate::vec3::{V3, dot, larger, norm, scale, sub, xyz};
 use crate::volumes::Survey;
-use crate::{Model, State};
+use crate::{Csf, Model, State};
 use monro_geometry::Vector;
 use std::sync::Arc;
 
@@ -166,7 +166,7 @@ impl Stepper {
             }
         }
         report.rollbacks = failures.iter().filter(|e| matches!(e, Event::RolledBack { .. })).count() as u32;
-        self.untie(model, state);
+        self.untie(model, state, &settings);
         let failed_for_good = failures.contains(&Event::Held);
         report.events = failures;
         report.events.extend(jumped);
@@ -183,9 +183,11 @@ impl Stepper {
     }
 
     /// Draws what stays crushed frame after frame, though nothing acts, to where it is at rest.
-    fn untie(&mut self, model: &Model, state: &mut State) {
+    fn untie(&mut self, model: &Model, state: &mut State, settings: &FrameSettings) {
         let at_rest = |(p, rest): (&[f32; 4], &[f32; 4])| rest[3] > 0.0 || p == rest;
-        if !self.couplings.is_empty() || !state.positions.iter().zip(&model.rest).all(at_rest) {
+        // A ventricle that is drained is meant to be crushed.
+        let loaded = settings.csf != Csf::AtRest || settings.gravity_mm_s2 != [0.0; 3];
+        if loaded || !self.couplings.is_empty() || !state.positions.iter().zip(&model.rest).all(at_rest) {
             state.knotted = 0;
             return;
         }
