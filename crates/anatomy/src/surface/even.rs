@@ -4,7 +4,7 @@
 //! is interpolated through the signed distances of the slices (Raya and Udupa 1990), so that a sloping wall becomes a
 //! slope and not a flight of stairs.
 
-use super::distance::squared_distance;
+use super::slices::Slices;
 use monro_geometry::{Affine, Grid, Matrix3, Point, Volume};
 use rayon::prelude::*;
 
@@ -108,9 +108,9 @@ pub(crate) fn even_step(grid: &Grid, extent: &Extent, most: usize) -> f64 {
 }
 
 /// How one output cell is made of input cells: the first one and the weights from there on.
-struct Tap {
-    first: isize,
-    weights: Vec<f32>,
+pub(super) struct Tap {
+    pub(super) first: isize,
+    pub(super) weights: Vec<f32>,
 }
 
 /// One axis of the resampling: output cell `i` covers the input from `(start + i) * ratio - 0.5`, `ratio` wide.
@@ -239,22 +239,19 @@ impl Part {
     fn interpolate_shape(&mut self, axis: usize, along: &Axis, low: usize, step: f64, thickness: f64) {
         let dims = self.dims;
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-        let stride = [1, dims[0], dims[0] * dims[1]];
-        let place = |k: usize, n: usize| k * stride[axis] + n % dims[u] * stride[u] + n / dims[u] * stride[v];
+        let strides = |dims: [usize; 3]| [1, dims[0], dims[0] * dims[1]];
+        let place = |s: [usize; 3], k: usize, n: usize| k * s[axis] + n % dims[u] * s[u] + n / dims[u] * s[v];
         let size = dims[u] * dims[v];
-        let planes: Vec<Vec<f32>> = (0..dims[axis])
-            .into_par_iter()
-            .map(|k| {
-                let plane: Vec<f32> = (0..size).map(|n| self.data[place(k, n)]).collect();
-                signed_distance(&plane, [dims[u], dims[v]], step, thickness)
-            })
-            .collect();
-        for (k, plane) in planes.iter().enumerate() {
-            plane.iter().enumerate().for_each(|(n, &d)| self.data[place(k, n)] = d);
+        let from = strides(dims);
+        let plane = |k: usize| (0..size).map(|n| self.data[place(from, k, n)]).collect::<Vec<f32>>();
+        let slices = Slices::new((0..dims[axis]).map(plane).collect(), [dims[u], dims[v]], step, thickness);
+        let made: Vec<Vec<f32>> = along.taps.par_iter().map(|tap| slices.between(tap, low)).collect();
+        self.dims[axis] = made.len();
+        let to = strides(self.dims);
+        self.data = vec![0.0; made.len() * size];
+        for (k, plane) in made.iter().enumerate() {
+            plane.iter().enumerate().for_each(|(n, &x)| self.data[place(to, k, n)] = x);
         }
-        self.resample(axis, along, low, -thickness as f32);
-        let scale = 1.0 / step as f32;
-        self.data.par_iter_mut().for_each(|d| *d = (0.5 + *d * scale).clamp(0.0, 1.0));
     }
 }
 
@@ -264,28 +261,6 @@ fn resample_row(to: &mut [f32], from: &[f32], along: &Axis, low: usize, outside:
         let at = |i: usize| usize::try_from(tap.first + i as isize - low as isize).ok().and_then(|at| from.get(at));
         *o = tap.weights.iter().enumerate().map(|(i, &w)| w * at(i).copied().unwrap_or(outside)).sum();
     }
-}
-
-/// Signed distance in mm (positive inside) to the outline of a slice of partial values, limited to four slice
-/// thicknesses; in a slice without the set minus one thickness, so that caps end half a slice beyond the last slice.
-fn signed_distance(plane: &[f32], dims: [usize; 2], step: f64, thickness: f64) -> Vec<f32> {
-    let inside: Vec<bool> = plane.iter().map(|&m| m >= 0.5).collect();
-    if !inside.contains(&true) {
-        // What little is there (below half a cell everywhere) keeps its partial value near the outline.
-        return plane.iter().map(|&m| if m > 0.0 { (m - 0.5) * step as f32 } else { -thickness as f32 }).collect();
-    }
-    let outside: Vec<bool> = inside.iter().map(|&i| !i).collect();
-    let dims3 = [dims[0], dims[1], 1];
-    let (to_in, to_out) = (squared_distance(&inside, dims3, [step; 3]), squared_distance(&outside, dims3, [step; 3]));
-    let limit = 4.0 * thickness as f32;
-    let (one, half) = ((step * step * 1.01) as f32, 0.5 * step as f32);
-    let value = |n: usize| {
-        let (sign, squared) = if inside[n] { (1.0, to_out[n]) } else { (-1.0, to_in[n]) };
-        // Next to the outline the partial value says where in the cell it runs.
-        let d = if squared <= one { (plane[n] - 0.5) * step as f32 } else { sign * (squared.sqrt() - half) };
-        d.clamp(-limit, limit)
-    };
-    (0..plane.len()).map(value).collect()
 }
 
 #[cfg(test)]

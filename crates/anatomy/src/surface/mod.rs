@@ -5,6 +5,7 @@ mod decimate;
 pub(crate) mod distance;
 pub(crate) mod even;
 mod isosurface;
+mod slices;
 mod smooth;
 
 pub use decimate::{decimate, thin, weld};
