@@ -27,12 +27,14 @@ struct Share {
 #[derive(Debug, Clone)]
 pub(super) struct Census {
     bins: Vec<Share>,
+    /// Width of a bin, mm.
+    width: f64,
 }
 
 impl Census {
     /// Of a region with a field of distances, and one of relative lengths of edges where there are any.
     pub(super) fn new(fields: &LabelFields, distance: impl Fn(V3) -> f64, scale: impl Fn(V3) -> f64) -> Self {
-        let mut census = Self { bins: Vec::new() };
+        let mut census = Self { bins: Vec::new(), width: BIN * fields.unit };
         let cell = fields.step.powi(3);
         each_inner(&fields.union, &mut |p, n| census.share(distance(p)).volume += n as f64 * cell * scale(p).powi(-3));
         let face = fields.step.powi(2) * (STRIDE * STRIDE) as f64 / STAIRS;
@@ -44,7 +46,7 @@ impl Census {
     }
 
     fn share(&mut self, distance: f64) -> &mut Share {
-        let bin = (distance / BIN) as usize;
+        let bin = (distance / self.width) as usize;
         if bin >= self.bins.len() {
             self.bins.resize(bin + 1, Share::default());
         }
@@ -65,7 +67,7 @@ impl Census {
     pub(super) fn estimate(&self, cell: impl Fn(f64) -> f64) -> f64 {
         let mut sum = 0.0;
         for (i, bin) in self.bins.iter().enumerate().filter(|(_, b)| b.volume + b.area > 0.0) {
-            let cell = cell((i as f64 + 0.5) * BIN);
+            let cell = cell((i as f64 + 0.5) * self.width);
             sum += PER_CELL * bin.volume / cell.powi(3) + PER_SQUARE * bin.area / cell.powi(2);
         }
         sum

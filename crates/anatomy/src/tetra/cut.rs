@@ -12,6 +12,9 @@ use super::vec3::{V3, distance, lerp};
 
 /// A point moves onto a cut within this fraction of the edge. Beyond 0.3 whole elements come to lie on the surface.
 const WARP: f64 = 0.25;
+/// A point that may not move is taken for one on the cut within this fraction of the edge: where surfaces meet in a plane
+/// of the lattice, its cuts would lie in one place but for rounding.
+const SNAP: f64 = 0.02;
 /// A warp may not leave an element worse than this.
 const WORST: f64 = 0.08;
 /// Label of elements not yet given away.
@@ -165,7 +168,7 @@ impl<'a> Cut<'a> {
         let mut wishes: Vec<(u32, f64, u32)> = Vec::new();
         for (i, c) in crossings.iter().enumerate() {
             for (v, t) in [(c.ends[0], c.t), (c.ends[1], 1.0 - c.t)] {
-                if t < WARP && !self.pinned[v as usize] {
+                if t < if self.pinned[v as usize] { SNAP } else { WARP } {
                     wishes.push((v, t * c.length, i as u32));
                 }
             }
@@ -175,7 +178,8 @@ impl<'a> Cut<'a> {
         for of_one in wishes.chunk_by(|a, b| a.0 == b.0) {
             for &(v, _, i) in of_one {
                 let c = &crossings[i as usize];
-                if self.crosses(c.ends) && self.try_move(v, c.at, around.of(v as usize)) {
+                let t = if c.ends[0] == v { c.t } else { 1.0 - c.t };
+                if self.crosses(c.ends) && (self.try_move(v, c.at, around.of(v as usize)) || t < SNAP) {
                     self.side[v as usize] = 0;
                     self.pinned[v as usize] = true;
                     break;
@@ -185,6 +189,9 @@ impl<'a> Cut<'a> {
     }
 
     fn try_move(&mut self, v: u32, to: V3, around: &[u32]) -> bool {
+        if self.pinned[v as usize] {
+            return false;
+        }
         let from = std::mem::replace(&mut self.mesh.points[v as usize], to);
         let good = |&t: &u32| quality(self.mesh.corners(self.mesh.tets[t as usize])) > WORST;
         if around.iter().all(good) {

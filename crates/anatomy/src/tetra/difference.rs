@@ -11,17 +11,17 @@ use std::f64::consts::TAU;
 const CELL: f64 = 6.0;
 
 /// A point near the difference: of the smallest piece of the surface that has more, else where most angles are missing on
-/// one surface and not on the other. The origin when both are empty.
-pub(super) fn place(found: &TriangleMesh, wanted: &TriangleMesh) -> [f64; 3] {
+/// one surface and not on the other. The origin when both are empty. `unit`: what stands for a millimetre.
+pub(super) fn place(found: &TriangleMesh, wanted: &TriangleMesh, unit: f64) -> [f64; 3] {
     let pieces = |s: &TriangleMesh| s.components().1;
     if pieces(found) != pieces(wanted) {
         return smallest_piece(if pieces(found) > pieces(wanted) { found } else { wanted });
     }
     let mut cells = BTreeMap::new();
-    spread(found, 1.0, &mut cells);
-    spread(wanted, -1.0, &mut cells);
+    spread(found, 1.0, CELL * unit, &mut cells);
+    spread(wanted, -1.0, CELL * unit, &mut cells);
     let most = cells.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
-    let centre = most.map_or([0.0; 3], |(cell, _)| cell.map(|c| f64::from(c) * CELL));
+    let centre = most.map_or([0.0; 3], |(cell, _)| cell.map(|c| f64::from(c) * CELL * unit));
     let near = [found, wanted].into_iter().filter_map(|s| Bvh::new(s).nearest(Point::from_array(centre)));
     near.min_by(|a, b| a.distance.total_cmp(&b.distance)).map_or(centre, |n| n.point.to_array())
 }
@@ -38,9 +38,9 @@ fn smallest_piece(surface: &TriangleMesh) -> [f64; 3] {
 
 /// Adds what is missing to a full turn around each point, shared out among the eight cells around it so that nothing jumps
 /// where cells meet.
-fn spread(surface: &TriangleMesh, sign: f64, cells: &mut BTreeMap<[i32; 3], f64>) {
+fn spread(surface: &TriangleMesh, sign: f64, edge: f64, cells: &mut BTreeMap<[i32; 3], f64>) {
     for (p, missing) in surface.vertices.iter().zip(missing_angles(surface)) {
-        let at = p.to_array().map(|x| x / CELL);
+        let at = p.to_array().map(|x| x / edge);
         for corner in 0..8usize {
             let up = [corner & 1, corner >> 1 & 1, corner >> 2];
             let share = |a: usize| if up[a] == 1 { at[a] - at[a].floor() } else { 1.0 - (at[a] - at[a].floor()) };
@@ -108,7 +108,7 @@ mod tests {
         let without = surface(|p| rough(p, 0.1));
         assert_eq!((with.topology().euler(), without.topology().euler()), (0, 2));
         // The tunnel ends where the ball is 13.6 mm high.
-        let found = place(&with, &without);
+        let found = place(&with, &without, 1.0);
         assert!(off([found[0], found[1], 0.0], [21.0, 0.0, 0.0]) < 8.0 && found[2].abs() < 18.0, "{found:?}");
     }
 
@@ -116,7 +116,7 @@ mod tests {
     fn a_piece_more_is_found() {
         let two = surface(|p| ball(p, [0.0; 3], 15.0).max(ball(p, [22.0, 5.0, -3.0], 4.0)));
         let one = surface(|p| ball(p, [0.0; 3], 15.0));
-        assert!(off(place(&two, &one), [22.0, 5.0, -3.0]) < 5.0);
-        assert!(off(place(&one, &two), [22.0, 5.0, -3.0]) < 5.0);
+        assert!(off(place(&two, &one, 1.0), [22.0, 5.0, -3.0]) < 5.0);
+        assert!(off(place(&one, &two, 1.0), [22.0, 5.0, -3.0]) < 5.0);
     }
 }

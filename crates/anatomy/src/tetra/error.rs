@@ -1,5 +1,6 @@
 //! Why there is no mesh.
 
+use super::improve::MOST_LABELS;
 use super::report::{
     BadShapes, Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR, SurfaceReport,
 };
@@ -64,7 +65,7 @@ pub enum MeshError {
         at: [f64; 3],
     },
     /// More labels than the mesher tells apart.
-    #[error("{0} labels to mesh, but at most 60 are told apart; merge some")]
+    #[error("{0} labels to mesh, but at most {MOST_LABELS} are told apart; name those to mesh, or merge some")]
     TooManyLabels(usize),
     /// An option makes no sense.
     #[error("{name} is {value}; it must be {rule}")]
@@ -85,7 +86,7 @@ pub enum MeshError {
         at: [f64; 3],
     },
     /// A surface has another topology than the labels.
-    #[error("the surface of {surface} has Euler number {} in {} piece(s), that of the voxels {} in {}; look near {}; {WAY_OUT}", report.euler, report.surfaces, report.euler_labels, report.surfaces_labels, place(*at))]
+    #[error("the surface of {surface} has Euler number {} in {} piece(s), that of the smoothed voxels {} in {}; look near {}; {WAY_OUT}", report.euler, report.surfaces, report.euler_labels, report.surfaces_labels, place(*at))]
     Euler {
         /// Whose.
         surface: Boundary,
@@ -103,6 +104,14 @@ pub enum MeshError {
         dihedral: [f64; 2],
         /// Smallest radius ratio.
         radius_ratio: f64,
+    },
+    /// Elements without a volume are left.
+    #[error("{count} element(s) without a volume or turned inside out are left, one at {}; ask for another number of elements, or smooth the labels there", place(*at))]
+    Inverted {
+        /// How many.
+        count: usize,
+        /// A corner of one, LPS mm.
+        at: [f64; 3],
     },
     /// The volume of a label is off.
     #[error("label {label} has {:+.1} % of its volume ({:.0} % allowed); {COARSE}", error * 100.0, MOST_VOLUME_ERROR * 100.0)]

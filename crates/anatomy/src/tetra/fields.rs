@@ -5,7 +5,7 @@
 
 use super::vec3::{V3, sub};
 use crate::surface::even::{Even, Extent, even, even_step, extents};
-use monro_geometry::{Affine, Patient, Point, Volume, Voxel};
+use monro_geometry::{Affine, Grid, Patient, Point, Volume, Voxel};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -14,6 +14,11 @@ const MOST_CELLS: usize = 6_000_000;
 /// Width of the smoothing in cells.
 const SIGMA: f64 = 0.85;
 const MARGIN: usize = 5;
+/// Extents, mm, at which lengths given in mm hold as they are, and the one that others are brought to.
+const USUAL: Range<f64> = 12.0..500.0;
+const HEAD: f64 = 180.0;
+/// It is not less than this part of a cell, however small the extent.
+const FINEST_UNIT: f64 = 0.2;
 
 /// A field sampled trilinearly in patient mm, with one value outside its box.
 #[derive(Debug, Clone)]
@@ -123,7 +128,7 @@ pub(super) struct LabelFields {
     fronts: Vec<Field>,
     /// All labels, the remainder last; those absent from the volume are left out.
     pub(super) labels: Vec<u16>,
-    /// Volume of each label's voxels, mm3.
+    /// Volume that each label should have, mm3: of its voxels, but for pieces that the fields do not keep.
     pub(super) volumes: Vec<f64>,
     /// Number of each label's voxels, and the volume of one, mm3.
     pub(super) voxels: Vec<usize>,
@@ -132,6 +137,8 @@ pub(super) struct LabelFields {
     pub(super) at_border: bool,
     /// Cell edge, mm.
     pub(super) step: f64,
+    /// A millimetre for a head; in what is much larger or smaller, the length that stands for it, mm.
+    pub(super) unit: f64,
 }
 
 impl LabelFields {
@@ -164,6 +171,7 @@ impl LabelFields {
             voxel: labels.grid().voxel_volume(),
             at_border,
             step,
+            unit: unit(&whole, labels.grid()).max(FINEST_UNIT * step),
         })
     }
 
@@ -233,6 +241,15 @@ impl LabelFields {
         margin.volume
     }
 
+    /// Volume of each label in the fields, mm3, to a few parts in a thousand.
+    pub(super) fn found(&self) -> Vec<f64> {
+        let cells = |f: &Field, level: f32| f.volume().data().iter().filter(|&&v| v >= level).count();
+        let cell = self.step.powi(3);
+        let mut found: Vec<f64> = self.fronts.iter().map(|f| cells(f, 0.0) as f64 * cell).collect();
+        found.push(cells(&self.union, 0.5) as f64 * cell - found.iter().sum::<f64>());
+        found
+    }
+
     /// Index of the label at a point; `None` outside of all.
     pub(super) fn label_at(&self, p: [f64; 3]) -> Option<usize> {
         let mut rest = self.union.at(p);
@@ -249,6 +266,12 @@ impl LabelFields {
         }
         Some(if rest >= best.1 { self.parts.len() } else { best.0 })
     }
+}
+
+/// A millimetre where the longest side of the extent is usual, else a power of two of it that makes that side so.
+fn unit(extent: &Extent, grid: &Grid) -> f64 {
+    let longest = (0..3).map(|a| (extent.high[a] - extent.low[a] + 1) as f64 * grid.spacing()[a]).fold(0.0, f64::max);
+    if USUAL.contains(&longest) { 1.0 } else { (longest / HEAD).log2().round().exp2() }
 }
 
 /// What remains of everything kept without the parts, on the lattice of `like`.
@@ -386,7 +409,6 @@ fn convolve(data: &[f32], w: &[f32], out: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use monro_geometry::Grid;
 
     #[test]
     fn smoothing_keeps_a_ball_of_four_cells_at_its_size() {

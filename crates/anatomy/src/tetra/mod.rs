@@ -33,7 +33,7 @@ pub use report::{
 use cut::{RawMesh, cut_all};
 use error::{listed, place};
 use fields::LabelFields;
-use improve::{Coarse, Work};
+use improve::{Coarse, MOST_LABELS, Work};
 use monro_geometry::{Patient, Point, TetMesh, Volume};
 use octree::Octree;
 use repair::Crumb;
@@ -159,7 +159,8 @@ pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
     let voxels = Voxels(labels);
     let empty =
         || MeshError::Empty { keep: options.keep.clone(), voxels: labels.grid().len(), present: voxels.present() };
-    let fields = LabelFields::new(labels, &options.keep).ok_or_else(empty)?;
+    let mut fields = LabelFields::new(labels, &options.keep).ok_or_else(empty)?;
+    voxels.leave_out_missing(&mut fields);
     done(Stage::Fields);
     let fine: Vec<usize> = (0..fields.labels.len()).filter(|&i| options.fine.contains(&fields.labels[i])).collect();
     let size = SizeField::new(&fields, &fine, options).ok_or_else(empty)?;
@@ -178,6 +179,7 @@ pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
         return Err(MeshError::Count { wanted: options.elements, found });
     }
     let mesh = finish(made.raw, &fields);
+    not_inverted(&mesh)?;
     let (crumbs, coarse_regions) = (&made.crumbs, made.regions);
     let source = Source { voxels, options, fields: &fields, size: &size, crumbs, coarse_regions };
     let report = report::report(&mesh, &source);
@@ -252,6 +254,13 @@ impl Made {
     }
 }
 
+/// No solver takes an element without a volume, strict or not.
+fn not_inverted(mesh: &TetMesh) -> Result<(), MeshError> {
+    let corners = |t: usize| mesh.corners(t).map(Point::to_array);
+    let bad = || (0..mesh.tets.len()).filter(|&t| vec3::volume6(corners(t)) <= 0.0);
+    bad().next().map_or(Ok(()), |first| Err(MeshError::Inverted { count: bad().count(), at: corners(first)[0] }))
+}
+
 /// Refuses labels without elements, surfaces that are not two-manifold or of another topology than the labels, wrong
 /// volumes and bad shapes.
 fn strictly(report: &MeshReport) -> Result<(), MeshError> {
@@ -278,7 +287,7 @@ fn strictly(report: &MeshReport) -> Result<(), MeshError> {
 }
 
 fn check(options: &MeshOptions) -> Result<(), MeshError> {
-    if options.keep.len() > 60 {
+    if options.keep.len() > MOST_LABELS {
         return Err(MeshError::TooManyLabels(options.keep.len()));
     }
     let rule = |name, value: f64, low: f64, high: f64, rule| {
@@ -423,6 +432,7 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
         }
     }
     let found = volumes(&work);
+    work.split_far(size, finest);
     work.restore_volumes(&fields.volumes, 0.40);
     work.finish();
     work.settle_volumes(&fields.volumes);
@@ -436,7 +446,7 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
 
 /// Bisects for the finest edge whose estimated count is `count`.
 fn finest_for(size: &SizeField, count: f64) -> f64 {
-    let (mut low, mut high) = (0.05f64, 100f64);
+    let (mut low, mut high) = (0.05 * size.unit, 100.0 * size.unit);
     for _ in 0..40 {
         let middle = (low * high).sqrt();
         let cell = |edge: f64| {

@@ -16,14 +16,16 @@ const ALONG: f64 = 0.5;
 pub(super) fn remarks<T: Copy + Into<u16> + Sync>(report: &MeshReport, source: &Source<'_, T>) -> Vec<String> {
     let mut all = of_options(source);
     all.extend(of_path(source));
+    all.extend(of_idle_path(source));
     all.extend(of_count(report.elements, source.options.elements));
     if report.coarse_regions {
         all.push("too few elements for the surfaces of the inner labels: only the outer surface is followed, the labels are coarse regions of about their volume, which may touch themselves in edges and points".into());
     }
+    let far = SURFACE_ERROR * source.fields.unit;
     for (i, l) in report.labels.iter().enumerate() {
         all.extend(of_crumbs(source, i));
         all.extend(of_missing(source, i).filter(|_| l.lost_at.is_none()));
-        all.extend(of_label(l, report.coarse_regions));
+        all.extend(of_label(l, report.coarse_regions, far));
     }
     // Of a single label it is the same surface.
     if report.labels.len() > 1 {
@@ -66,7 +68,7 @@ fn of_options<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>) -> Vec<String>
 /// A path that passes by all that is meshed.
 fn of_path<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>) -> Option<String> {
     let [from, to] = source.options.path?;
-    let steps = (from.distance(to) / ALONG).ceil().clamp(1.0, 1e4) as usize;
+    let steps = (from.distance(to) / (ALONG * source.fields.unit)).ceil().clamp(1.0, 1e4) as usize;
     let union = &source.fields.union;
     if (0..=steps).any(|i| union.at(from.lerp(to, i as f64 / steps as f64).to_array()) >= 0.5) {
         return None;
@@ -83,6 +85,14 @@ fn of_path<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>) -> Option<String>
     Some(format!(
         "the path passes all labels to mesh by {distance:.0} mm or so (nearest: {at}); check its frame, LPS mm"
     ))
+}
+
+/// A path among labels that are all to be fine around.
+fn of_idle_path<T>(source: &Source<'_, T>) -> Option<String> {
+    let (options, fields) = (source.options, source.fields);
+    let all_fine = fields.labels.iter().all(|l| options.fine.contains(l));
+    (options.path.is_some() && all_fine)
+        .then(|| "the path changes nothing, as all labels are to be fine around: name those that are".into())
 }
 
 /// The nearest point of a segment.
@@ -107,19 +117,24 @@ fn of_crumbs<T>(source: &Source<'_, T>, label: usize) -> Option<String> {
 fn of_missing<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>, label: usize) -> Option<String> {
     let fields = source.fields;
     let missing = source.voxels.missing(fields.labels[label], fields.step, |p| fields.label_at(p) == Some(label));
+    let spacing = source.voxels.0.grid().spacing();
+    let even = spacing.iter().all(|s| (s / fields.step - 1.0).abs() < 0.01);
+    let way_out =
+        if even { "voxels of half the size" } else { "voxels as long in all directions, or of half the size," };
     (missing.pieces > 0).then(|| {
         format!(
-            "label {}: {} separate piece(s) of {} voxel(s) in all, one at {}, are lost where voxels are resampled to cells of {:.2} mm; voxels as long in all directions, or of half the size, would keep them",
+            "label {}: {} separate piece(s) of {} voxel(s) in all, of {}, are lost in smooth fields with cells of {:.2} mm, one at {}; {way_out} would keep them",
             fields.labels[label],
             missing.pieces,
             missing.voxels,
+            fields.voxels[label],
+            fields.step,
             place(missing.at),
-            fields.step
         )
     })
 }
 
-fn of_label(l: &LabelReport, coarse_regions: bool) -> Vec<String> {
+fn of_label(l: &LabelReport, coarse_regions: bool, far: f64) -> Vec<String> {
     if let Some(at) = l.lost_at {
         return vec![format!(
             "label {} has no element: its {} voxel(s), one at {}, are too thin or too small for this mesh",
@@ -132,8 +147,9 @@ fn of_label(l: &LabelReport, coarse_regions: bool) -> Vec<String> {
     if l.volume_error.abs() > MOST_VOLUME_ERROR {
         all.push(format!("label {}: {:+.1} % of its volume; {COARSE}", l.label, l.volume_error * 100.0));
     }
-    if let Some(d) = l.interface.filter(|d| d.mean > SURFACE_ERROR) {
-        all.push(format!("label {} is a coarse region: its surface is {:.1} mm off on average", l.label, d.mean));
+    if let Some(d) = l.interface.filter(|d| d.mean > far) {
+        let coarse = if coarse_regions { " is a coarse region" } else { "" };
+        all.push(format!("label {}{coarse}: its surface is {:.1} mm off on average", l.label, d.mean));
     }
     all
 }
@@ -142,7 +158,7 @@ fn of_surface(which: Boundary, s: &SurfaceReport, coarse_regions: bool) -> Vec<S
     let mut all = Vec::new();
     if let Some(at) = s.differs_at {
         all.push(format!(
-            "{which}: the surface has Euler number {} in {} piece(s), that of the voxels {} in {}; look near {}",
+            "{which}: the surface has Euler number {} in {} piece(s), that of the smoothed voxels {} in {}; look near {}",
             s.euler,
             s.surfaces,
             s.euler_labels,

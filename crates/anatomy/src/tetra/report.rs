@@ -82,8 +82,8 @@ pub struct SurfaceReport {
 }
 
 impl SurfaceReport {
-    /// Of a surface of the mesh and one of the labels.
-    fn new(surface: &TriangleMesh, truth: &TriangleMesh) -> Self {
+    /// Of a surface of the mesh and one of the labels; `unit` is what stands for a millimetre.
+    fn new(surface: &TriangleMesh, truth: &TriangleMesh, unit: f64) -> Self {
         let (found, wanted) = (surface.topology(), truth.topology());
         let differs = (found.euler(), found.components) != (wanted.euler(), wanted.components);
         let sound = found.is_closed() && found.is_manifold();
@@ -92,7 +92,7 @@ impl SurfaceReport {
             euler_labels: wanted.euler(),
             surfaces: found.components,
             surfaces_labels: wanted.components,
-            differs_at: differs.then(|| difference::place(surface, truth)),
+            differs_at: differs.then(|| difference::place(surface, truth, unit)),
             closed: found.is_closed(),
             manifold: found.is_manifold(),
             pinched_at: if sound { None } else { surface.defect().map(Point::to_array) },
@@ -217,7 +217,7 @@ pub(super) fn report<T: Copy + Into<u16> + Sync>(mesh: &TetMesh, source: &Source
         bad_shapes: bad_shapes(mesh, &shapes),
         coarse_regions: source.coarse_regions,
         labels: (0..fields.labels.len()).map(|l| label_report(mesh, source, l)).collect(),
-        outer: SurfaceReport::new(&mesh.surface(|_| true), &outer),
+        outer: SurfaceReport::new(&mesh.surface(|_| true), &outer, fields.unit),
         remarks: Vec::new(),
         open_at_border: fields.at_border,
     };
@@ -271,9 +271,9 @@ fn label_report<T: Copy + Into<u16> + Sync>(mesh: &TetMesh, source: &Source<'_, 
         label,
         elements,
         volume,
-        volume_error: volume / fields.volumes[l] - 1.0,
+        volume_error: volume / (fields.voxels[l] as f64 * fields.voxel) - 1.0,
         interface: distances(&surface, &truth),
-        surface: SurfaceReport::new(&surface, &truth),
+        surface: SurfaceReport::new(&surface, &truth, fields.unit),
         voxels: fields.voxels[l],
         lost_at: (elements == 0).then(|| voxels.one(|x| x == label)),
     }

@@ -10,14 +10,12 @@ use crate::surface::distance::squared_distance;
 use monro_geometry::{Grid, Patient, Point, Volume};
 use rayon::prelude::*;
 
-/// Cell of the lattice on which the size is kept, mm.
+/// Cell of the lattice on which the size is kept, mm (as all lengths here for a head: [`LabelFields::unit`]).
 const STEP: f64 = 1.8;
 /// Full resolution reaches this far from the fine labels and the path, mm.
 const CORE: f64 = 1.0;
 /// Growth of edges away from thin places, over the growth elsewhere.
 const STEEPER: f64 = 2.0;
-/// No bound.
-const FREE: f32 = 1e3;
 /// Edge length, mm, for which relative lengths change by the growth of lengths.
 const USUAL: f64 = 3.0;
 
@@ -37,6 +35,8 @@ pub(super) struct SizeField {
     region: Region,
     growth: f64,
     coarsest: f64,
+    /// What stands for a millimetre, mm.
+    pub(super) unit: f64,
     low: [f64; 3],
     high: [f64; 3],
 }
@@ -49,15 +49,16 @@ impl SizeField {
         let corners = fields.union.volume().grid().corners().map(Point::to_array);
         let low: [f64; 3] = std::array::from_fn(|a| corners.iter().map(|c| c[a]).fold(f64::INFINITY, f64::min));
         let high: [f64; 3] = std::array::from_fn(|a| corners.iter().map(|c| c[a]).fold(f64::NEG_INFINITY, f64::max));
-        let dims: [usize; 3] = std::array::from_fn(|a| ((high[a] - low[a]) / STEP).ceil() as usize + 3);
-        let grid = Grid::axis_aligned(dims, [STEP; 3], low.map(|x| x - STEP)).ok()?;
+        let step = STEP * fields.unit;
+        let dims: [usize; 3] = std::array::from_fn(|a| ((high[a] - low[a]) / step).ceil() as usize + 3);
+        let grid = Grid::axis_aligned(dims, [step; 3], low.map(|x| x - step)).ok()?;
         let mut sites = vec![false; grid.len()];
         mark_labels(fields, fine, &grid, &mut sites);
         if let Some(path) = path {
             mark_path(path, &grid, &mut sites);
         }
         let distance = if sites.contains(&true) {
-            squared_distance(&sites, dims, [STEP; 3]).into_iter().map(f32::sqrt).collect()
+            squared_distance(&sites, dims, [step; 3]).into_iter().map(f32::sqrt).collect()
         } else {
             vec![0.0; grid.len()]
         };
@@ -67,7 +68,7 @@ impl SizeField {
         let (distance, scale) = (field(distance)?, scale.and_then(field));
         let census = Census::new(fields, |p| distance.at(p), |p| scale.as_ref().map_or(1.0, |s| s.at(p)));
         let mut size = Self {
-            cap: field(vec![FREE; grid.len()])?,
+            cap: field(vec![f32::MAX; grid.len()])?,
             thin: Thin::none(),
             scale,
             distance,
@@ -75,6 +76,7 @@ impl SizeField {
             region,
             growth,
             coarsest,
+            unit: fields.unit,
             low,
             high,
         };
@@ -85,14 +87,14 @@ impl SizeField {
     /// With edges of `edge` mm around places, growing from there.
     pub(super) fn with_bounds(&self, places: &[([f64; 3], f64)]) -> Self {
         let grid = *self.cap.volume().grid();
-        let mut cap = vec![FREE; grid.len()];
+        let mut cap = vec![f32::MAX; grid.len()];
         for &(p, edge) in places {
             if let Some([i, j, k]) = grid.containing(Point::from_array(p)) {
                 let cell = &mut cap[grid.index(i, j, k)];
                 *cell = cell.min(edge as f32);
             }
         }
-        spread(&mut cap, grid.dims(), STEP, STEEPER * self.growth);
+        spread(&mut cap, grid.dims(), grid.spacing()[0], STEEPER * self.growth);
         let cap = Volume::new(grid, cap).map_or_else(|_| self.cap.clone(), super::fields::Field::new);
         Self { cap, ..self.clone() }
     }
@@ -125,7 +127,7 @@ impl SizeField {
     }
 
     fn edge_at(&self, distance: f64, finest: f64) -> f64 {
-        (finest + self.growth * (distance - CORE).max(0.0)).min(finest * self.coarsest)
+        (finest + self.growth * (distance - CORE * self.unit).max(0.0)).min(finest * self.coarsest)
     }
 
     /// Elements that a cut lattice with this finest edge would have, at a guess.
@@ -148,7 +150,7 @@ fn density_scale(fields: &LabelFields, density: &[(u16, f64)], growth: f64, grid
         fields.label_at(grid.centre(i, j, k).to_array()).map_or(longest, |l| scales[l])
     };
     let mut scale: Vec<f32> = (0..grid.len()).into_par_iter().map(at).collect();
-    spread(&mut scale, grid.dims(), grid.spacing()[0], growth / USUAL);
+    spread(&mut scale, grid.dims(), grid.spacing()[0], growth / (USUAL * fields.unit));
     Some(scale)
 }
 
@@ -168,7 +170,7 @@ fn mark_labels(fields: &LabelFields, fine: &[usize], grid: &Grid, sites: &mut [b
 }
 
 fn mark_path([from, to]: [Point<Patient>; 2], grid: &Grid, sites: &mut [bool]) {
-    let steps = (from.distance(to) / (0.5 * STEP)).ceil().clamp(1.0, 1e4) as usize;
+    let steps = (from.distance(to) / (0.5 * grid.spacing()[0])).ceil().clamp(1.0, 1e4) as usize;
     for i in 0..=steps {
         mark(from.lerp(to, i as f64 / steps as f64), grid, sites);
     }

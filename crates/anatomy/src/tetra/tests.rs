@@ -166,3 +166,90 @@ fn a_recess_thinner_than_the_elements_is_followed_to_its_end() {
         assert!((found - wanted).abs() < 1.5, "{elements}: {found} for {wanted}");
     }
 }
+
+/// A ball of radius 14 voxels in a volume of 40 of them, labelled by the place of each voxel from the middle, in voxels.
+fn ball(spacing: f64, label: impl Fn([f64; 3]) -> u8) -> Volume<u8> {
+    let grid = Grid::axis_aligned([40; 3], [spacing; 3], [-19.5 * spacing; 3]).expect("grid");
+    let of = |at| {
+        let p = grid.voxel(at).map(|i| i as f64 - 19.5);
+        if p.iter().map(|x| x * x).sum::<f64>() < 14.0 * 14.0 { label(p) } else { 0 }
+    };
+    Volume::new(grid, (0..grid.len()).map(of).collect()).expect("count")
+}
+
+#[test]
+fn labels_that_meet_in_a_plane_of_the_lattice_have_good_elements() {
+    // The middle plane of what is meshed holds points of the lattice, on which rounding alone tells the sides: half a minute,
+    // then a hundred elements of angles from 0 to 180 degrees, some turned inside out.
+    let quarters = ball(1.0, |[x, y, _]| 1 + u8::from(x > 0.0) + 2 * u8::from(y > 0.0));
+    let (mesh, report) = mesh(&quarters, &MeshOptions::new(&[1, 2, 3, 4], &[1, 2, 3, 4], 8_000)).expect("mesh");
+    sound(&mesh, &report);
+    assert!(!report.coarse_regions && report.dihedral_min >= 22.0 && report.dihedral_max <= 155.0, "{report:?}");
+    assert!(report.labels.iter().all(|l| l.volume_error.abs() < 0.01 && l.surface.euler == 2), "{report:?}");
+}
+
+#[test]
+fn metres_and_microns_are_meshed_like_millimetres() {
+    // A ball of 28 m took tens of gigabytes, one of 28 um had 24 elements at most.
+    for spacing in [1000.0, 60.0, 0.001] {
+        let labels = ball(spacing, |[x, y, z]| 1 + u8::from(x.hypot(y).hypot(z) < 7.0));
+        let (mesh, report) = mesh(&labels, &MeshOptions::new(&[1, 2], &[2], 8_000)).expect("mesh");
+        check(&mesh, &report, 8_000);
+        assert!(!report.coarse_regions && report.dihedral_min >= 22.0 && report.remarks.is_empty(), "{report:?}");
+        let off = report.labels.iter().filter_map(|l| l.interface).fold(0.0, |worst, i| i.mean.max(worst));
+        assert!(off < 0.3 * spacing, "{off} of {spacing}");
+    }
+}
+
+#[test]
+fn thick_slices_keep_balls_of_a_few_slices() {
+    // Caps ended right behind the last slice: two balls over three and four slices lost so much of their volume that they
+    // became coarse regions, whatever the number of elements.
+    let grid = Grid::axis_aligned([80, 60, 16], [1.0, 1.0, 6.0], [-39.5, -29.5, -45.0]).expect("grid");
+    let label = |at| {
+        let [x, y, z] = grid.centre(grid.voxel(at)[0], grid.voxel(at)[1], grid.voxel(at)[2]).to_array();
+        let ball = |centre: f64, radius: f64| (x - centre).hypot(y).hypot(z) < radius;
+        match () {
+            () if ball(-12.0, 8.0) => 2u8,
+            () if ball(12.0, 10.0) => 3,
+            () => u8::from((x / 36.0).hypot(y / 26.0).hypot(z / 40.0) < 1.0),
+        }
+    };
+    let labels = Volume::new(grid, (0..grid.len()).map(label).collect()).expect("count");
+    let (mesh, report) = mesh(&labels, &MeshOptions::new(&[1, 2, 3], &[2, 3], 10_000)).expect("mesh");
+    check(&mesh, &report, 10_000);
+    assert!(!report.coarse_regions, "{report:?}");
+    assert!(report.labels.iter().all(|l| l.volume_error.abs() < 0.01 && l.surface.manifold), "{report:?}");
+}
+
+#[test]
+fn more_than_sixty_labels_are_meshed() {
+    let labels = ball(1.0, |p| {
+        let [i, j, k] = p.map(|x| ((x + 14.0) / 5.7) as u8);
+        1 + i + 5 * j + 25 * k
+    });
+    let mut all: Vec<u16> = labels.data().iter().map(|&l| u16::from(l)).filter(|&l| l > 0).collect();
+    all.sort_unstable();
+    all.dedup();
+    assert!(all.len() > 64, "{}", all.len());
+    let (mesh, report) = mesh(&labels, &MeshOptions::new(&all, &all, 20_000)).expect("mesh");
+    check(&mesh, &report, 20_000);
+    assert_eq!(report.labels.len(), all.len());
+    let refused =
+        super::mesh(&labels, &MeshOptions::new(&(1..300).collect::<Vec<_>>(), &[], 5_000)).expect_err("too many");
+    assert_eq!(refused, MeshError::TooManyLabels(299));
+}
+
+#[test]
+fn a_path_among_labels_that_are_all_fine_is_told_to_change_nothing() {
+    let labels = ball(1.0, |_| 1);
+    let mut options = MeshOptions::new(&[1], &[1], 5_000);
+    options.path = Some([Point::new(0.0, 0.0, 14.0), Point::new(0.0, 0.0, 0.0)]);
+    let told = |options: &MeshOptions| {
+        let (_, report) = mesh(&labels, options).expect("mesh");
+        report.remarks.iter().any(|r| r.contains("the path changes nothing"))
+    };
+    assert!(told(&options));
+    options.fine.clear();
+    assert!(!told(&options));
+}

@@ -26,31 +26,34 @@ const BLOCK: f64 = 8.0;
 pub(super) struct Thin {
     middles: BTreeMap<[i32; 3], Vec<(u8, V3)>>,
     least: f64,
+    /// Edge of the cubes, mm.
+    block: f64,
 }
 
 impl Thin {
     /// Thin parts of the labels in `fine` where edges are `finest` mm.
     pub(super) fn new(fields: &LabelFields, fine: &[usize], finest: f64) -> Self {
         let mut middles: BTreeMap<[i32; 3], Vec<(u8, V3)>> = BTreeMap::new();
+        let size = BLOCK * fields.unit;
         for &l in fine {
             if let Some(part) = fields.parts.get(l) {
                 each_middle(part.volume(), fields.step, finest, |p| {
-                    middles.entry(block(p)).or_default().push((l as u8, p));
+                    middles.entry(block(p, size)).or_default().push((l as u8, p));
                 });
             }
         }
-        Self { middles, least: LEAST * fields.step }
+        Self { middles, least: LEAST * fields.step, block: size }
     }
 
     /// Nothing thin.
     pub(super) const fn none() -> Self {
-        Self { middles: BTreeMap::new(), least: 0.0 }
+        Self { middles: BTreeMap::new(), least: 0.0, block: BLOCK }
     }
 
     /// Whether a lattice with a cell of edge `cube` around `centre` would not see a thin part there: of the corners of the
     /// element around one of its middles too few lie in the part.
     pub(super) fn is_unseen(&self, fields: &LabelFields, centre: V3, cube: f64) -> bool {
-        if !(self.least..=2.0 * BLOCK).contains(&cube) {
+        if !(self.least..=2.0 * self.block).contains(&cube) {
             return false;
         }
         let corners = if cube > EASY * self.least { 2 } else { 1 };
@@ -66,7 +69,7 @@ impl Thin {
 
     /// The middles in a box, each with its label.
     pub(super) fn within(&self, low: V3, high: V3) -> impl Iterator<Item = (u8, V3)> + '_ {
-        let (from, to) = (block(low), block(high));
+        let (from, to) = (block(low, self.block), block(high, self.block));
         let rows = (from[0]..=to[0]).flat_map(move |i| (from[1]..=to[1]).map(move |j| [i, j]));
         let blocks = rows.flat_map(move |[i, j]| self.middles.range([i, j, from[2]]..=[i, j, to[2]]));
         let inside = move |p: &V3| (0..3).all(|a| p[a] >= low[a] && p[a] <= high[a]);
@@ -74,8 +77,8 @@ impl Thin {
     }
 }
 
-fn block(p: V3) -> [i32; 3] {
-    p.map(|x| (x / BLOCK).floor() as i32)
+fn block(p: V3, size: f64) -> [i32; 3] {
+    p.map(|x| (x / size).floor() as i32)
 }
 
 /// The corners of the element around a point of a cell, in an even body-centred lattice: the centres of the cell and of the

@@ -177,3 +177,23 @@ fn a_rod_one_voxel_thick_is_refused_with_what_helps_and_that_helps() {
         rod.iter().flat_map(|&[i, j, k]| [[i, j, k], [i + 1, j, k], [i, j + 1, k], [i + 1, j + 1, k]]).collect();
     mesh(&ball_with([1.0; 3], &thick), &strict(&[4, 5], 8_000)).expect("two voxels are enough");
 }
+
+#[test]
+fn what_is_left_of_a_label_is_not_blown_up_for_pieces_that_are_lost() {
+    // A ball, and beside it single voxels that smoothing does not keep: the ball used to get their volume too, at a volume
+    // error of nothing.
+    let speck = |[i, j, k]: [usize; 3]| i > 26 && i % 3 == 0 && j % 3 == 1 && k % 3 == 0;
+    let in_ball = |v: [usize; 3]| {
+        let off = [0, 1, 2].map(|a| (v[a] as f64 - [14.0, 21.5, 21.5][a]).powi(2));
+        off.iter().sum::<f64>().sqrt() < 7.0
+    };
+    let labels = labelled([1.0; 3], |v| 5 * u8::from(in_ball(v) || speck(v)));
+    let (mesh, report) = mesh(&labels, &MeshOptions::new(&[5], &[5], 5_000)).expect("a mesh");
+    let lost = report.remarks.iter().find(|r| r.contains("are lost")).expect("told");
+    assert!(lost.contains("voxels of half the size would keep them"), "{lost}");
+    assert!(report.labels[0].volume_error < -0.1, "{report:?}");
+    let ball = (0..labels.grid().len()).filter(|&at| in_ball(labels.grid().voxel(at))).count() as f64;
+    assert!((mesh.label_volume(5) / ball - 1.0).abs() < 0.01, "{} for {ball}", mesh.label_volume(5));
+    let refused = super::mesh(&labels, &strict(&[5], 5_000)).expect_err("refused");
+    assert!(matches!(refused, MeshError::Volume { label: 5, .. }), "{refused:?}");
+}

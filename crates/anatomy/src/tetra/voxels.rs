@@ -1,11 +1,14 @@
 //! The labels as they were given, for what their smooth fields do not keep.
 
+use super::fields::LabelFields;
 use monro_geometry::{Grid, Patient, Point, Volume};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
 /// Pieces of voxels of more than so many cells are no specks.
 const CELLS: f64 = 4.0;
+/// Fields that hold less of a label by more than this part may have lost pieces of it.
+const NOTICED: f64 = 0.01;
 
 /// A volume of labels.
 pub(super) struct Voxels<'a, T>(pub(super) &'a Volume<T>);
@@ -57,6 +60,20 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
 }
 
 impl<T: Copy + Into<u16> + Sync> Voxels<'_, T> {
+    /// Takes pieces that the fields have lost from the volumes that labels should have: what is left of a label is not to
+    /// be blown up in their stead.
+    pub(super) fn leave_out_missing(&self, fields: &mut LabelFields) {
+        for (l, found) in fields.found().into_iter().enumerate() {
+            if found > (1.0 - NOTICED) * fields.volumes[l] {
+                continue;
+            }
+            let lost = self.missing(fields.labels[l], fields.step, |p| fields.label_at(p) == Some(l)).voxels;
+            if lost < fields.voxels[l] {
+                fields.volumes[l] -= lost as f64 * fields.voxel;
+            }
+        }
+    }
+
     /// The small separate pieces of a label of which no voxel `is_there`, by its centre, in what they were smoothed to.
     pub(super) fn missing(&self, label: u16, step: f64, is_there: impl Fn([f64; 3]) -> bool + Sync) -> Missing {
         let (grid, data) = (self.0.grid(), self.0.data());

@@ -73,7 +73,7 @@ impl Work<'_> {
         at.iter().for_each(|&v| asked[v as usize] = true);
         let may_go = |v: u32, w: u32| {
             let (mv, mw) = (self.masks[v as usize], self.masks[w as usize]);
-            mv & !mw == 0 && (aim.sag > 0.0 || mv.count_ones() == 1)
+            mv.is_within(mw) && (aim.sag > 0.0 || mv.count() == 1)
         };
         let mut edges = Vec::new();
         let mut near: Vec<(u32, f64)> = Vec::new();

@@ -1,8 +1,9 @@
 //! Merging a point into a neighbour.
 
 use super::super::vec3::{add, distance, scale};
+use super::mask::Mask;
 use super::ring::{LONGEST, Ring};
-use super::work::{OUTSIDE_BIT, Work};
+use super::work::Work;
 use monro_geometry::{Point, nearest_on_triangle};
 
 /// Longer rings than this are not collapsed (their link would have to be stored).
@@ -13,8 +14,8 @@ impl Work<'_> {
     /// gets worse than `floor`, and surfaces keep within `sag` mm of where they belong.
     pub(super) fn collapse(&mut self, v: u32, w: u32, floor: f64, sag: f64) -> bool {
         let (mv, mw) = (self.masks[v as usize], self.masks[w as usize]);
-        let inner = mv.count_ones() == 1;
-        if mv & !mw != 0 || (!inner && !self.edge_on_surfaces(v, w)) {
+        let inner = mv.count() == 1;
+        if !mv.is_within(mw) || (!inner && !self.edge_on_surfaces(v, w)) {
             return false;
         }
         // Elements with both points vanish, the others must stay good.
@@ -112,10 +113,10 @@ impl Work<'_> {
         let mask = self.masks[v as usize];
         for x in a.iter().filter(|x| b.binary_search(x).is_ok()) {
             let common = self.masks[*x as usize] & mask;
-            if common.count_ones() < 2 || (self.edge_mask(v, *x) & mask).count_ones() < 2 {
+            if common.count() < 2 || (self.edge_mask(v, *x) & mask).count() < 2 {
                 continue;
             }
-            if (self.edge_mask(w, *x) & mask).count_ones() >= 2 && !self.face_on_surface(v, w, *x) {
+            if (self.edge_mask(w, *x) & mask).count() >= 2 && !self.face_on_surface(v, w, *x) {
                 return false;
             }
         }
@@ -123,11 +124,12 @@ impl Work<'_> {
     }
 
     /// Labels around an edge, with the outside.
-    fn edge_mask(&self, a: u32, b: u32) -> u64 {
+    fn edge_mask(&self, a: u32, b: u32) -> Mask {
         // Too long a ring to order: assume the worst.
-        Ring::new(self, a, b).map_or(u64::MAX, |ring| {
-            let labels = ring.tets[..ring.len].iter().fold(0u64, |m, &t| m | 1 << self.labels[t as usize]);
-            labels | if ring.closed { 0 } else { OUTSIDE_BIT }
+        Ring::new(self, a, b).map_or(Mask::ALL, |ring| {
+            let labels =
+                ring.tets[..ring.len].iter().fold(Mask::default(), |m, &t| m | Mask::of(self.labels[t as usize]));
+            labels | if ring.closed { Mask::default() } else { Mask::OUTSIDE }
         })
     }
 

@@ -4,14 +4,17 @@
 
 mod coarsen;
 mod collapse;
+mod mask;
 mod relabel;
 mod relax;
 mod ring;
+mod split;
 mod volume;
 mod work;
 
 use super::vec3::distance;
 pub(super) use coarsen::Coarse;
+pub(super) use mask::MOST_LABELS;
 pub(super) use work::Work;
 
 /// Bars of the passes: elements below are worked on. 0.46 is the sine of 27 degrees.

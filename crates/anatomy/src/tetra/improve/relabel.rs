@@ -4,7 +4,8 @@
 //! flipped away like any other, and a flat one changes neither the shape nor the volume of the labels to speak of.
 
 use super::super::vec3::{V3, cross, distance, dot, sub};
-use super::work::{OUTSIDE_BIT, Work};
+use super::mask::Mask;
+use super::work::Work;
 
 const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]];
 const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
@@ -107,7 +108,7 @@ impl Work<'_> {
         let tet = self.tets[t as usize];
         self.remove(t);
         for v in tet {
-            self.masks[v as usize] |= OUTSIDE_BIT;
+            self.masks[v as usize] |= Mask::OUTSIDE;
             self.refresh_mask(v);
         }
         true

@@ -2,7 +2,7 @@
 
 use super::super::quality::quality;
 use super::super::vec3::{V3, add, cross, distance, dot, scale, sub};
-use super::work::{OUTSIDE_BIT, Work};
+use super::work::Work;
 
 /// Moves uphill at most, elements that are looked at together, and how much better than the worst they may be.
 const ASCENTS: usize = 5;
@@ -53,18 +53,12 @@ pub(super) type Pair = (u8, Option<u8>);
 impl Work<'_> {
     pub(super) fn freedom(&self, v: u32) -> Freedom {
         let mask = self.masks[v as usize];
-        let outside = mask & OUTSIDE_BIT != 0;
-        let labels = mask & !OUTSIDE_BIT;
-        let nth = |n: u32| {
-            let rest = (0..n).fold(labels, |m, _| m & (m - 1));
-            rest.trailing_zeros() as u8
-        };
-        match (labels.count_ones(), outside) {
-            (1, false) => Freedom::Free,
-            (1, true) => Freedom::Surface((nth(0), None)),
-            (2, false) => Freedom::Surface((nth(0), Some(nth(1)))),
-            (2, true) => Freedom::Line((nth(0), None), (nth(0), Some(nth(1)))),
-            (3, false) => Freedom::Line((nth(0), Some(nth(1))), (nth(0), Some(nth(2)))),
+        match (mask.labels().count(), mask.is_outside(), mask.lowest()) {
+            (1, false, _) => Freedom::Free,
+            (1, true, [Some(a), ..]) => Freedom::Surface((a, None)),
+            (2, false, [Some(a), b, _]) => Freedom::Surface((a, b)),
+            (2, true, [Some(a), b, _]) => Freedom::Line((a, None), (a, b)),
+            (3, false, [Some(a), b, c]) => Freedom::Line((a, b), (a, c)),
             _ => Freedom::Fixed,
         }
     }

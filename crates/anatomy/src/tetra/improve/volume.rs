@@ -95,7 +95,7 @@ impl Work<'_> {
         for (t, &label) in self.tets.iter().zip(&self.labels).filter(|(_, l)| **l != DEAD) {
             for f in FACES.map(|f| f.map(|i| t[i])) {
                 // A face on a surface has no point inside a label.
-                if f.iter().all(|&v| self.masks[v as usize].count_ones() > 1) {
+                if f.iter().all(|&v| self.masks[v as usize].count() > 1) {
                     let mut key = f;
                     key.sort_unstable();
                     faces.push((key, label, f));

@@ -5,11 +5,10 @@ use super::super::cut::RawMesh;
 use super::super::fields::LabelFields;
 use super::super::quality::quality;
 use super::super::vec3::V3;
+use super::mask::Mask;
 
 /// Label of a removed element.
 pub(super) const DEAD: u8 = u8::MAX;
-/// Bit of the outside in a point's mask.
-pub(super) const OUTSIDE_BIT: u64 = 1 << 63;
 
 /// Points, elements, the elements around each point, and the labels that meet at each point.
 #[derive(Debug)]
@@ -19,8 +18,8 @@ pub(in super::super) struct Work<'a> {
     pub(super) labels: Vec<u8>,
     pub(super) quality: Vec<f64>,
     pub(super) stars: Vec<Vec<u32>>,
-    /// Labels around each point as bits, and [`OUTSIDE_BIT`] at the outer surface.
-    pub(super) masks: Vec<u64>,
+    /// Labels around each point, and the outside at the outer surface.
+    pub(super) masks: Vec<Mask>,
     /// How far each point on a surface stands off it towards the higher values, mm: what the volume of its label asks.
     pub(super) lift: Vec<f64>,
     /// Points may leave their surface by this part of the mean edge around them.
@@ -36,17 +35,17 @@ pub(in super::super) struct Work<'a> {
 impl<'a> Work<'a> {
     pub(in super::super) fn new(raw: RawMesh, fields: &'a LabelFields) -> Self {
         let mut stars = vec![Vec::new(); raw.points.len()];
-        let mut masks = vec![0; raw.points.len()];
+        let mut masks = vec![Mask::default(); raw.points.len()];
         let mut worth = Vec::with_capacity(raw.tets.len());
         for (i, (&t, &label)) in raw.tets.iter().zip(&raw.labels).enumerate() {
             worth.push(quality(raw.corners(t)));
             for v in t {
                 stars[v as usize].push(i as u32);
-                masks[v as usize] |= 1 << label;
+                masks[v as usize] |= Mask::of(label);
             }
         }
         for v in outer_points(&raw) {
-            masks[v as usize] |= OUTSIDE_BIT;
+            masks[v as usize] |= Mask::OUTSIDE;
         }
         let alive = raw.tets.len();
         let RawMesh { points, tets, labels } = raw;
@@ -106,12 +105,31 @@ impl<'a> Work<'a> {
 
     /// The labels around a point from its elements; the outside bit is kept.
     pub(super) fn refresh_mask(&mut self, v: u32) {
-        let outside = self.masks[v as usize] & OUTSIDE_BIT;
-        let labels = self.stars[v as usize].iter().fold(0, |m, &t| m | 1 << self.labels[t as usize]);
+        let outside = self.masks[v as usize] & Mask::OUTSIDE;
+        let labels = self.stars[v as usize].iter().fold(Mask::default(), |m, &t| m | Mask::of(self.labels[t as usize]));
         if self.masks[v as usize] != outside | labels {
             self.masks[v as usize] = outside | labels;
             self.lift[v as usize] = 0.0;
         }
+    }
+
+    /// A point without elements, last in the order.
+    pub(super) fn add_point(&mut self, at: V3, mask: Mask) -> u32 {
+        self.points.push(at);
+        self.stars.push(Vec::new());
+        self.masks.push(mask);
+        self.lift.push(0.0);
+        self.drift.push(0.0);
+        self.points.len() as u32 - 1
+    }
+
+    /// Takes back [`Work::add_point`].
+    pub(super) fn drop_last_point(&mut self) {
+        self.points.pop();
+        self.stars.pop();
+        self.masks.pop();
+        self.lift.pop();
+        self.drift.pop();
     }
 
     pub(super) fn remove(&mut self, t: u32) {

@@ -1,0 +1,115 @@
+//! New points where straight edges cut the corners of a bent surface.
+
+use super::super::size::SizeField;
+use super::super::vec3::{V3, add, distance, scale};
+use super::mask::Mask;
+use super::relax::Pair;
+use super::ring::Ring;
+use super::work::Work;
+
+/// Edges are split whose middle lies further from their surface than this part of the wanted length,
+const FAR: f64 = 0.2;
+/// and than this part of a cell of the fields, within which these say little.
+const LEAST: f64 = 0.5;
+/// So many at most, as a part of the elements, in each round.
+const MOST: f64 = 1e-3;
+const ROUNDS: usize = 3;
+/// What is made may be as bad as this: it is bettered afterwards.
+const FLOOR: f64 = 0.2;
+/// The new point goes this part of the way to its surface, the first with good elements.
+const WAYS: [f64; 4] = [1.0, 0.8, 0.6, 0.4];
+
+/// An edge on a surface and how far its middle lies from that, over what it may.
+struct Far {
+    score: f64,
+    ends: [u32; 2],
+    pair: Pair,
+}
+
+impl Work<'_> {
+    /// Splits the edges on surfaces whose middles lie far from these, worst first.
+    pub(in super::super) fn split_far(&mut self, size: &SizeField, finest: f64) {
+        for _ in 0..ROUNDS {
+            let mut far = self.far_edges(size, finest);
+            far.sort_by(|x, y| y.score.total_cmp(&x.score).then(x.ends.cmp(&y.ends)));
+            far.truncate((MOST * self.count() as f64).ceil() as usize);
+            let before = self.count();
+            far.iter().for_each(|f| self.split(f));
+            if self.count() == before {
+                break;
+            }
+        }
+    }
+
+    fn far_edges(&self, size: &SizeField, finest: f64) -> Vec<Far> {
+        let mut all = Vec::new();
+        let mut near: Vec<u32> = Vec::new();
+        for v in (0..self.points.len() as u32).filter(|&v| self.masks[v as usize].count() > 1) {
+            near.clear();
+            let star = self.stars[v as usize].iter().flat_map(|&t| self.tets[t as usize]);
+            near.extend(star.filter(|&w| w > v));
+            near.sort_unstable();
+            near.dedup();
+            all.extend(near.iter().filter_map(|&w| self.far(v, w, size, finest)));
+        }
+        all
+    }
+
+    fn far(&self, v: u32, w: u32, size: &SizeField, finest: f64) -> Option<Far> {
+        let pair = one_surface(self.masks[v as usize] & self.masks[w as usize])?;
+        let (p, q) = (self.points[v as usize], self.points[w as usize]);
+        let (middle, length) = (scale(add(p, q), 0.5), distance(p, q));
+        let sag = self.sag(pair, middle, 0.5 * length);
+        let most = (FAR * size.edge(middle, finest)).max(LEAST * self.fields.step);
+        (sag.is_finite() && sag > most).then(|| Far { score: sag / most, ends: [v, w], pair })
+    }
+
+    fn split(&mut self, far: &Far) {
+        let Some(ring) = Ring::new(self, far.ends[0], far.ends[1]) else { return };
+        let tets = &ring.tets[..ring.len];
+        let on_surface = !ring.closed || tets.iter().any(|&t| self.labels[t as usize] != self.labels[tets[0] as usize]);
+        let ends = far.ends.map(|v| self.points[v as usize]);
+        let middle = scale(add(ends[0], ends[1]), 0.5);
+        let Some(target) = self.project(far.pair, middle, 0.5 * distance(ends[0], ends[1])) else { return };
+        if !on_surface {
+            return;
+        }
+        let place = |way: f64| -> V3 { add(scale(middle, 1.0 - way), scale(target, way)) };
+        let floor = tets.iter().map(|&t| self.quality[t as usize]).fold(FLOOR, f64::min);
+        let outside = if ring.closed { Mask::default() } else { Mask::OUTSIDE };
+        let new = self.add_point(middle, outside);
+        for way in WAYS {
+            self.points[new as usize] = place(way);
+            let halves = tets.iter().flat_map(|&t| self.halves(t, far.ends, new));
+            if halves.into_iter().all(|h| self.worth(h) > floor) {
+                return self.apply_split(tets, far.ends, new);
+            }
+        }
+        self.drop_last_point();
+    }
+
+    fn halves(&self, t: u32, ends: [u32; 2], new: u32) -> [[u32; 4]; 2] {
+        let tet = self.tets[t as usize];
+        ends.map(|e| tet.map(|v| if v == e { new } else { v }))
+    }
+
+    fn apply_split(&mut self, tets: &[u32], ends: [u32; 2], new: u32) {
+        for &t in tets {
+            let (label, halves) = (self.labels[t as usize], self.halves(t, ends, new));
+            self.remove(t);
+            halves.into_iter().for_each(|h| {
+                self.insert(h, label);
+            });
+        }
+        self.refresh_mask(new);
+    }
+}
+
+/// The one surface that a mask of labels names.
+fn one_surface(mask: Mask) -> Option<Pair> {
+    match (mask.labels().count(), mask.is_outside(), mask.lowest()) {
+        (1, true, [Some(a), ..]) => Some((a, None)),
+        (2, false, [Some(a), b, _]) => Some((a, b)),
+        _ => None,
+    }
+}
