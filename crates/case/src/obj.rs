@@ -1,11 +1,12 @@
-//! Wavefront OBJ surfaces, written only: named objects in one file. Coordinates are LPS mm; a comment says so.
+//! Wavefront OBJ surfaces, written only: named objects in one file. Coordinates are LPS mm; the first comment says so
+//! (`SPACE=LPS`), which 3D Slicer honours.
 
 use core::fmt::Write as _;
 use monro_geometry::TriangleMesh;
 
 /// Encodes surfaces as objects of the given names; blanks in names become underscores.
 pub fn encode(objects: &[(&str, &TriangleMesh)]) -> Vec<u8> {
-    let mut out = String::from("# Coordinates: LPS, mm\n");
+    let mut out = String::from("# SPACE=LPS unit mm\n");
     let mut first = 1;
     // Writing to a String cannot fail.
     for (name, mesh) in objects {
@@ -34,7 +35,7 @@ mod tests {
         let mesh = TriangleMesh { vertices, triangles: vec![[0, 1, 2]] };
         let text = String::from_utf8(encode(&[("a b", &mesh), ("c", &mesh)])).expect("text");
         let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[1..6], ["o a_b", "v 0 0 0.5", "v 1 0 0", "v 0 1 0", "f 1 2 3"]);
+        assert_eq!(lines[..6], ["# SPACE=LPS unit mm", "o a_b", "v 0 0 0.5", "v 1 0 0", "v 0 1 0", "f 1 2 3"]);
         assert_eq!(lines[10], "f 4 5 6");
     }
 }

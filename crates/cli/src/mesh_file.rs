@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 use monro_case::vtu::{self, UnstructuredGrid};
-use monro_case::{glb, msh, obj, ply, stl};
+use monro_case::{Space, glb, msh, obj, ply, stl};
 use monro_geometry::{TetMesh, TriangleMesh};
 use std::fs;
 use std::path::Path;
@@ -33,6 +33,11 @@ pub(crate) struct Read {
 }
 
 impl Read {
+    fn of_grid(grid: UnstructuredGrid) -> Result<Self> {
+        let remarks = turned(grid.space).into_iter().collect();
+        Ok(Self { mesh: AnyMesh::Tetrahedra(grid.to_mesh()?), remarks })
+    }
+
     /// Refuses a mesh of nothing.
     fn with_something(self) -> Result<Self> {
         match &self.mesh {
@@ -56,10 +61,16 @@ impl From<msh::Imported> for Read {
     }
 }
 
-impl From<AnyMesh> for Read {
-    fn from(mesh: AnyMesh) -> Self {
-        Self { mesh, remarks: Vec::new() }
+impl From<(TriangleMesh, Option<Space>)> for Read {
+    fn from((mesh, space): (TriangleMesh, Option<Space>)) -> Self {
+        Self { mesh: AnyMesh::Surface(mesh), remarks: turned(space).into_iter().collect() }
     }
+}
+
+/// What is said of a file whose axes are not LPS.
+fn turned(space: Option<Space>) -> Option<String> {
+    let space = space.filter(|s| *s != Space::Lps)?;
+    Some(format!("the file says SPACE={}: x and y were turned to LPS", space.name()))
 }
 
 impl Format {
@@ -87,13 +98,10 @@ impl Format {
         let Some(format) = Self::of(path) else { return Ok(None) };
         let bytes = fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
         let mesh: Result<Read> = match format {
-            Self::Vtu => vtu::decode(&bytes)
-                .and_then(|g| g.to_mesh())
-                .map(|m| AnyMesh::Tetrahedra(m).into())
-                .map_err(anyhow::Error::from),
+            Self::Vtu => vtu::decode(&bytes).map_err(anyhow::Error::from).and_then(Read::of_grid),
             Self::Msh => msh::decode(&bytes).map(Read::from).map_err(Into::into),
-            Self::Ply => ply::decode(&bytes).map(|m| AnyMesh::Surface(m).into()).map_err(Into::into),
-            Self::Stl => stl::decode(&bytes).map(|m| AnyMesh::Surface(m).into()).map_err(Into::into),
+            Self::Ply => ply::decode_stated(&bytes).map(Read::from).map_err(Into::into),
+            Self::Stl => stl::decode_stated(&bytes).map(Read::from).map_err(Into::into),
             Self::Obj | Self::Glb => bail!("{}: .obj and .glb are written, not read", path.display()),
         };
         mesh.and_then(Read::with_something).with_context(|| format!("{} is refused", path.display())).map(Some)

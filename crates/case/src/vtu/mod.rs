@@ -3,11 +3,16 @@
 //! Written as zlib-compressed inline base64 (ParaView, meshio and VTK read it); read in every encoding that VTK writes:
 //! ASCII, inline base64, appended base64 and appended raw, compressed with zlib or not, 32- or 64-bit headers.
 //! File format: VTK User's Guide, "XML File Formats".
+//!
+//! Coordinates of a case's mesh are LPS mm. A field array `SPACE` of 3D Slicer that says otherwise is honoured by
+//! [`UnstructuredGrid::to_mesh`]. Ours have none: Slicer reads them as LPS without it, and meshio refuses a grid with
+//! an array of text.
 
 mod array;
 mod read;
 mod write;
 
+use crate::Space;
 use monro_geometry::{Point, TetMesh, TetMeshError};
 use thiserror::Error;
 
@@ -58,6 +63,8 @@ pub struct UnstructuredGrid {
     pub point_data: Vec<DataArray>,
     /// Arrays on cells.
     pub cell_data: Vec<DataArray>,
+    /// The axes that the file says `points` are in. Told, not applied, and not written.
+    pub space: Option<Space>,
 }
 
 impl UnstructuredGrid {
@@ -69,10 +76,11 @@ impl UnstructuredGrid {
             tets: mesh.tets.clone(),
             point_data: Vec::new(),
             cell_data: vec![label],
+            space: None,
         }
     }
 
-    /// The labelled mesh of a grid in mm; labels from the cell array `label`.
+    /// The labelled mesh of a grid in mm, in LPS whatever the file's axes; labels from the cell array `label`.
     ///
     /// # Errors
     /// A missing or fractional `label`, bad indices, inverted elements, elements that do not fit together
@@ -84,11 +92,12 @@ impl UnstructuredGrid {
         if let Some(bad) = array.values.iter().find(|v| !whole(v)) {
             return Err(VtuError::Array { name: "label".into(), reason: format!("{bad} is no label (0 to 65535)") });
         }
-        let mesh = TetMesh {
+        let mut mesh = TetMesh {
             vertices: self.points.iter().map(|&p| Point::from_array(p)).collect(),
             tets: self.tets.clone(),
             labels: array.values.iter().map(|&v| v as u16).collect(),
         };
+        self.space.unwrap_or(Space::Lps).to_lps(&mut mesh.vertices);
         mesh.validate()?;
         mesh.check_conforming()?;
         Ok(mesh)

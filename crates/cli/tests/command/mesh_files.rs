@@ -30,6 +30,22 @@ fn a_mesh_goes_from_format_to_format_unchanged() {
     }
 }
 
+/// 3D Slicer writes the words into PLY and STL; left and right must not change sides.
+#[test]
+fn a_surface_in_ras_is_turned_to_lps_with_a_remark() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [file, out] = ["ras.ply", "out.ply"].map(|n| dir.path().join(n));
+    let lps = ply::encode(&two().surface(|_| true), None);
+    let at = lps.windows(9).position(|w| w == b"SPACE=LPS").expect("said");
+    let ras = [&lps[..at], b"SPACE=RAS", &lps[at + 9..]].concat();
+    fs::write(&file, ras).expect("write");
+    let done = json(&["mesh", text(&file), "--out", text(&out)]);
+    assert!(done["remarks"][0].as_str().is_some_and(|r| r.contains("SPACE=RAS")), "{done}");
+    let found = ply::decode(&fs::read(&out).expect("read")).expect("ply");
+    let half_turn = two().surface(|_| true).vertices.iter().map(|p| Point::new(-p.x, -p.y, p.z)).collect::<Vec<_>>();
+    assert_eq!(found.vertices, half_turn);
+}
+
 #[test]
 fn a_broken_mesh_is_refused_with_its_element_and_a_wrong_format_with_the_right_ones() {
     let dir = tempfile::tempdir().expect("temp");
