@@ -39,7 +39,7 @@ pub enum VtuError {
     },
     /// A cell that is no linear tetrahedron.
     #[error(
-        "VTU cell {cell} is of VTK type {kind}; only linear tetrahedra (10) are read; write the file without its other cells (lines, triangles of surfaces) and their cell data"
+        "VTU cell {cell} is of VTK type {kind}{}; only linear tetrahedra (10) are read; write the file without its other cells (lines, triangles of surfaces) and their cell data", kind_name(*kind)
     )]
     CellType {
         /// The cell.
@@ -50,6 +50,17 @@ pub enum VtuError {
     /// The mesh itself is faulty.
     #[error("VTU mesh: {0}")]
     Mesh(#[from] TetMeshError),
+}
+
+/// The names of cells that fill space in other ways, in brackets.
+const fn kind_name(kind: u64) -> &'static str {
+    match kind {
+        12 => " (hexahedron)",
+        13 => " (wedge)",
+        14 => " (pyramid)",
+        24 => " (quadratic tetrahedron)",
+        _ => "",
+    }
 }
 
 /// An unstructured grid of tetrahedra with data on points and cells. The unit is the file's; this module does not convert.
@@ -78,6 +89,17 @@ impl UnstructuredGrid {
             cell_data: vec![label],
             space: None,
         }
+    }
+
+    /// Gives all cells the label 1 where there is no cell array `label`, and returns the names of the arrays that are there
+    /// instead: other programs number their regions under other names, or not at all.
+    pub fn labelled(&mut self) -> Option<Vec<String>> {
+        if find(&self.cell_data, "label").is_some() {
+            return None;
+        }
+        let others = self.cell_data.iter().map(|a| a.name.clone()).collect();
+        self.cell_data.push(DataArray::scalars("label", Kind::UInt16, vec![1.0; self.tets.len()]));
+        Some(others)
     }
 
     /// The labelled mesh of a grid in mm, in LPS whatever the file's axes; labels from the cell array `label`.
