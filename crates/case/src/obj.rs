@@ -1,6 +1,7 @@
 //! Wavefront OBJ surfaces, written only: named objects in one file. Coordinates are LPS mm; the first comment says so
 //! (`SPACE=LPS`), which 3D Slicer honours.
 
+use crate::Rounding;
 use core::fmt::Write as _;
 use monro_geometry::TriangleMesh;
 
@@ -11,9 +12,14 @@ pub fn encode(objects: &[(&str, &TriangleMesh)]) -> Vec<u8> {
     // Writing to a String cannot fail.
     for (name, mesh) in objects {
         let _ = writeln!(out, "o {}", name.split_whitespace().collect::<Vec<_>>().join("_"));
-        for p in &mesh.vertices {
-            let [x, y, z] = p.to_array().map(|c| c as f32);
-            let _ = writeln!(out, "v {x} {y} {z}");
+        // Shorter where that does.
+        let single = Rounding::of(mesh).is_fine();
+        for [x, y, z] in mesh.vertices.iter().map(|p| p.to_array()) {
+            let _ = if single {
+                writeln!(out, "v {} {} {}", x as f32, y as f32, z as f32)
+            } else {
+                writeln!(out, "v {x} {y} {z}")
+            };
         }
         for t in &mesh.triangles {
             let [a, b, c] = t.map(|v| v + first);

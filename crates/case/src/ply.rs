@@ -3,7 +3,7 @@
 //! Coordinates are LPS mm; the header says so in a comment (`SPACE=LPS`), which 3D Slicer honours. A file that says
 //! `SPACE=RAS` is turned to LPS when it is read.
 
-use crate::Space;
+use crate::{Rounding, Space};
 use monro_geometry::{Point, TriangleMesh, TriangleMeshError};
 use thiserror::Error;
 
@@ -28,11 +28,14 @@ pub enum PlyError {
     Mesh(#[from] TriangleMeshError),
 }
 
-/// Encodes a surface, with an optional scalar per vertex (`name`, values) such as a displacement in mm.
+/// Encodes a surface, with an optional scalar per vertex (`name`, values) such as a displacement in mm. Positions are
+/// `float`, as all programs read them, or `double` where that would not do ([`Rounding::is_fine`]).
 pub fn encode(mesh: &TriangleMesh, scalar: Option<(&str, &[f32])>) -> Vec<u8> {
+    let single = Rounding::of(mesh).is_fine();
+    let real = if single { "float" } else { "double" };
     let property = scalar.map(|(name, _)| format!("property float {name}\n")).unwrap_or_default();
     let mut out = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment SPACE=LPS unit mm\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n{property}element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        "ply\nformat binary_little_endian 1.0\ncomment SPACE=LPS unit mm\nelement vertex {}\nproperty {real} x\nproperty {real} y\nproperty {real} z\n{property}element face {}\nproperty list uchar int vertex_indices\nend_header\n",
         mesh.vertices.len(),
         mesh.triangles.len()
     )
@@ -40,7 +43,11 @@ pub fn encode(mesh: &TriangleMesh, scalar: Option<(&str, &[f32])>) -> Vec<u8> {
     out.reserve(mesh.vertices.len() * 16 + mesh.triangles.len() * 13);
     for (i, p) in mesh.vertices.iter().enumerate() {
         for c in p.to_array() {
-            out.extend_from_slice(&(c as f32).to_le_bytes());
+            if single {
+                out.extend_from_slice(&(c as f32).to_le_bytes());
+            } else {
+                out.extend_from_slice(&c.to_le_bytes());
+            }
         }
         if let Some((_, values)) = scalar {
             out.extend_from_slice(&values.get(i).copied().unwrap_or(0.0).to_le_bytes());
