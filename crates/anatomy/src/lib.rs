@@ -10,5 +10,6 @@ pub mod landmarks;
 pub mod livewire;
 pub mod phantom;
 pub mod segment;
+pub mod shapes;
 pub mod surface;
 pub mod tetra;

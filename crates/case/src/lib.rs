@@ -13,10 +13,14 @@ pub mod markups;
 pub mod msh;
 pub mod obj;
 pub mod ply;
+mod precision;
+mod space;
 mod staging;
 pub mod stl;
 pub mod vtu;
 
 pub use case::{Case, CaseError, CaseFiles, sha256};
 pub use manifest::{Confidence, DoubtfulSpot, FileEntry, Manifest, SCHEMA, Source};
+pub use precision::Rounding;
+pub use space::Space;
 pub use staging::{Staging, StagingError};

@@ -1,7 +1,9 @@
 //! PLY surfaces: binary little-endian out; ASCII and binary of either byte order in.
 //!
-//! Coordinates are LPS mm; the header says so in a comment (`SPACE=LPS`), which 3D Slicer honours.
+//! Coordinates are LPS mm; the header says so in a comment (`SPACE=LPS`), which 3D Slicer honours. A file that says
+//! `SPACE=RAS` is turned to LPS when it is read.
 
+use crate::{Rounding, Space};
 use monro_geometry::{Point, TriangleMesh, TriangleMeshError};
 use thiserror::Error;
 
@@ -26,11 +28,14 @@ pub enum PlyError {
     Mesh(#[from] TriangleMeshError),
 }
 
-/// Encodes a surface, with an optional scalar per vertex (`name`, values) such as a displacement in mm.
+/// Encodes a surface, with an optional scalar per vertex (`name`, values) such as a displacement in mm. Positions are
+/// `float`, as all programs read them, or `double` where that would not do ([`Rounding::is_fine`]).
 pub fn encode(mesh: &TriangleMesh, scalar: Option<(&str, &[f32])>) -> Vec<u8> {
+    let single = Rounding::of(mesh).is_fine();
+    let real = if single { "float" } else { "double" };
     let property = scalar.map(|(name, _)| format!("property float {name}\n")).unwrap_or_default();
     let mut out = format!(
-        "ply\nformat binary_little_endian 1.0\ncomment SPACE=LPS unit mm\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n{property}element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        "ply\nformat binary_little_endian 1.0\ncomment SPACE=LPS unit mm\nelement vertex {}\nproperty {real} x\nproperty {real} y\nproperty {real} z\n{property}element face {}\nproperty list uchar int vertex_indices\nend_header\n",
         mesh.vertices.len(),
         mesh.triangles.len()
     )
@@ -38,7 +43,11 @@ pub fn encode(mesh: &TriangleMesh, scalar: Option<(&str, &[f32])>) -> Vec<u8> {
     out.reserve(mesh.vertices.len() * 16 + mesh.triangles.len() * 13);
     for (i, p) in mesh.vertices.iter().enumerate() {
         for c in p.to_array() {
-            out.extend_from_slice(&(c as f32).to_le_bytes());
+            if single {
+                out.extend_from_slice(&(c as f32).to_le_bytes());
+            } else {
+                out.extend_from_slice(&c.to_le_bytes());
+            }
         }
         if let Some((_, values)) = scalar {
             out.extend_from_slice(&values.get(i).copied().unwrap_or(0.0).to_le_bytes());
@@ -127,13 +136,22 @@ struct Header {
     encoding: Encoding,
     elements: Vec<Element>,
     length: usize,
+    space: Option<Space>,
 }
 
-/// Decodes a PLY surface; polygons are split into fans.
+/// Decodes a PLY surface, in LPS whatever the file's axes; polygons are split into fans.
 ///
 /// # Errors
 /// A named fault of header, body or mesh. Never allocates more than the file's own size suggests.
 pub fn decode(bytes: &[u8]) -> Result<TriangleMesh, PlyError> {
+    decode_stated(bytes).map(|(mesh, _)| mesh)
+}
+
+/// As [`decode`], with the axes that the file said it was in.
+///
+/// # Errors
+/// As [`decode`].
+pub fn decode_stated(bytes: &[u8]) -> Result<(TriangleMesh, Option<Space>), PlyError> {
     let header = parse_header(bytes)?;
     let mut reader = Reader { bytes: &bytes[header.length..], encoding: header.encoding };
     let mut mesh = TriangleMesh::default();
@@ -147,7 +165,8 @@ pub fn decode(bytes: &[u8]) -> Result<TriangleMesh, PlyError> {
         }
     }
     mesh.validate()?;
-    Ok(mesh)
+    header.space.unwrap_or(Space::Lps).to_lps(&mut mesh.vertices);
+    Ok((mesh, header.space))
 }
 
 fn parse_header(bytes: &[u8]) -> Result<Header, PlyError> {
@@ -160,7 +179,7 @@ fn parse_header(bytes: &[u8]) -> Result<Header, PlyError> {
     if lines.next() != Some("ply") {
         return Err(PlyError::Header("the file does not begin with \"ply\"".into()));
     }
-    let mut header = Header { encoding: Encoding::Ascii, elements: Vec::new(), length: at + newline + 1 };
+    let mut header = Header { encoding: Encoding::Ascii, elements: Vec::new(), length: at + newline + 1, space: None };
     for line in lines {
         header_line(line, &mut header).ok_or_else(|| PlyError::Header(format!("cannot read the line \"{line}\"")))?;
     }
@@ -170,7 +189,8 @@ fn parse_header(bytes: &[u8]) -> Result<Header, PlyError> {
 fn header_line(line: &str, header: &mut Header) -> Option<()> {
     let words: Vec<&str> = line.split_whitespace().collect();
     match words.as_slice() {
-        [] | ["comment" | "obj_info", ..] => {}
+        [] => {}
+        ["comment" | "obj_info", ..] => header.space = header.space.or_else(|| Space::of_header(line)),
         ["format", "ascii", _] => header.encoding = Encoding::Ascii,
         ["format", "binary_little_endian", _] => header.encoding = Encoding::Little,
         ["format", "binary_big_endian", _] => header.encoding = Encoding::Big,
@@ -296,6 +316,18 @@ mod tests {
     fn a_count_far_beyond_the_file_is_refused_without_allocating_it() {
         let text = "ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\nproperty float z\nend_header\n1234";
         assert!(matches!(decode(text.as_bytes()), Err(PlyError::Body { index: 0, .. })));
+    }
+
+    /// As 3D Slicer writes it; a file without the words is LPS.
+    #[test]
+    fn a_surface_in_ras_was_read_as_lps() {
+        let ours = String::from_utf8_lossy(&encode(&TriangleMesh::default(), None)).into_owned();
+        assert_eq!(decode_stated(ours.as_bytes()).expect("own file").1, Some(Space::Lps));
+        let text = "ply\nformat ascii 1.0\ncomment VTK generated PLY File\ncomment SPACE=RAS\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n1 2 3\n4 2 3\n1 5 3\n3 0 1 2\n";
+        let (mesh, space) = decode_stated(text.as_bytes()).expect("RAS");
+        assert_eq!((mesh.vertices[1], space), (Point::new(-4.0, -2.0, 3.0), Some(Space::Ras)));
+        let (mesh, space) = decode_stated(text.replace("comment SPACE=RAS\n", "").as_bytes()).expect("unsaid");
+        assert_eq!((mesh.vertices[1], space), (Point::new(4.0, 2.0, 3.0), None));
     }
 
     proptest! {

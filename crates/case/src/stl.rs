@@ -1,8 +1,10 @@
 //! STL surfaces: binary out; binary and ASCII in.
 //!
-//! STL knows no shared vertices: equal corners become one vertex when it is read. Coordinates are LPS mm by convention
-//! between writer and reader; the format has no place to say so but the comment, where we do.
+//! STL knows no shared vertices: equal corners become one vertex when it is read. Coordinates are LPS mm; the format has no
+//! place to say so but the comment (`SPACE=LPS`), which 3D Slicer honours. A file that says `SPACE=RAS` there, or on the
+//! line that begins with `solid`, is turned to LPS when it is read.
 
+use crate::Space;
 use monro_geometry::{Point, TriangleMesh, TriangleMeshError};
 use std::collections::HashMap;
 use thiserror::Error;
@@ -42,7 +44,7 @@ pub enum StlError {
 
 /// Encodes a surface as binary STL.
 pub fn encode(mesh: &TriangleMesh) -> Vec<u8> {
-    let mut out = b"LPS mm".to_vec();
+    let mut out = b"SPACE=LPS unit mm".to_vec();
     out.resize(COMMENT, b' ');
     out.extend_from_slice(&(mesh.triangles.len() as u32).to_le_bytes());
     out.reserve(mesh.triangles.len() * TRIANGLE);
@@ -58,24 +60,35 @@ pub fn encode(mesh: &TriangleMesh) -> Vec<u8> {
     out
 }
 
-/// Decodes an STL surface; equal corners become one vertex.
+/// Decodes an STL surface, in LPS whatever the file's axes; equal corners become one vertex.
 ///
 /// # Errors
 /// A file that is no STL, a triangle that cannot be read, that is not finite or that has two equal corners.
 pub fn decode(bytes: &[u8]) -> Result<TriangleMesh, StlError> {
+    decode_stated(bytes).map(|(mesh, _)| mesh)
+}
+
+/// As [`decode`], with the axes that the file said it was in.
+///
+/// # Errors
+/// As [`decode`].
+pub fn decode_stated(bytes: &[u8]) -> Result<(TriangleMesh, Option<Space>), StlError> {
     let count = bytes.get(COMMENT..HEAD).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     let expected = HEAD as u64 + u64::from(count) * TRIANGLE as u64;
     // Some binary files begin with "solid" as well: the length decides.
-    let corners = if bytes.len() as u64 == expected {
-        binary(&bytes[HEAD..])
+    let (header, corners) = if bytes.len() as u64 == expected {
+        (&bytes[..COMMENT], binary(&bytes[HEAD..]))
     } else if bytes.trim_ascii_start().starts_with(b"solid") {
-        ascii(bytes)?
+        let text = bytes.trim_ascii_start();
+        (text.split(|&b| b == b'\n').next().unwrap_or(text), ascii(bytes)?)
     } else {
         return Err(StlError::Length { bytes: bytes.len(), expected, triangles: count });
     };
-    let mesh = welded(&corners);
+    let mut mesh = welded(&corners);
     mesh.validate()?;
-    Ok(mesh)
+    let space = Space::of_header(&String::from_utf8_lossy(header));
+    space.unwrap_or(Space::Lps).to_lps(&mut mesh.vertices);
+    Ok((mesh, space))
 }
 
 fn binary(body: &[u8]) -> Vec<[f32; 3]> {
@@ -147,6 +160,21 @@ mod tests {
         let flat = format!("solid x\n{}", facet.replace("1 0 0", "0 0 0"));
         assert!(matches!(decode(flat.as_bytes()), Err(StlError::Mesh(TriangleMeshError::Degenerate(0)))));
         assert!(matches!(decode(&[7; 200]), Err(StlError::Length { bytes: 200, .. })));
+    }
+
+    /// As 3D Slicer writes both kinds; a file without the words is LPS.
+    #[test]
+    fn a_surface_in_ras_was_read_as_lps() {
+        assert_eq!(decode_stated(&encode(&pyramid())).expect("own file").1, Some(Space::Lps));
+        let mut binary = encode(&pyramid());
+        binary[..COMMENT].fill(b' ');
+        assert_eq!(decode_stated(&binary).expect("unsaid"), (pyramid(), None));
+        binary[..27].copy_from_slice(b"3D Slicer output. SPACE=RAS");
+        let (mesh, space) = decode_stated(&binary).expect("RAS");
+        assert_eq!((mesh.vertices[3], space), (Point::new(-0.25, -0.25, 1.5), Some(Space::Ras)));
+        let text = "solid 3D Slicer output. SPACE=RAS\nfacet normal 0 0 1\nouter loop\nvertex 1 2 3\nvertex 4 2 3\nvertex 1 5 3\nendloop\nendfacet\nendsolid\n";
+        let (mesh, space) = decode_stated(text.as_bytes()).expect("ascii RAS");
+        assert_eq!((mesh.vertices[1], space), (Point::new(-4.0, -2.0, 3.0), Some(Space::Ras)));
     }
 
     proptest! {

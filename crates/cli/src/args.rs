@@ -466,7 +466,8 @@ pub(crate) struct ReplayArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct MeshArgs {
-    /// A label volume (NIfTI, NRRD, MetaImage) or a case; or a mesh to check and convert (.vtu, .msh, .ply, .stl).
+    /// A label volume (NIfTI, NRRD, MetaImage) or a case; or a mesh to check and convert (.vtu, .msh, .ply, .stl), of which
+    /// only --strict, --out and --force make sense. A mesh is LPS mm unless it says SPACE=RAS as 3D Slicer does.
     #[arg(value_name = "LABELS|CASE|MESH")]
     pub(crate) labels: PathBuf,
     /// Labels to mesh, numbers as 4,5 (default: all but 0; of a case, everything inside the skull).
@@ -478,9 +479,9 @@ pub(crate) struct MeshArgs {
     /// A path to be fine along, LPS mm (default: the plan of a case).
     #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true)]
     pub(crate) path: Option<String>,
-    /// Wanted number of tetrahedra.
-    #[arg(long, value_name = "N", default_value_t = DEFAULT_ELEMENTS, value_parser = elements)]
-    pub(crate) elements: usize,
+    /// Wanted number of tetrahedra (37336 if not given).
+    #[arg(long, value_name = "N", value_parser = elements)]
+    pub(crate) elements: Option<usize>,
     /// How many more elements a volume of a label gets than the others, e.g. 4=2,7=0.5 (0.01 to 100).
     #[arg(long, value_name = "LABEL=FACTOR,..")]
     pub(crate) density: Option<String>,
@@ -492,14 +493,18 @@ pub(crate) struct MeshArgs {
     pub(crate) coarsest: Option<f64>,
     /// Refuse a mesh in which the surface of a label, or of all together, is not two-manifold or has another topology than
     /// the labels, a label has no element or a volume that is off by more than 1 %, or an element is of bad shape, naming
-    /// what and where, instead of a remark.
+    /// what and where, instead of a remark. Of a mesh that is checked: bad shapes, parts that overlap, surfaces that are not
+    /// two-manifold; a surface that is open or inside out.
     #[arg(long)]
     pub(crate) strict: bool,
     /// File to write: tetrahedra as .vtu or .msh (Gmsh 4.1, with the interfaces as triangles), the outer surface as .ply or
     /// .stl, the surface of each label as .obj or .glb.
     #[arg(long, value_name = "FILE")]
     pub(crate) out: PathBuf,
-    /// Overwrite an existing file.
+    /// Page to write about a mesh made of labels (.html): cuts by label and by shape, grading, each label against its voxels.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) report: Option<PathBuf>,
+    /// Overwrite existing files.
     #[arg(long)]
     pub(crate) force: bool,
 }

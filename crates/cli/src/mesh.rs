@@ -1,15 +1,25 @@
 //! `monro mesh`: graded tetrahedra from any label volume, or again from a case.
 
-use crate::args::{MeshArgs, in_range};
+mod facts;
+mod figures;
+mod import;
+mod options;
+mod out;
+mod report;
+
+pub(crate) use figures::{MeshSection, time_section};
+pub(crate) use options::{coarsest, growth, label};
+
+use crate::args::MeshArgs;
 use crate::console::{Console, seconds_json};
-use crate::mesh_file::{AnyMesh, Format, Read};
-use anyhow::{Context, Result, bail};
+use crate::mesh_file::{AnyMesh, Encoded, Format};
+use anyhow::{Result, bail};
+use facts::{SurfaceFacts, bounds, label_facts, shapes_json, shapes_words};
 use monro_anatomy::tetra::{self, LabelReport, MeshOptions, MeshReport, Stage, SurfaceReport};
 use monro_case::Case;
 use monro_geometry::{Patient, Point, Structure, Volume};
-use monro_prepare::simulated_labels;
+use monro_prepare::{DEFAULT_ELEMENTS, simulated_labels};
 use serde_json::{Value, json};
-use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
@@ -19,64 +29,71 @@ pub(crate) struct Input {
     pub(crate) keep: Vec<u16>,
     pub(crate) fine: Vec<u16>,
     pub(crate) path: Option<[Point<Patient>; 2]>,
+    /// The labels are the structures of a case.
+    pub(crate) structures: bool,
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
-    if args.out.exists() && !args.force {
-        bail!("{} exists already; give --force to overwrite it, or another --out", args.out.display());
+    for file in std::iter::once(&args.out).chain(&args.report) {
+        out::check(file, args.force)?;
+    }
+    if args.report.as_ref() == Some(&args.out) {
+        bail!("--report and --out name the same file, {}", args.out.display());
     }
     let format = Format::to_write(&args.out)?;
-    if args.labels.is_file()
-        && let Some(read) = console.stage("read", || Format::read(&args.labels))?
-    {
-        return convert(&read, format, args, console);
+    if args.labels.is_file() && Format::of(&args.labels).is_some() {
+        import::check_options(args)?;
+        let read = console.stage("read", || Format::read(&args.labels))?;
+        return import::convert(&read, format, args, console);
     }
     let input = console.stage("read", || input(args))?;
-    let usual = MeshOptions::new(&input.keep, &input.fine, args.elements);
-    let options = MeshOptions {
+    let options = mesh_options(&input, args)?;
+    let mut parts = Parts::new();
+    let (mesh, mut report) =
+        console.stage("mesh", || tetra::mesh_observed(&input.labels, &options, |s| parts.done(s)))?;
+    report.remarks.extend(of_fine(&input));
+    let of_mesh = json!({ "bounds_mm": bounds(&mesh.vertices), "report": args.report });
+    let mesh = AnyMesh::Tetrahedra(mesh);
+    let Encoded { bytes, remark } = format.encode(&mesh)?;
+    report.remarks.extend(remark);
+    console.stage("write", || out::write(&args.out, &bytes))?;
+    if let (Some(file), AnyMesh::Tetrahedra(mesh)) = (&args.report, &mesh) {
+        let source = args.labels.file_name().unwrap_or_default().to_string_lossy();
+        let stages = console.stages();
+        let page = console.stage("report", || report::page(&source, &input, mesh, &report, &stages));
+        out::write(file, page.as_bytes())?;
+    }
+    for remark in &report.remarks {
+        console.warn(remark);
+    }
+    let json = merged(as_json(&report, &args.out, &console.stages(), &parts), of_mesh);
+    let words = shapes_words([report.elements, report.vertices], &(&report).into());
+    console.result(&json, &format!("{words}: {}", args.out.display()));
+    Ok(())
+}
+
+fn mesh_options(input: &Input, args: &MeshArgs) -> Result<MeshOptions> {
+    let usual = MeshOptions::new(&input.keep, &input.fine, args.elements.unwrap_or(DEFAULT_ELEMENTS));
+    Ok(MeshOptions {
         path: input.path,
-        density: args.density.as_deref().map_or_else(|| Ok(Vec::new()), parse_density)?,
+        density: args.density.as_deref().map_or_else(|| Ok(Vec::new()), options::density)?,
         growth: args.growth.unwrap_or(usual.growth),
         coarsest: args.coarsest.unwrap_or(usual.coarsest),
         strict: args.strict,
         ..usual
-    };
-    let mut parts = Parts::new();
-    let (mesh, report) = console.stage("mesh", || tetra::mesh_observed(&input.labels, &options, |s| parts.done(s)))?;
-    let mesh = AnyMesh::Tetrahedra(mesh);
-    console.stage("write", || write(&args.out, &format.encode(&mesh)?))?;
-    for remark in &report.remarks {
-        console.warn(remark);
-    }
-    let json = as_json(&report, &args.out, &console.stages(), &parts);
-    let text = format!(
-        "{} tetrahedra, {} vertices, dihedral angles {:.1} to {:.1} degrees, radius ratio at least {:.2}: {}",
-        report.elements,
-        report.vertices,
-        report.dihedral_min,
-        report.dihedral_max,
-        report.radius_ratio_min,
-        args.out.display()
-    );
-    console.result(&json, &text);
-    Ok(())
+    })
 }
 
-/// Writes a mesh that was read, which has been checked on the way.
-fn convert(Read { mesh, remarks }: &Read, format: Format, args: &MeshArgs, console: &Console) -> Result<()> {
-    remarks.iter().for_each(|remark| console.warn(remark));
-    console.stage("write", || write(&args.out, &format.encode(mesh)?))?;
-    let (name, elements, vertices) = match mesh {
-        AnyMesh::Tetrahedra(m) => ("tetrahedra", m.tets.len(), m.vertices.len()),
-        AnyMesh::Surface(m) => ("triangles", m.triangles.len(), m.vertices.len()),
-    };
-    let out = args.out.display().to_string();
-    let seconds = seconds_json(&console.stages());
-    let json =
-        json!({ "out": out, "elements": elements, "vertices": vertices, "seconds": seconds, "remarks": remarks });
-    console.result(&json, &format!("{elements} {name}, {vertices} vertices: {out}"));
-    Ok(())
+/// What is done where none of the labels to be fine around is there.
+fn of_fine(input: &Input) -> Option<String> {
+    let there = |l: &u16| input.fine.contains(l) && input.keep.contains(l);
+    if input.fine.is_empty() || input.labels.data().iter().any(there) {
+        return None;
+    }
+    let instead =
+        if input.path.is_some() { "the mesh is fine along the path only" } else { "edges are alike everywhere" };
+    Some(format!("none of the labels to be fine around is meshed: {instead}"))
 }
 
 /// Seconds of each part of the meshing.
@@ -116,7 +133,7 @@ fn input(args: &MeshArgs) -> Result<Input> {
         input.fine.clone_from(fine);
     }
     if let Some(path) = &args.path {
-        input.path = Some(parse_path(path)?);
+        input.path = Some(options::path(path)?);
     }
     Ok(input)
 }
@@ -131,7 +148,13 @@ fn of_case(dir: &Path) -> Result<Input> {
     let labels = monro_scan::read_labels(&file)?;
     let small = labels.map(|l| u8::try_from(l).unwrap_or(0));
     let (merged, keep, fine) = simulated_labels(&small);
-    Ok(Input { labels: merged.map(u16::from), keep, fine, path: Some([case.plan.entry(), case.plan.target()]) })
+    Ok(Input {
+        labels: merged.map(u16::from),
+        keep,
+        fine,
+        path: Some([case.plan.entry(), case.plan.target()]),
+        structures: true,
+    })
 }
 
 /// All labels of a file but 0; fine around the ventricles where the numbers are those of a case, else everywhere.
@@ -148,46 +171,7 @@ fn of_file(path: &Path) -> Result<Input> {
         |l: &u16| u8::try_from(*l).ok().and_then(Structure::from_label).is_some_and(Structure::is_ventricle);
     let fine: Vec<u16> = keep.iter().copied().filter(ventricle).collect();
     let fine = if fine.is_empty() { keep.clone() } else { fine };
-    Ok(Input { labels, keep, fine, path: None })
-}
-
-/// `X,Y,Z:X,Y,Z` in LPS mm.
-fn parse_path(text: &str) -> Result<[Point<Patient>; 2]> {
-    let point = |part: &str| -> Option<Point<Patient>> {
-        let numbers: Vec<f64> = part.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
-        let p = Point::from_array(numbers.try_into().ok()?);
-        p.is_finite().then_some(p)
-    };
-    let ends = text.split_once(':').and_then(|(a, b)| Some([point(a)?, point(b)?]));
-    ends.with_context(|| format!("--path \"{text}\" is not X,Y,Z:X,Y,Z (LPS mm)"))
-}
-
-/// `LABEL=FACTOR,...`.
-fn parse_density(text: &str) -> Result<Vec<(u16, f64)>> {
-    let one = |part: &str| {
-        let (label, factor) = part.split_once('=')?;
-        Some((label.trim().parse().ok()?, factor.trim().parse().ok()?))
-    };
-    text.split(',')
-        .map(one)
-        .collect::<Option<_>>()
-        .with_context(|| format!("--density \"{text}\" is not LABEL=FACTOR,..."))
-}
-
-/// A label.
-pub(crate) fn label(text: &str) -> Result<u16, String> {
-    let rule = || format!("\"{}\" is no label; give numbers from 0 to {}, as in 4,5", text.trim(), u16::MAX);
-    text.trim().parse().map_err(|_| rule())
-}
-
-/// Growth of edges, mm a mm.
-pub(crate) fn growth(text: &str) -> Result<f64, String> {
-    in_range(text, *tetra::GROWTH.start(), *tetra::GROWTH.end())
-}
-
-/// Longest edge over the finest.
-pub(crate) fn coarsest(text: &str) -> Result<f64, String> {
-    in_range(text, *tetra::COARSEST.start(), *tetra::COARSEST.end())
+    Ok(Input { labels, keep, fine, path: None, structures: false })
 }
 
 /// Both objects as one.
@@ -198,44 +182,26 @@ pub(crate) fn merged(mut head: Value, body: Value) -> Value {
     head
 }
 
-/// Writes aside and renames, so that an interrupted run leaves no half file.
-fn write(out: &Path, bytes: &[u8]) -> Result<()> {
-    let mut name = out.file_name().unwrap_or_default().to_owned();
-    name.push(format!(".partial-{}", std::process::id()));
-    let aside = out.with_file_name(name);
-    fs::write(&aside, bytes).with_context(|| format!("cannot write {}", aside.display()))?;
-    fs::rename(&aside, out).with_context(|| format!("cannot write {}", out.display()))
-}
-
 fn as_json(report: &MeshReport, out: &Path, stages: &[(String, f64)], parts: &Parts) -> Value {
-    json!({
+    let json = json!({
         "out": out.display().to_string(),
         "elements": report.elements,
         "vertices": report.vertices,
         "seconds": seconds_json(stages),
         "mesh_seconds": seconds_json(&parts.seconds),
-        "dihedral_min_deg": report.dihedral_min,
-        "dihedral_max_deg": report.dihedral_max,
-        "dihedral_p1_deg": report.dihedral_p1,
-        "radius_ratio_min": report.radius_ratio_min,
-        "radius_ratio_median": report.radius_ratio_median,
         "core_edge_mean_mm": report.core_edge_mean,
         "edge_bands": report.edge_bands.iter().map(|b| json!({ "from_mm": b.from, "to_mm": b.to, "mean_mm": b.mean, "edges": b.edges, "elements": b.elements })).collect::<Vec<_>>(),
         "open_at_border": report.open_at_border,
         "coarse_regions": report.coarse_regions,
         "remarks": report.remarks,
-        "bad_shapes": report.bad_shapes.map_or(0, |bad| bad.count),
-        "worst_shape_at": report.bad_shapes.map(|bad| bad.worst_at),
         "labels": report.labels.iter().map(label_json).collect::<Vec<_>>(),
         "outer": surface_json(&report.outer),
-    })
+    });
+    merged(json, shapes_json(&report.into()))
 }
 
 pub(crate) fn label_json(l: &LabelReport) -> Value {
     let label = json!({
-        "label": l.label,
-        "elements": l.elements,
-        "volume_mm3": l.volume,
         "volume_error": l.volume_error,
         "interface_mean_mm": l.interface.map(|i| i.mean),
         "interface_max_mm": l.interface.map(|i| i.max),
@@ -243,40 +209,15 @@ pub(crate) fn label_json(l: &LabelReport) -> Value {
         "voxels": l.voxels,
         "lost_at": l.lost_at,
     });
-    merged(label, surface_json(&l.surface))
+    let facts = label_facts(l.label, l.elements, l.volume, &(&l.surface).into());
+    merged(merged(facts, label), against_labels(&l.surface))
 }
 
 fn surface_json(s: &SurfaceReport) -> Value {
-    json!({
-        "euler": s.euler,
-        "euler_labels": s.euler_labels,
-        "surfaces": s.surfaces,
-        "surfaces_labels": s.surfaces_labels,
-        "differs_at": s.differs_at,
-        "closed": s.closed,
-        "manifold": s.manifold,
-        "pinched_at": s.pinched_at,
-    })
+    merged(SurfaceFacts::from(s).json(), against_labels(s))
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn densities_are_labels_with_factors_or_an_error_that_shows_the_form() {
-        assert_eq!(parse_density("4=2, 7=0.5").expect("two"), [(4, 2.0), (7, 0.5)]);
-        for bad in ["", "4", "4=x", "-1=2", "4=2,"] {
-            assert!(parse_density(bad).expect_err("refused").to_string().contains("LABEL=FACTOR"), "{bad}");
-        }
-    }
-
-    #[test]
-    fn a_path_is_two_points_or_an_error_that_shows_the_form() {
-        let [a, b] = parse_path("1,-2.5,3: 4,5,6e1").expect("a path");
-        assert_eq!((a, b), (Point::new(1.0, -2.5, 3.0), Point::new(4.0, 5.0, 60.0)));
-        for bad in ["", "1,2,3", "1,2:3,4", "1,2,3:4,5,x", "1,2,3:4,5,inf"] {
-            assert!(parse_path(bad).expect_err("refused").to_string().contains("X,Y,Z:X,Y,Z"), "{bad}");
-        }
-    }
+/// The topology of the labels' surface, and where that of the mesh differs.
+fn against_labels(s: &SurfaceReport) -> Value {
+    json!({ "euler_labels": s.euler_labels, "surfaces_labels": s.surfaces_labels, "differs_at": s.differs_at })
 }

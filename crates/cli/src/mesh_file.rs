@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result, bail};
 use monro_case::vtu::{self, UnstructuredGrid};
-use monro_case::{glb, msh, obj, ply, stl};
+use monro_case::{Rounding, Space, glb, msh, obj, ply, stl};
 use monro_geometry::{TetMesh, TriangleMesh};
 use std::fs;
 use std::path::Path;
@@ -25,6 +25,19 @@ pub(crate) enum AnyMesh {
     Surface(TriangleMesh),
 }
 
+/// The bytes of a file and what should be known of them.
+#[derive(Debug)]
+pub(crate) struct Encoded {
+    pub(crate) bytes: Vec<u8>,
+    pub(crate) remark: Option<String>,
+}
+
+impl From<Vec<u8>> for Encoded {
+    fn from(bytes: Vec<u8>) -> Self {
+        Self { bytes, remark: None }
+    }
+}
+
 /// A mesh and what should be known of it.
 #[derive(Debug)]
 pub(crate) struct Read {
@@ -33,8 +46,14 @@ pub(crate) struct Read {
 }
 
 impl Read {
-    /// Refuses a mesh of nothing.
-    fn with_something(self) -> Result<Self> {
+    fn of_grid(mut grid: UnstructuredGrid) -> Result<Self> {
+        let unlabelled = grid.labelled().map(|others| no_labels(&others));
+        let remarks = turned(grid.space).into_iter().chain(unlabelled).collect();
+        Ok(Self { mesh: AnyMesh::Tetrahedra(grid.to_mesh()?), remarks })
+    }
+
+    /// Refuses a mesh of nothing, and one whose elements do not fit together.
+    fn sound(self) -> Result<Self> {
         match &self.mesh {
             AnyMesh::Tetrahedra(m) if m.tets.is_empty() => {
                 bail!("it holds {} node(s), but no tetrahedron", m.vertices.len())
@@ -42,24 +61,51 @@ impl Read {
             AnyMesh::Surface(m) if m.triangles.is_empty() => {
                 bail!("it holds {} vertices, but no triangle", m.vertices.len())
             }
-            _ => Ok(self),
+            AnyMesh::Tetrahedra(m) => m.check_joined()?,
+            AnyMesh::Surface(m) => m.check_sound()?,
         }
+        Ok(self)
     }
 }
 
 impl From<msh::Imported> for Read {
     fn from(read: msh::Imported) -> Self {
-        let first = read.unused.first().map(|first| (first, read.unused.len()));
-        let remark =
-            first.map(|(first, n)| format!("{n} node(s) of no tetrahedron are left out, the first with tag {first}"));
-        Self { mesh: AnyMesh::Tetrahedra(read.mesh), remarks: remark.into_iter().collect() }
+        let unused = read.unused.first().map(|first| {
+            let n = read.unused.len();
+            format!("{n} node(s) of no tetrahedron are left out, the first with tag {first}")
+        });
+        let others =
+            read.others.iter().map(|(name, n)| format!("{n} {name} are left out: only linear tetrahedra are read"));
+        let unlabelled = read.unlabelled.then(|| one_label("no tetrahedron has a physical group or an entity"));
+        let remarks = unused.into_iter().chain(others).chain(unlabelled).collect();
+        Self { mesh: AnyMesh::Tetrahedra(read.mesh), remarks }
     }
 }
 
-impl From<AnyMesh> for Read {
-    fn from(mesh: AnyMesh) -> Self {
-        Self { mesh, remarks: Vec::new() }
+/// What is said of a mesh without labels, and why it has none.
+fn one_label(why: &str) -> String {
+    format!("{why}: all elements have the label 1")
+}
+
+/// What is said of a grid without labels but with these arrays.
+fn no_labels(others: &[String]) -> String {
+    if others.is_empty() {
+        return one_label("there is no cell array \"label\", nor any other");
     }
+    let names = others.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+    one_label(&format!("there is no cell array \"label\", only {names} (rename the one that holds the labels)"))
+}
+
+impl From<(TriangleMesh, Option<Space>)> for Read {
+    fn from((mesh, space): (TriangleMesh, Option<Space>)) -> Self {
+        Self { mesh: AnyMesh::Surface(mesh), remarks: turned(space).into_iter().collect() }
+    }
+}
+
+/// What is said of a file whose axes are not LPS.
+fn turned(space: Option<Space>) -> Option<String> {
+    let space = space.filter(|s| *s != Space::Lps)?;
+    Some(format!("the file says SPACE={}: x and y were turned to LPS", space.name()))
 }
 
 impl Format {
@@ -82,39 +128,58 @@ impl Format {
         Self::of(path).with_context(|| format!("{}: {known}", path.display()))
     }
 
-    /// Reads and checks a mesh; `None` when the file is no mesh by its extension.
-    pub(crate) fn read(path: &Path) -> Result<Option<Read>> {
-        let Some(format) = Self::of(path) else { return Ok(None) };
+    /// Reads a mesh and refuses what is plainly broken, with the element and the reason.
+    pub(crate) fn read(path: &Path) -> Result<Read> {
+        let format = Self::of(path).with_context(|| format!("{} is no mesh by its extension", path.display()))?;
         let bytes = fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
         let mesh: Result<Read> = match format {
-            Self::Vtu => vtu::decode(&bytes)
-                .and_then(|g| g.to_mesh())
-                .map(|m| AnyMesh::Tetrahedra(m).into())
-                .map_err(anyhow::Error::from),
+            Self::Vtu => vtu::decode(&bytes).map_err(anyhow::Error::from).and_then(Read::of_grid),
             Self::Msh => msh::decode(&bytes).map(Read::from).map_err(Into::into),
-            Self::Ply => ply::decode(&bytes).map(|m| AnyMesh::Surface(m).into()).map_err(Into::into),
-            Self::Stl => stl::decode(&bytes).map(|m| AnyMesh::Surface(m).into()).map_err(Into::into),
+            Self::Ply => ply::decode_stated(&bytes).map(Read::from).map_err(Into::into),
+            Self::Stl => stl::decode_stated(&bytes).map(Read::from).map_err(Into::into),
             Self::Obj | Self::Glb => bail!("{}: .obj and .glb are written, not read", path.display()),
         };
-        mesh.and_then(Read::with_something).with_context(|| format!("{} is refused", path.display())).map(Some)
+        mesh.and_then(Read::sound).with_context(|| format!("{} is refused", path.display()))
     }
 
-    /// The bytes of a mesh in this format. Of tetrahedra the surface formats hold the outer surface (.ply, .stl) or the
-    /// closed surface of each label as an object (.obj, .glb).
-    pub(crate) fn encode(self, mesh: &AnyMesh) -> Result<Vec<u8>> {
-        Ok(match (self, mesh) {
-            (Self::Vtu, AnyMesh::Tetrahedra(m)) => vtu::encode(&UnstructuredGrid::from_mesh(m)),
-            (Self::Msh, AnyMesh::Tetrahedra(m)) => msh::encode(m),
+    /// A mesh in this format. Of tetrahedra the surface formats hold the outer surface (.ply, .stl) or the closed surface of
+    /// each label as an object (.obj, .glb).
+    pub(crate) fn encode(self, mesh: &AnyMesh) -> Result<Encoded> {
+        let objects = match (self, mesh) {
+            (Self::Vtu, AnyMesh::Tetrahedra(m)) => return Ok(vtu::encode(&UnstructuredGrid::from_mesh(m)).into()),
+            (Self::Msh, AnyMesh::Tetrahedra(m)) => return Ok(msh::encode(m).into()),
             (Self::Vtu | Self::Msh, AnyMesh::Surface(_)) => {
                 bail!("a surface has no tetrahedra; write it as .ply, .stl, .obj or .glb")
             }
-            (Self::Ply, AnyMesh::Tetrahedra(m)) => ply::encode(&m.surface(|_| true), None),
-            (Self::Stl, AnyMesh::Tetrahedra(m)) => stl::encode(&m.surface(|_| true)),
-            (Self::Ply, AnyMesh::Surface(m)) => ply::encode(m, None),
-            (Self::Stl, AnyMesh::Surface(m)) => stl::encode(m),
-            (Self::Obj | Self::Glb, AnyMesh::Tetrahedra(m)) => self.objects(&by_label(m)),
-            (Self::Obj | Self::Glb, AnyMesh::Surface(m)) => self.objects(&[("surface".into(), m.clone())]),
-        })
+            (Self::Ply | Self::Stl, AnyMesh::Tetrahedra(m)) => vec![("surface".into(), m.surface(|_| true))],
+            (Self::Obj | Self::Glb, AnyMesh::Tetrahedra(m)) => by_label(m),
+            (_, AnyMesh::Surface(m)) => vec![("surface".into(), m.clone())],
+        };
+        let remark = objects.iter().map(|(_, m)| self.rounded(m)).find_map(Result::transpose).transpose()?;
+        let bytes = match (self, &objects[..]) {
+            (Self::Ply, [(_, m)]) => ply::encode(m, None),
+            (Self::Stl, [(_, m)]) => stl::encode(m),
+            _ => self.objects(&objects),
+        };
+        Ok(Encoded { bytes, remark })
+    }
+
+    /// What single precision, which STL and GLB are bound to, does to a surface: a remark, or a refusal where nothing useful
+    /// would be left.
+    fn rounded(self, mesh: &TriangleMesh) -> Result<Option<String>> {
+        let rounding = Rounding::of(mesh);
+        if !matches!(self, Self::Stl | Self::Glb) || rounding.is_fine() {
+            return Ok(None);
+        }
+        let told = format!(
+            "this format rounds coordinates to single precision: points move by up to {:.2e} mm, the mean edge is {:.2e} mm",
+            rounding.moved, rounding.mean_edge
+        );
+        let way_out = "write .ply or .obj, or move the mesh towards the origin";
+        match rounding.collapsed {
+            Some(triangle) => bail!("{told}, and triangle {triangle} loses a corner; {way_out}"),
+            None => Ok(Some(format!("{told}; {way_out}"))),
+        }
     }
 
     fn objects(self, objects: &[(String, TriangleMesh)]) -> Vec<u8> {

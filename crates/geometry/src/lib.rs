@@ -17,6 +17,7 @@ mod neighbours;
 mod normals;
 mod plane;
 mod rigid;
+mod soundness;
 mod structure;
 mod tetrahedra;
 mod triangles;
@@ -25,7 +26,7 @@ mod volume;
 
 pub use affine::Affine;
 pub use bvh::{Bvh, Hit, Nearest, nearest_on_triangle};
-pub use embedding::{Binder, BoundChunk, Embedding, EmbeddingError, Located, NearestFace, TetLocator};
+pub use embedding::{Binder, BoundChunk, Embedding, EmbeddingError, Located, NearestFace, Overlap, TetLocator};
 pub use frame::{Display, Frame, Patient, Tool, Tracker, Voxel};
 pub use grid::{Grid, GridError};
 pub use incidence::Incidence;

@@ -4,7 +4,7 @@ use crate::{Patient, Point, TriangleMesh};
 use thiserror::Error;
 
 /// Faces seen from outside of a positively oriented element.
-const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+pub(crate) const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
 /// A tetrahedral mesh in the patient frame (mm) with one label per element. Element `[a, b, c, d]` has positive volume:
 /// `(b - a) x (c - a) . (d - a) > 0`.
@@ -78,6 +78,21 @@ pub enum TetMeshError {
         second: usize,
         /// The corners of the face.
         face: [u32; 3],
+    },
+    /// Elements meet in a face, each with vertices of its own.
+    #[error(
+        "tetrahedra {} and {} meet in a face without sharing it: vertices {} and {} are both at ({:.3}, {:.3}, {:.3}) mm ({faces} such face(s)); merge vertices in the same place",
+        tets[0], tets[1], vertices[0], vertices[1], at[0], at[1], at[2]
+    )]
+    Torn {
+        /// The elements.
+        tets: [usize; 2],
+        /// Vertices in the same place.
+        vertices: [u32; 2],
+        /// The place, mm.
+        at: [f64; 3],
+        /// How many faces are torn.
+        faces: usize,
     },
     /// A vertex belongs to no element.
     #[error(

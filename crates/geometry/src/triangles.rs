@@ -31,6 +31,38 @@ pub enum TriangleMeshError {
     /// A triangle uses one vertex twice.
     #[error("triangle {0} uses a vertex twice")]
     Degenerate(usize),
+    /// Two triangles have the same corners.
+    #[error("triangles {first} and {second} have the same three vertices; remove one")]
+    Duplicate {
+        /// The first.
+        first: usize,
+        /// The second.
+        second: usize,
+    },
+    /// Neighbours disagree on which side is outside.
+    #[error(
+        "triangle {triangle} is turned against its neighbour {neighbour}: both run through the edge of vertices {edge:?} in the same direction ({edges} such edge(s)); orient all triangles alike"
+    )]
+    Orientation {
+        /// The triangle that most neighbours disagree with.
+        triangle: usize,
+        /// One of these.
+        neighbour: usize,
+        /// Their edge.
+        edge: [u32; 2],
+        /// How many such edges there are.
+        edges: usize,
+    },
+    /// A vertex belongs to no triangle.
+    #[error("vertex {vertex} belongs to no triangle ({count} of {vertices} vertices do not); remove unused vertices")]
+    Unused {
+        /// The first such vertex.
+        vertex: usize,
+        /// How many there are.
+        count: usize,
+        /// Vertices in the mesh.
+        vertices: usize,
+    },
 }
 
 /// Counts that say whether a surface is closed, oriented and two-manifold.
@@ -163,7 +195,7 @@ impl TriangleMesh {
     }
 
     /// `(lower vertex, higher vertex, runs upwards, triangle)`, sorted.
-    fn sorted_half_edges(&self) -> Vec<(u32, u32, bool, u32)> {
+    pub(crate) fn sorted_half_edges(&self) -> Vec<(u32, u32, bool, u32)> {
         let mut out = Vec::with_capacity(self.triangles.len() * 3);
         for (i, t) in self.triangles.iter().enumerate() {
             for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {

@@ -13,6 +13,9 @@ pub enum Problem {
     /// The content is none of the known formats.
     #[error("is not a CT in a known format ({0}); known are DICOM, NIfTI-1 (.nii, .nii.gz), NRRD and MetaImage")]
     Unrecognised(String),
+    /// The content is none of the formats that labels come in.
+    #[error("is not a label volume in a known format ({0}); known are NIfTI-1 (.nii, .nii.gz), NRRD and MetaImage")]
+    NoLabels(String),
     /// A known format, but a variety of it that is not read.
     #[error("{what} is not supported; {way_out}")]
     Unsupported {

@@ -68,7 +68,13 @@ pub(crate) fn inspect(path: &Path) -> Result<Inspection, ScanError> {
 }
 
 pub(crate) fn read_labels(path: &Path) -> Result<Volume<u16>, ScanError> {
-    with_raster(path, |_, raster| raster.into_labels())
+    with_raster(path, |_, raster| raster.into_labels()).map_err(|e| match e {
+        // Worded for a CT, which nobody said it was.
+        ScanError::File { file, problem: Problem::Unrecognised(what) } => {
+            ScanError::File { file, problem: Problem::NoLabels(what) }
+        }
+        other => other,
+    })
 }
 
 /// Opens a file, finds its format by its content, and hands over the parsed header with the voxels' stream.

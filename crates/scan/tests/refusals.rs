@@ -44,6 +44,15 @@ fn edit(file: &Path, tag: Tag, vr: VR, value: &str) {
 }
 
 #[test]
+fn a_label_volume_of_no_known_format_was_called_no_ct() {
+    let f = folder();
+    let file = f.path().join("labels.nii.gz");
+    fs::write(&file, "").expect("write");
+    let said = read_labels(&file).expect_err("a refusal").to_string();
+    assert!(said.contains("is not a label volume in a known format (it is empty)"), "{said}");
+}
+
+#[test]
 fn folders_without_a_series() {
     let f = folder();
     refused(f.path(), &["holds no file"]);

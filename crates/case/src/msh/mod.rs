@@ -2,7 +2,7 @@
 //!
 //! Written as MSH 4.1 binary: one volume entity for each label and one surface entity for each interface between two
 //! labels or to the outside, each a physical group of its own. Read as MSH 4.1 (ASCII or binary) and 2.2 (ASCII): the
-//! tetrahedra, with their physical group as label, or their entity where there is none.
+//! tetrahedra, with their physical group as label, or their entity where there is none, or 1 where no element has either.
 //! File format: Gmsh reference manual, "MSH file format". Coordinates are LPS mm by convention.
 
 mod read;
@@ -73,6 +73,20 @@ const fn nodes_of(kind: i32) -> Option<usize> {
         17 => 20,
         18 => 15,
         19 => 13,
+        _ => return None,
+    })
+}
+
+/// What the elements of a Gmsh type are called, of those that fill space besides linear tetrahedra.
+const fn solid_name(kind: i32) -> Option<&'static str> {
+    Some(match kind {
+        5 => "hexahedra",
+        6 => "prisms",
+        7 => "pyramids",
+        11 => "quadratic tetrahedra",
+        12 | 17 => "quadratic hexahedra",
+        13 | 18 => "quadratic prisms",
+        14 | 19 => "quadratic pyramids",
         _ => return None,
     })
 }

@@ -1,9 +1,9 @@
 //! Reading.
 
 use super::source::{Encoding, Source};
-use super::{MshError, TETRAHEDRON, nodes_of};
+use super::{MshError, TETRAHEDRON, nodes_of, solid_name};
 use monro_geometry::{Point, TetMesh};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// Decodes the tetrahedra of an MSH file. Other elements, and nodes that no tetrahedron uses, are left out: Gmsh keeps
 /// nodes of its geometry that are none of the mesh.
@@ -41,6 +41,10 @@ pub struct Imported {
     pub mesh: TetMesh,
     /// Tags of nodes that were left out because no tetrahedron uses them, in the order of the file.
     pub unused: Vec<u64>,
+    /// No element is in a physical group or an entity: all have the label 1.
+    pub unlabelled: bool,
+    /// Other elements that fill space and were left out: what they are called, and how many there are.
+    pub others: Vec<(&'static str, usize)>,
 }
 
 /// Reads `$MeshFormat`; true for 4.1, false for 2.2.
@@ -83,6 +87,8 @@ struct Found {
     tags: Vec<u64>,
     positions: Vec<[f64; 3]>,
     tets: Vec<Tet>,
+    /// Other elements that fill space.
+    others: BTreeMap<&'static str, usize>,
 }
 
 impl Found {
@@ -174,6 +180,9 @@ impl Found {
         if kind == TETRAHEDRON {
             self.tets.push(Tet { tag, nodes: corners, group });
         }
+        if let Some(name) = solid_name(kind) {
+            *self.others.entry(name).or_default() += 1;
+        }
         Ok(())
     }
 
@@ -207,13 +216,14 @@ impl Found {
     /// The nodes in use, in the order of the file.
     fn mesh(self) -> Result<Imported, MshError> {
         if self.tets.is_empty() {
-            return Err(MshError::Section { section: "$Elements", reason: "no linear tetrahedron in the file".into() });
+            return Err(MshError::Section { section: "$Elements", reason: self.no_tetrahedron() });
         }
+        let unlabelled = self.tets.iter().all(|t| t.group == 0);
         let mut used = vec![false; self.positions.len()];
         let mut mesh = TetMesh::default();
         for t in &self.tets {
             let group = MshError::Group { element: t.tag, group: t.group };
-            mesh.labels.push(u16::try_from(t.group).map_err(|_| group)?);
+            mesh.labels.push(if unlabelled { 1 } else { u16::try_from(t.group).map_err(|_| group)? });
             let mut tet = [0; 4];
             for (to, &node) in tet.iter_mut().zip(&t.nodes) {
                 *to = *self.numbers.get(&node).ok_or(MshError::Node { element: t.tag, node })?;
@@ -230,7 +240,18 @@ impl Found {
         mesh.validate()?;
         mesh.check_conforming()?;
         let unused = self.tags.into_iter().zip(used).filter(|(_, used)| !used).map(|(tag, _)| tag).collect();
-        Ok(Imported { mesh, unused })
+        Ok(Imported { mesh, unused, unlabelled, others: self.others.into_iter().collect() })
+    }
+
+    fn no_tetrahedron(&self) -> String {
+        let others: Vec<String> = self.others.iter().map(|(name, n)| format!("{n} {name}")).collect();
+        match others[..] {
+            [] => "no linear tetrahedron in the file".into(),
+            _ => format!(
+                "no linear tetrahedron in the file, but {}; save it with linear tetrahedra (Gmsh: Mesh.ElementOrder = 1)",
+                others.join(", ")
+            ),
+        }
     }
 }
 

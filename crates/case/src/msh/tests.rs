@@ -13,7 +13,10 @@ fn two() -> TetMesh {
 
 #[test]
 fn what_is_written_is_read_back() {
-    assert_eq!(decode(&encode(&two())).expect("own file"), Imported { mesh: two(), unused: Vec::new() });
+    assert_eq!(
+        decode(&encode(&two())).expect("own file"),
+        Imported { mesh: two(), unused: Vec::new(), unlabelled: false, others: Vec::new() }
+    );
 }
 
 #[test]
@@ -36,7 +39,7 @@ const ASCII_2: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n5\n1 0 0 0\
 fn text_of_both_versions_is_read_with_its_groups() {
     let new = decode(ASCII_4.as_bytes()).expect("4.1").mesh;
     assert_eq!((new.tets.as_slice(), new.labels.as_slice(), new.vertices.len()), (&[[0, 1, 2, 3]][..], &[7][..], 4));
-    let Imported { mesh: old, unused } = decode(ASCII_2.as_bytes()).expect("2.2");
+    let Imported { mesh: old, unused, .. } = decode(ASCII_2.as_bytes()).expect("2.2");
     assert_eq!(unused, [8]);
     assert_eq!((old.labels.as_slice(), old.vertices.len()), (&[6][..], 4));
 }
@@ -54,6 +57,21 @@ fn faults_are_named_with_their_element() {
             .contains("tetrahedra 0 and 1 have the same")
     );
     assert!(fault(ASCII_2.replace("2 4 2 6 1", "2 2 2 6 1")).contains("no linear tetrahedron"));
+}
+
+#[test]
+fn quadratic_elements_were_called_no_linear_ones_and_left_out_in_silence() {
+    let ten = ASCII_2.replace("$Elements\n2\n", "$Elements\n3\n7 11 2 6 1 1 2 3 4 1 2 3 4 1 2\n");
+    assert_eq!(decode(ten.as_bytes()).expect("one is linear").others, [("quadratic tetrahedra", 1)]);
+    let none = decode(ten.replace("2 4 2 6 1", "2 2 2 6 1").as_bytes()).expect_err("refused").to_string();
+    assert!(none.contains("1 quadratic tetrahedra") && none.contains("ElementOrder"), "{none}");
+}
+
+#[test]
+fn elements_without_group_or_entity_have_the_label_one_and_it_is_told() {
+    let read = decode(ASCII_2.replace("2 4 2 6 1", "2 4 2 0 0").as_bytes()).expect("unlabelled");
+    assert_eq!((read.unlabelled, read.mesh.labels.as_slice()), (true, &[1][..]));
+    assert!(!decode(ASCII_2.as_bytes()).expect("labelled").unlabelled);
 }
 
 proptest! {

@@ -3,11 +3,16 @@
 //! Written as zlib-compressed inline base64 (ParaView, meshio and VTK read it); read in every encoding that VTK writes:
 //! ASCII, inline base64, appended base64 and appended raw, compressed with zlib or not, 32- or 64-bit headers.
 //! File format: VTK User's Guide, "XML File Formats".
+//!
+//! Coordinates of a case's mesh are LPS mm. A field array `SPACE` of 3D Slicer that says otherwise is honoured by
+//! [`UnstructuredGrid::to_mesh`]. Ours have none: Slicer reads them as LPS without it, and meshio refuses a grid with
+//! an array of text.
 
 mod array;
 mod read;
 mod write;
 
+use crate::Space;
 use monro_geometry::{Point, TetMesh, TetMeshError};
 use thiserror::Error;
 
@@ -34,7 +39,7 @@ pub enum VtuError {
     },
     /// A cell that is no linear tetrahedron.
     #[error(
-        "VTU cell {cell} is of VTK type {kind}; only linear tetrahedra (10) are read; write the file without its other cells (lines, triangles of surfaces) and their cell data"
+        "VTU cell {cell} is of VTK type {kind}{}; only linear tetrahedra (10) are read; write the file without its other cells (lines, triangles of surfaces) and their cell data", kind_name(*kind)
     )]
     CellType {
         /// The cell.
@@ -45,6 +50,17 @@ pub enum VtuError {
     /// The mesh itself is faulty.
     #[error("VTU mesh: {0}")]
     Mesh(#[from] TetMeshError),
+}
+
+/// The names of cells that fill space in other ways, in brackets.
+const fn kind_name(kind: u64) -> &'static str {
+    match kind {
+        12 => " (hexahedron)",
+        13 => " (wedge)",
+        14 => " (pyramid)",
+        24 => " (quadratic tetrahedron)",
+        _ => "",
+    }
 }
 
 /// An unstructured grid of tetrahedra with data on points and cells. The unit is the file's; this module does not convert.
@@ -58,6 +74,8 @@ pub struct UnstructuredGrid {
     pub point_data: Vec<DataArray>,
     /// Arrays on cells.
     pub cell_data: Vec<DataArray>,
+    /// The axes that the file says `points` are in. Told, not applied, and not written.
+    pub space: Option<Space>,
 }
 
 impl UnstructuredGrid {
@@ -69,10 +87,22 @@ impl UnstructuredGrid {
             tets: mesh.tets.clone(),
             point_data: Vec::new(),
             cell_data: vec![label],
+            space: None,
         }
     }
 
-    /// The labelled mesh of a grid in mm; labels from the cell array `label`.
+    /// Gives all cells the label 1 where there is no cell array `label`, and returns the names of the arrays that are there
+    /// instead: other programs number their regions under other names, or not at all.
+    pub fn labelled(&mut self) -> Option<Vec<String>> {
+        if find(&self.cell_data, "label").is_some() {
+            return None;
+        }
+        let others = self.cell_data.iter().map(|a| a.name.clone()).collect();
+        self.cell_data.push(DataArray::scalars("label", Kind::UInt16, vec![1.0; self.tets.len()]));
+        Some(others)
+    }
+
+    /// The labelled mesh of a grid in mm, in LPS whatever the file's axes; labels from the cell array `label`.
     ///
     /// # Errors
     /// A missing or fractional `label`, bad indices, inverted elements, elements that do not fit together
@@ -84,11 +114,12 @@ impl UnstructuredGrid {
         if let Some(bad) = array.values.iter().find(|v| !whole(v)) {
             return Err(VtuError::Array { name: "label".into(), reason: format!("{bad} is no label (0 to 65535)") });
         }
-        let mesh = TetMesh {
+        let mut mesh = TetMesh {
             vertices: self.points.iter().map(|&p| Point::from_array(p)).collect(),
             tets: self.tets.clone(),
             labels: array.values.iter().map(|&v| v as u16).collect(),
         };
+        self.space.unwrap_or(Space::Lps).to_lps(&mut mesh.vertices);
         mesh.validate()?;
         mesh.check_conforming()?;
         Ok(mesh)

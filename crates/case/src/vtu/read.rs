@@ -1,6 +1,7 @@
 //! Reading.
 
 use super::{DataArray, Kind, UnstructuredGrid, VtuError};
+use crate::Space;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::read::ZlibDecoder;
@@ -43,7 +44,16 @@ pub fn decode(bytes: &[u8]) -> Result<UnstructuredGrid, VtuError> {
     if pieces.next().is_some() {
         return Err(VtuError::Structure("more than one Piece; merge them first".into()));
     }
-    read_piece(piece, &layout)
+    Ok(UnstructuredGrid { space: space(root, &layout), ..read_piece(piece, &layout)? })
+}
+
+/// What the field array `SPACE` says, a text of `LPS` or `RAS` byte by byte. One that cannot be read says nothing.
+fn space(root: Node<'_, '_>, layout: &Layout<'_>) -> Option<Space> {
+    let mut fields = root.descendants().filter(|n| n.has_tag_name("FieldData")).flat_map(|f| f.children());
+    let array = fields.find(|n| n.attribute("Name") == Some("SPACE"))?;
+    let bytes = numbers(array, Kind::UInt8, layout).ok()?;
+    let text: String = bytes.iter().map(|&b| char::from(b as u8)).collect();
+    Space::of_header(&format!("SPACE={text}"))
 }
 
 /// The XML, closed again if raw data was cut out of it, and the appended data.
@@ -81,6 +91,7 @@ fn read_piece(piece: Node<'_, '_>, layout: &Layout<'_>) -> Result<UnstructuredGr
         tets,
         point_data: section(piece, "PointData", layout)?,
         cell_data: section(piece, "CellData", layout)?,
+        space: None,
     };
     check_lengths(&grid)?;
     Ok(grid)
@@ -136,14 +147,18 @@ fn data_array(node: Node<'_, '_>, layout: &Layout<'_>) -> Result<DataArray, VtuE
     let kind = Kind::parse(kind_name).ok_or_else(|| fail(format!("type {kind_name} is unknown")))?;
     let components = node.attribute("NumberOfComponents").map_or(Ok(1), str::parse);
     let components = components.map_err(|_| fail("NumberOfComponents is no number".into()))?;
+    Ok(DataArray { kind, components, values: numbers(node, kind, layout).map_err(fail)?, name })
+}
+
+/// The numbers of an array in any of its encodings.
+fn numbers(node: Node<'_, '_>, kind: Kind, layout: &Layout<'_>) -> Result<Vec<f64>, String> {
     let text = node.text().unwrap_or("");
-    let values = match node.attribute("format") {
+    match node.attribute("format") {
         Some("ascii") | None => ascii(text),
         Some("binary") => binary(text.trim().as_bytes(), true, kind, layout),
         Some("appended") => appended(node, kind, layout),
         Some(other) => Err(format!("format {other} is unknown")),
-    };
-    Ok(DataArray { kind, components, values: values.map_err(fail)?, name })
+    }
 }
 
 fn ascii(text: &str) -> Result<Vec<f64>, String> {
@@ -241,6 +256,7 @@ mod tests {
             tets: vec![[0, 1, 2, 3], [0, 2, 1, 4]],
             point_data: vec![DataArray::vectors("displacement", Kind::Float32, &[[0.5, 0., -2.]; 5])],
             cell_data: vec![DataArray::scalars("label", Kind::UInt16, vec![4., 5.])],
+            space: None,
         }
     }
 
@@ -249,6 +265,25 @@ mod tests {
         assert_eq!(decode(&encode(&two())).expect("own file"), two());
         assert_eq!(two().to_mesh().expect("mesh").labels, vec![4, 5]);
         assert_eq!(decode(&encode(&UnstructuredGrid::default())).expect("empty"), UnstructuredGrid::default());
+    }
+
+    /// A field array as 3D Slicer writes it, as text and compressed.
+    #[test]
+    fn a_mesh_in_ras_was_read_as_lps() {
+        let text = String::from_utf8(encode(&two())).expect("text");
+        let stated = |attributes: &str, content: &str| {
+            let field = format!(
+                "<UnstructuredGrid>\n<FieldData><Array type=\"String\" Name=\"SPACE\" NumberOfTuples=\"1\" {attributes}>{content}</Array></FieldData>"
+            );
+            decode(text.replace("<UnstructuredGrid>", &field).as_bytes()).expect("readable")
+        };
+        let ras = stated("format=\"ascii\"", "82 65 83 0");
+        assert_eq!((ras.space, ras.points[1]), (Some(Space::Ras), [1.0, 0.0, 0.0]));
+        assert_eq!(ras.to_mesh().expect("mesh").vertices[1].to_array(), [-1.0, 0.0, 0.0]);
+        let letters = DataArray::scalars("", Kind::UInt8, b"RAS\0".map(f64::from).to_vec());
+        assert_eq!(stated("format=\"binary\"", &super::super::write::payload(&letters)).space, Some(Space::Ras));
+        assert_eq!(stated("format=\"ascii\"", "76 80 83 0").space, Some(Space::Lps));
+        assert_eq!(stated("format=\"ascii\"", "what").space, None);
     }
 
     fn raw_appended() -> Vec<u8> {

@@ -46,7 +46,7 @@ fn escape(text: &str) -> String {
 }
 
 /// Header (blocks, block size, last partial block, compressed sizes) and data are two separate base64 runs.
-fn payload(array: &DataArray) -> String {
+pub(super) fn payload(array: &DataArray) -> String {
     let mut raw = Vec::with_capacity(array.values.len() * array.kind.size());
     for &v in &array.values {
         array.kind.push(v, &mut raw);

@@ -46,6 +46,11 @@ impl Colour {
         }
     }
 
+    /// A colour for a label that is no known structure, far from its neighbours' in hue.
+    pub fn of_number(label: u16) -> Self {
+        Self(monro_case::glb::colour(usize::from(label)).map(|c| (255.0 * c).round() as u8))
+    }
+
     /// Position `t` (0 to 1) on the cividis scale, dark blue to yellow, even in lightness.
     pub fn cividis(t: f64) -> Self {
         const STOPS: [[f64; 3]; 6] = [

@@ -14,8 +14,10 @@ use monro_geometry::{Patient, Plane, Point, Structure, TetMesh, TriangleMesh, Ve
 /// What the colour of an element says.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ColourBy<'a> {
-    /// Its label.
+    /// Its label, by number.
     Label,
+    /// Its label as the structure of a case that it stands for, by name.
+    Structure,
     /// Its shape: three times the inscribed over the circumscribed radius, 0 (flat) to 1 (regular).
     Quality,
     /// A value for each element, between two bounds, with a name for the scale.
@@ -37,7 +39,7 @@ impl ColourBy<'_> {
     fn class(self, mesh: &TetMesh, t: usize) -> u16 {
         let step = |v: f64| ((v.clamp(0.0, 1.0) * STEPS as f64) as u16).min(STEPS as u16 - 1);
         match self {
-            Self::Label => mesh.labels.get(t).copied().unwrap_or(0),
+            Self::Label | Self::Structure => mesh.labels.get(t).copied().unwrap_or(0),
             Self::Quality => step(mesh.quality(t).radius_ratio),
             Self::Value { values, range: [low, high], .. } => {
                 step((values.get(t).copied().unwrap_or(f64::NAN) - low) / (high - low))
@@ -47,7 +49,8 @@ impl ColourBy<'_> {
 
     fn colour(self, class: u16) -> Colour {
         match self {
-            Self::Label => Colour::of_label(class),
+            Self::Label => Colour::of_number(class),
+            Self::Structure => Colour::of_label(class),
             _ => Colour::cividis((f64::from(class) + 0.5) / STEPS as f64),
         }
     }
@@ -55,9 +58,9 @@ impl ColourBy<'_> {
     /// The legend below a figure.
     fn legend(self, classes: &[u16], width: f64) -> Legend {
         let (name, [low, high]) = match self {
-            Self::Label => {
-                let names: Vec<(String, Colour)> =
-                    classes.iter().map(|&c| (label_name(c), Colour::of_label(c))).collect();
+            Self::Label | Self::Structure => {
+                let name = |c| if self == Self::Structure { label_name(c) } else { format!("label {c}") };
+                let names: Vec<(String, Colour)> = classes.iter().map(|&c| (name(c), self.colour(c))).collect();
                 return Legend::of(names.iter().map(|(n, c)| (n.as_str(), Stroke::solid(*c, 8.0))), width);
             }
             Self::Quality => ("shape: 0 flat, 1 regular (radius ratio)", [0.0, 1.0]),
@@ -207,10 +210,12 @@ mod tests {
     #[test]
     fn a_cut_shows_the_elements_that_it_meets() {
         let view = SliceView::standard(Orientation::Axial, Point::new(0.0, 0.0, 10.0), 100.0, 100);
-        let figure = mesh_cut_figure(&pair(), &view, ColourBy::Label, "cut");
+        let figure = mesh_cut_figure(&pair(), &view, ColourBy::Structure, "cut");
         assert!(figure.content.contains(">brain<") && !figure.content.contains("left lateral"));
         // Cut at a quarter of its height, the corner tetrahedron is a triangle of 30 mm at pixel (50, 50).
         assert!(figure.content.contains("80.0 50.0") && figure.content.contains("50.0 80.0"));
+        let numbered = mesh_cut_figure(&pair(), &view, ColourBy::Label, "cut");
+        assert!(numbered.content.contains(">label 4<") && !numbered.content.contains("brain"));
         let values = ColourBy::Value { values: &[0.5, 1.0], range: [0.0, 1.0], name: "strain" };
         assert!(mesh_cut_figure(&pair(), &view, values, "").content.contains(">strain<"));
         assert!(mesh_cut_figure(&TetMesh::default(), &view, ColourBy::Quality, "").content.contains("regular"));
@@ -219,7 +224,7 @@ mod tests {
     #[test]
     fn opening_a_mesh_takes_whole_elements_away() {
         let plane = Plane { point: Point::ORIGIN, normal: Vector::new(0.0, 0.0, 1.0) };
-        let figure = mesh_open_figure(&pair(), &plane, ColourBy::Label, (Look::Front, 40), "open").unwrap();
+        let figure = mesh_open_figure(&pair(), &plane, ColourBy::Structure, (Look::Front, 40), "open").unwrap();
         assert!(figure.content.contains("left lateral ventricle") && !figure.content.contains(">brain<"));
         let (surface, owners) = outer_faces(&pair(), &[0, 1]);
         assert_eq!((surface.triangles.len(), owners.len()), (6, 6));

@@ -1,15 +1,15 @@
 //! The report of a prepared case: what a person looks at before trusting it.
 
 use crate::NOTICE;
+use crate::mesh::{MeshSection, time_section};
 use anyhow::Result;
-use monro_anatomy::tetra::{EdgeBand, LabelReport, MeshReport, SurfaceReport};
 use monro_case::DoubtfulSpot;
 use monro_cli::picture::{
-    Colour, ColourBy, Figure, HeadScene, Look, Orientation, Overlay, SliceRequest, SliceView, Stroke, Window,
-    head_figure, mesh_cut_figure, sampler, slice_figure,
+    Colour, Figure, HeadScene, Look, Orientation, Overlay, SliceRequest, SliceView, Stroke, Window, head_figure,
+    sampler, slice_figure,
 };
-use monro_cli::report::{Finding, KeyNumber, LinePlot, ReportInput, Section, Series, Severity, Table, report_html};
-use monro_geometry::{Patient, Point, Structure};
+use monro_cli::report::{Finding, KeyNumber, ReportInput, Section, Severity, Table, report_html};
+use monro_geometry::{Patient, Point};
 use monro_prepare::Prepared;
 
 /// Field of view and size of a slice picture.
@@ -174,91 +174,13 @@ fn plan_section(prepared: &Prepared) -> Result<Section> {
 }
 
 fn mesh_section(prepared: &Prepared) -> Section {
-    let (mesh, tets) = (&prepared.mesh, &prepared.case.tets);
-    let target = prepared.case.plan.target();
-    let view = SliceView::standard(Orientation::Coronal, target, FIELD_MM, PIXELS);
-    let by_label = mesh_cut_figure(tets, &view, ColourBy::Label, "Coronal cut through the target, by label.");
-    let by_quality = mesh_cut_figure(tets, &view, ColourBy::Quality, "The same cut, by shape of the elements.");
-    let bands = mesh.edge_bands.iter().filter(|b| b.edges > 0);
-    let spacing = LinePlot {
-        caption: "Grading: mean edge length by distance to the ventricles and the path.".into(),
-        x_label: "distance to ventricles and path (inner end of each band), mm".into(),
-        y_label: "mean edge, mm".into(),
-        series: vec![Series { name: "mean edge".into(), points: bands.map(|b| [b.from.max(0.0), b.mean]).collect() }],
-        ..LinePlot::default()
+    let view = SliceView::standard(Orientation::Coronal, prepared.case.plan.target(), FIELD_MM, PIXELS);
+    let section = MeshSection {
+        mesh: &prepared.case.tets,
+        report: &prepared.mesh,
+        cuts: vec![(view, "coronal cut through the target.".into())],
+        fine: "the ventricles and the path",
+        structures: true,
     };
-    Section {
-        title: "Tetrahedra".into(),
-        text: vec![format!(
-            "{} elements, {} vertices; dihedral angles {:.1} to {:.1} degrees (first percentile {:.1}), radius ratio at least {:.2}; mean edge {:.2} mm within 2 mm of ventricles and path.",
-            mesh.elements,
-            mesh.vertices,
-            mesh.dihedral_min,
-            mesh.dihedral_max,
-            mesh.dihedral_p1,
-            mesh.radius_ratio_min,
-            mesh.core_edge_mean
-        )],
-        tables: vec![label_table(&prepared.mesh), grading_table(&prepared.mesh)],
-        figures: vec![by_label, by_quality, spacing.figure()],
-    }
-}
-
-fn label_table(mesh: &MeshReport) -> Table {
-    let name = |label: u16| u8::try_from(label).ok().and_then(Structure::from_label).map_or("?", Structure::name);
-    let mm = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.2}"));
-    let row = |l: &LabelReport| {
-        let mut row = vec![
-            name(l.label).replace('_', " "),
-            l.elements.to_string(),
-            format!("{:+.2}", l.volume_error * 100.0),
-            mm(l.interface.map(|i| i.mean)),
-            mm(l.interface.map(|i| i.max)),
-        ];
-        row.extend(topology(&l.surface));
-        row
-    };
-    let mut rows: Vec<Vec<String>> = mesh.labels.iter().map(row).collect();
-    let mut outer = vec!["all together".into(), mesh.elements.to_string(), "-".into(), "-".into(), "-".into()];
-    outer.extend(topology(&mesh.outer));
-    rows.push(outer);
-    let head = [
-        "Label",
-        "elements",
-        "volume error %",
-        "surface distance mean mm",
-        "max mm",
-        "Euler number (voxels')",
-        "surfaces (voxels')",
-        "closed",
-        "two-manifold",
-    ];
-    Table { caption: "Each label against its voxels".into(), head: head.map(String::from).to_vec(), rows }
-}
-
-/// Euler number, number of surfaces, closed, two-manifold.
-fn topology(s: &SurfaceReport) -> [String; 4] {
-    let yes = |is: bool| if is { "yes" } else { "no" }.to_owned();
-    [
-        format!("{} ({})", s.euler, s.euler_labels),
-        format!("{} ({})", s.surfaces, s.surfaces_labels),
-        yes(s.closed),
-        yes(s.manifold),
-    ]
-}
-
-fn grading_table(mesh: &MeshReport) -> Table {
-    let to = |b: &EdgeBand| if b.to.is_finite() { format!("{} to {}", b.from, b.to) } else { format!("{} on", b.from) };
-    let row = |b: &EdgeBand| vec![to(b), b.elements.to_string(), b.edges.to_string(), format!("{:.2}", b.mean)];
-    Table {
-        caption: "Grading by distance to the ventricles and the path; the first band holds what lies inside".into(),
-        head: ["Distance mm", "elements", "edges", "mean edge mm"].map(String::from).to_vec(),
-        rows: mesh.edge_bands.iter().map(row).collect(),
-    }
-}
-
-fn time_section(stages: &[(String, f64)]) -> Section {
-    let rows = stages.iter().map(|(name, s)| vec![name.clone(), format!("{s:.2}")]).collect();
-    let table = Table { caption: String::new(), head: vec!["Stage".into(), "seconds".into()], rows };
-    Section { title: "Time".into(), tables: vec![table], ..Section::default() }
+    section.section()
 }

@@ -88,7 +88,7 @@ pub struct Section {
 pub struct ReportInput {
     /// Title of the page.
     pub title: String,
-    /// The patient's pseudonym; never a name.
+    /// The patient's pseudonym, never a name; empty where there is no case.
     pub pseudonym: String,
     /// Side of the entry, where there is one.
     pub side: Option<Side>,
@@ -130,7 +130,10 @@ pub fn report_html(input: &ReportInput) -> String {
 }
 
 fn subtitle(input: &ReportInput) -> String {
-    let mut parts = vec![format!("Case {}", input.pseudonym)];
+    let mut parts = Vec::new();
+    if !input.pseudonym.is_empty() {
+        parts.push(format!("Case {}", input.pseudonym));
+    }
     parts.extend(input.side.map(|s| format!("entry on the patient's {}", s.name())));
     parts.extend(input.details.iter().cloned());
     parts.iter().map(|p| escape(p)).collect::<Vec<_>>().join(" &middot; ")

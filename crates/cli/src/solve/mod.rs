@@ -160,6 +160,7 @@ fn write(out: &Path, scene: &Scene, found: &Found) -> Result<()> {
         tets: scene.grid.tets.clone(),
         point_data: vec![DataArray::vectors("displacement", Kind::Float64, &metres)],
         cell_data: region.into_iter().collect(),
+        ..UnstructuredGrid::default()
     };
     fs::write(out, vtu::encode(&grid)).with_context(|| format!("cannot write {}", out.display()))
 }

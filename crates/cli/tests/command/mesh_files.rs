@@ -30,6 +30,22 @@ fn a_mesh_goes_from_format_to_format_unchanged() {
     }
 }
 
+/// 3D Slicer writes the words into PLY and STL; left and right must not change sides.
+#[test]
+fn a_surface_in_ras_is_turned_to_lps_with_a_remark() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [file, out] = ["ras.ply", "out.ply"].map(|n| dir.path().join(n));
+    let lps = ply::encode(&two().surface(|_| true), None);
+    let at = lps.windows(9).position(|w| w == b"SPACE=LPS").expect("said");
+    let ras = [&lps[..at], b"SPACE=RAS", &lps[at + 9..]].concat();
+    fs::write(&file, ras).expect("write");
+    let done = json(&["mesh", text(&file), "--out", text(&out)]);
+    assert!(done["remarks"][0].as_str().is_some_and(|r| r.contains("SPACE=RAS")), "{done}");
+    let found = ply::decode(&fs::read(&out).expect("read")).expect("ply");
+    let half_turn = two().surface(|_| true).vertices.iter().map(|p| Point::new(-p.x, -p.y, p.z)).collect::<Vec<_>>();
+    assert_eq!(found.vertices, half_turn);
+}
+
 #[test]
 fn a_broken_mesh_is_refused_with_its_element_and_a_wrong_format_with_the_right_ones() {
     let dir = tempfile::tempdir().expect("temp");
@@ -103,6 +119,164 @@ fn an_unused_vertex_is_refused_in_a_vtu_and_left_out_of_a_msh_with_a_remark() {
     assert!(done["remarks"][0].as_str().is_some_and(|r| r.contains("tag 8")), "{done}");
 }
 
+/// Each fault as the file that shows it, what is said, and what was left in peace.
+#[test]
+fn a_torn_mesh_and_a_faulty_surface_are_refused_with_their_elements() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [tets, surface, out] = ["torn.vtu", "faulty.ply", "out.stl"].map(|n| dir.path().join(n));
+    let mut torn = two();
+    torn.vertices.push(torn.vertices[2]);
+    torn.tets[1][1] = 5;
+    fs::write(&tets, vtu::encode(&UnstructuredGrid::from_mesh(&torn))).expect("write");
+    let said = refusal(&["mesh", text(&tets), "--out", text(&out)]);
+    assert!(said.contains("vertices 2 and 5 are both at (0.000, 1.000, 0.000) mm"), "{said}");
+    let sound = two().surface(|_| true);
+    let [mut turned, mut twice, mut loose] = [sound.clone(), sound.clone(), sound];
+    turned.triangles[2].swap(0, 1);
+    twice.triangles.push(twice.triangles[1]);
+    loose.vertices.push(Point::new(9.0, 9.0, 9.0));
+    for (mesh, reason) in [
+        (turned, "triangle 2 is turned against its neighbour"),
+        (twice, "triangles 1 and 6 have the same three vertices"),
+        (loose, "vertex 5 belongs to no triangle"),
+    ] {
+        fs::write(&surface, ply::encode(&mesh, None)).expect("write");
+        let said = refusal(&["mesh", text(&surface), "--out", text(&out)]);
+        assert!(said.contains(reason), "{said}");
+    }
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_doubtful_mesh_is_told_and_refused_by_strict() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [tets, surface, out] = ["tets.vtu", "open.ply", "out.ply"].map(|n| dir.path().join(n));
+    let mut overlapping = two();
+    overlapping.vertices.extend(two().vertices.iter().map(|p| Point::new(p.x + 0.1, p.y + 0.1, p.z + 0.1)));
+    overlapping.tets.extend([[5, 6, 7, 8], [5, 7, 6, 9]]);
+    overlapping.labels.extend([4, 5]);
+    let mut flat = two();
+    flat.vertices[3].z = 1e-5;
+    let mut open = two().surface(|_| true);
+    open.triangles.pop();
+    fs::write(&surface, ply::encode(&open, None)).expect("write");
+    for (mesh, file, reason) in [
+        (Some(overlapping), &tets, "parts of the mesh overlap"),
+        (Some(flat), &tets, "1 element(s) of bad shape"),
+        (None, &surface, "the surface is open: 3 edge(s)"),
+    ] {
+        if let Some(mesh) = mesh {
+            fs::write(file, vtu::encode(&UnstructuredGrid::from_mesh(&mesh))).expect("write");
+        }
+        let done = json(&["mesh", text(file), "--out", text(&out), "--force"]);
+        assert!(done["remarks"].to_string().contains(reason), "{done}");
+        let said = refusal(&["mesh", text(file), "--out", text(&out), "--force", "--strict"]);
+        assert!(said.contains("refused by --strict") && said.contains(reason), "{said}");
+    }
+}
+
+#[test]
+fn options_for_labels_were_passed_over_for_a_mesh() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [file, out] = ["a.vtu", "out.vtu"].map(|n| dir.path().join(n));
+    fs::write(&file, vtu::encode(&UnstructuredGrid::from_mesh(&two()))).expect("write");
+    for option in [
+        ["--keep", "4"],
+        ["--fine", "4"],
+        ["--path", "0,0,0:1,1,1"],
+        ["--elements", "500"],
+        ["--density", "4=2"],
+        ["--growth", "0.7"],
+        ["--coarsest", "5"],
+        ["--report", "no-such.html"],
+    ] {
+        let said = refusal(&["mesh", text(&file), option[0], option[1], "--out", text(&out)]);
+        assert!(said.contains(option[0]) && said.contains("is a mesh already"), "{said}");
+    }
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_mesh_that_is_checked_is_told_in_the_fields_of_one_that_is_made() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [volume, made, again, surface] = ["l.nii.gz", "m.vtu", "n.vtu", "s.ply"].map(|n| dir.path().join(n));
+    labels(&volume);
+    let label_5 = |done: &serde_json::Value| {
+        let all = done["labels"].as_array().expect("labels");
+        all.iter().find(|l| l["label"] == 5).expect("label 5").clone()
+    };
+    let first = json(&["mesh", text(&volume), "--elements", "3000", "--out", text(&made)]);
+    let second = json(&["mesh", text(&made), "--strict", "--out", text(&again)]);
+    for field in [
+        "elements",
+        "vertices",
+        "dihedral_min_deg",
+        "dihedral_max_deg",
+        "dihedral_p1_deg",
+        "radius_ratio_min",
+        "bad_shapes",
+        "bounds_mm",
+    ] {
+        assert_eq!(first[field], second[field], "{field}");
+    }
+    for field in ["label", "elements", "volume_mm3", "euler", "surfaces", "closed", "manifold"] {
+        assert!(!label_5(&second)[field].is_null(), "{field}: {second}");
+        assert_eq!(label_5(&first)[field], label_5(&second)[field], "{field}");
+    }
+    let outer = json(&["mesh", text(&made), "--out", text(&surface)]);
+    let outer =
+        (outer["outer"].clone(), json(&["mesh", text(&surface), "--strict", "--out", text(&dir.path().join("s.obj"))]));
+    assert_eq!(outer.0, outer.1["outer"]);
+    assert!(outer.1["volume_mm3"].as_f64().is_some_and(|v| (3e4..3.6e4).contains(&v)), "{}", outer.1);
+}
+
+#[test]
+fn a_mesh_of_labels_has_a_page_that_holds_all_it_shows() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [volume, out, page] = ["labels.nii.gz", "m.vtu", "m.html"].map(|n| dir.path().join(n));
+    labels(&volume);
+    let ask = ["mesh", text(&volume), "--elements", "3000", "--report", text(&page), "--out", text(&out)];
+    json(&ask);
+    let html = fs::read_to_string(&page).expect("a page");
+    for part in [">label 4<", ">label 5<", "radius ratio", "Grading", "labels.nii.gz", "Each label against its voxels"]
+    {
+        assert!(html.contains(part), "{part}");
+    }
+    assert!(!html.contains("src=\"http") && !html.contains("brain") && html.matches("<svg").count() >= 5);
+    fs::remove_file(&out).expect("removed");
+    assert!(refusal(&ask).contains("m.html exists already") && !out.exists());
+}
+
+#[test]
+fn a_grid_without_labels_is_read_as_one_label_with_a_remark() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [file, out] = ["other.vtu", "out.vtu"].map(|n| dir.path().join(n));
+    let mut grid = UnstructuredGrid::from_mesh(&two());
+    grid.cell_data[0].name = "region".into();
+    fs::write(&file, vtu::encode(&grid)).expect("write");
+    let done = json(&["mesh", text(&file), "--out", text(&out)]);
+    let said = done["remarks"][0].as_str().expect("a remark");
+    assert!(said.contains("only \"region\"") && said.contains("all elements have the label 1"), "{said}");
+    assert_eq!(done["labels"][0]["label"], 1);
+}
+
+#[test]
+fn a_surface_far_from_the_origin_is_refused_where_it_would_collapse() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [file, ply_out, stl_out] = ["far.vtu", "far.ply", "far.stl"].map(|n| dir.path().join(n));
+    let mut far = two();
+    far.vertices.iter_mut().for_each(|p| p.x += 1e8);
+    fs::write(&file, vtu::encode(&UnstructuredGrid::from_mesh(&far))).expect("write");
+    let said = refusal(&["mesh", text(&file), "--out", text(&stl_out)]);
+    assert!(said.contains("single precision") && said.contains("write .ply"), "{said}");
+    json(&["mesh", text(&file), "--out", text(&ply_out)]);
+    assert_eq!(ply::decode(&fs::read(&ply_out).expect("read")).expect("ply"), far.surface(|_| true));
+    far.vertices.iter_mut().for_each(|p| p.x += 7e4 + 0.3 - 1e8);
+    fs::write(&file, vtu::encode(&UnstructuredGrid::from_mesh(&far))).expect("write");
+    let done = json(&["mesh", text(&file), "--out", text(&stl_out)]);
+    assert!(done["remarks"].to_string().contains("single precision"), "{done}");
+}
+
 /// A ball of label 4 with a smaller one of label 5, voxels of 2 mm.
 fn labels(file: &Path) {
     let grid = Grid::axis_aligned([24; 3], [2.0; 3], [-23.0; 3]).expect("grid");
@@ -134,6 +308,8 @@ fn labels_and_paths_that_are_not_in_the_volume_are_told() {
     let remarks = done["remarks"].as_array().expect("remarks").iter().filter_map(|r| r.as_str()).collect::<Vec<_>>();
     assert!(remarks.iter().any(|r| r.contains("label 9") && r.contains("4, 5")), "{remarks:?}");
     assert!(remarks.iter().any(|r| r.contains("the path passes")), "{remarks:?}");
+    let absent = json(&mesh(&["--fine", "8"]));
+    assert!(absent["remarks"].to_string().contains("edges are alike everywhere"), "{absent}");
     let outer = &done["outer"];
     assert_eq!((&outer["closed"], &outer["manifold"], &outer["euler"]), (&true.into(), &true.into(), &2.into()));
     let plain = json(&mesh(&["--strict"]));

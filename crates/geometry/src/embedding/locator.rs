@@ -44,11 +44,11 @@ enum Walk {
 /// Finds elements by point: a walk from a neighbour's element where the caller has one, else a voxel hash.
 #[derive(Debug, Clone)]
 pub struct TetLocator {
-    vertices: Vec<Point<Patient>>,
-    tets: Vec<[u32; 4]>,
+    pub(super) vertices: Vec<Point<Patient>>,
+    pub(super) tets: Vec<[u32; 4]>,
     /// The element behind the face opposite to each corner, or its number on the boundary with [`BOUNDARY`].
     neighbours: Vec<[u32; 4]>,
-    cells: Cells,
+    pub(super) cells: Cells,
     boundary: Bvh,
     /// Element and corner opposite to each triangle of `boundary`.
     behind: Vec<(u32, u8)>,
@@ -191,7 +191,7 @@ fn adjacency(tets: &[[u32; 4]], vertices: usize) -> (Vec<[u32; 4]>, Vec<(u32, u8
 
 /// A voxel hash: for each cell of a box the elements whose bounds touch it.
 #[derive(Debug, Clone)]
-struct Cells {
+pub(super) struct Cells {
     origin: [f64; 3],
     inverse_step: f64,
     dims: [usize; 3],
@@ -257,7 +257,7 @@ impl Cells {
         ((at[2] * self.dims[1] + j) * self.dims[0] + i) as u32
     }
 
-    fn candidates(&self, p: Point<Patient>) -> &[u32] {
+    pub(super) fn candidates(&self, p: Point<Patient>) -> &[u32] {
         let mut at = [0; 3];
         for (a, x) in p.to_array().into_iter().enumerate() {
             let c = ((x - self.origin[a]) * self.inverse_step).floor();

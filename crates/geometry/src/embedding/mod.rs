@@ -2,9 +2,11 @@
 
 mod binder;
 mod locator;
+mod overlap;
 
 pub use binder::{Binder, BoundChunk};
 pub use locator::{Located, NearestFace, TetLocator};
+pub use overlap::Overlap;
 
 use crate::{Patient, Point, TetMesh, TetMeshError};
 use thiserror::Error;

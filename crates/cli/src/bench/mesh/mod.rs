@@ -67,7 +67,7 @@ fn of_file(path: &Path) -> Result<Subject> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let is_case = path.join("case.toml").is_file();
     if is_case || (path.is_file() && monro_scan::read_labels(path).is_ok_and(|l| is_label_volume(&l))) {
-        let mesh::Input { labels, keep, fine, path } = mesh::read_input(path)?;
+        let mesh::Input { labels, keep, fine, path, .. } = mesh::read_input(path)?;
         return Ok(Subject { name, labels, keep, fine, path, truth: None });
     }
     let scan = monro_scan::read(path, &ReadOptions::default())?;
