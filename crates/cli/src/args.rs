@@ -319,9 +319,12 @@ pub(crate) struct SceneArgs {
 pub(crate) struct SolveArgs {
     #[command(flatten)]
     pub(crate) of: SceneArgs,
-    /// File to write (metres, point array "displacement"); an existing one is replaced.
+    /// File to write (metres, point array "displacement").
     #[arg(long, value_name = "OUT.vtu")]
     pub(crate) out: PathBuf,
+    /// Overwrite an existing file.
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Which soft body.
     #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
     pub(crate) mode: ModeArg,

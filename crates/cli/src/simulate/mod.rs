@@ -15,7 +15,7 @@ use monro_session::InsertionSettings;
 use monro_tissue::{Csf, FrameSettings};
 use std::path::Path;
 
-pub(crate) use output::{summary_json, summary_text};
+pub(crate) use output::{SIMULATION, summary_json, summary_text};
 pub(crate) use run::{Run, insert};
 
 /// Outer diameter of the catheter, mm: 9 Fr, as in the paper.
@@ -28,7 +28,9 @@ const KPA_PER_MMHG: f64 = 0.133_322;
 
 /// Runs the command.
 pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<()> {
-    let staging = Staging::begin(&args.out, args.force)?;
+    let inputs: Vec<&Path> =
+        [Some(&args.case), args.materials.as_ref()].into_iter().flatten().map(|p| p.as_path()).collect();
+    let staging = Staging::begin(&args.out, args.force, &SIMULATION, &inputs)?;
     let guard = Guard::new(&staging);
     let case = console.stage("open case", || Case::open(&args.case))?;
     let done = insert(&case, &asked(args)?, console)?;

@@ -5,7 +5,7 @@ use crate::NOTICE;
 use crate::materials;
 use anyhow::{Context, Result};
 use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
-use monro_case::{Staging, ply};
+use monro_case::{OutputKind, Staging, nothing_known, ply};
 use monro_geometry::{Structure, TetMesh, TriangleMesh};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -15,6 +15,23 @@ use std::path::Path;
 /// Columns of `insertion.csv`; that of the force is named by its unit, and empty where a frame was held: nothing was felt. One
 /// for each structure follows.
 const CSV_HEADER: &str = "time_s,tip_x_lps_mm,tip_y_lps_mm,tip_z_lps_mm,depth_mm,distance_rigid_mm,distance_deformed_mm,entry_angle_error_deg,target_displacement_mm,whole_volume_change_percent,{force},at_tip,inverted,rollbacks,step_ms,held";
+
+/// What the command writes.
+pub(crate) const SIMULATION: OutputKind = OutputKind {
+    name: "a simulation",
+    marks: &["summary.json", "insertion.csv"],
+    files: &[
+        "summary.json",
+        "insertion.csv",
+        "insertion.pvd",
+        "brain_deformed.ply",
+        "ventricles_deformed.ply",
+        "report.html",
+        "frames/tets_*.vtu",
+    ],
+    parts: &[],
+    changed: nothing_known,
+};
 
 /// Writes everything but the report.
 pub(crate) fn write(done: &Run, staging: &Staging) -> Result<()> {
