@@ -144,6 +144,18 @@ fn labels_on_no_known_numbers_are_refused() {
     assert!(said.contains("42") && said.contains("labels.nii.gz"), "{said}");
 }
 
+#[test]
+fn a_recording_of_the_script_was_an_empty_file() {
+    let dir = tempfile::tempdir().expect("temp");
+    let file = dir.path().join("rec.mnr");
+    let said = refusal(&["track", "sim:", "--record", text(&file), "--frames", "3"]);
+    assert!(said.contains("sim:") && said.contains("fake-tracker"), "{said}");
+    let said =
+        refusal(&["track", "natnet://127.0.0.1:1?interface=203.0.113.7", "--record", text(&file), "--frames", "3"]);
+    assert!(said.contains("203.0.113.7"), "{said}");
+    only(dir.path(), &[]);
+}
+
 /// `monro register ... | head -1` used to panic.
 #[test]
 fn a_closed_output_is_no_panic() {
