@@ -196,15 +196,18 @@ pub(crate) enum LabelsCommand {
 /// What "monro simulate --json" and its files say of how far the result can be relied on.
 const SIMULATE_FIELDS: &str = "\
 In --json and summary.json:
-  reliable        false where the end is not a result: elements turned inside out at the end, frames held, a target
-                  more than 20 mm off, drained volume missed by more than 10 %
+  reliable        false where the end is not a result: elements turned inside out at the end (on the way: a remark),
+                  frames held, a target more than 20 mm off, drained volume missed by more than 10 %
   remarks         why, and whatever else is to be said; also on stderr and at the head of report.html
   inverted_most, inverted_at_end
                   turned elements: most in a frame, and in the last one
   rollbacks, frames_held
                   steps taken back and done in smaller ones; frames that even the smallest could not solve
   drained_ml      asked and reached; null without --drain-ml
-  volumes         of the brain's own tissue and of each ventricle, ml: rest_ml, change_ml at the end, largest_change_ml
+  volumes         of the brain (with the CSF around it, which is simulated as brain: more than labels and report of the
+                  case say) and of each ventricle, ml: rest_ml, change_ml at the end, largest_change_ml
+  mode, speed_mm_s, diameter_mm, gravity_m_s2, csf_pressure_mmhg, materials, materials_file, case, plan
+                  what was asked; what is not as usual stands also on stdout and at the head of report.html
   max_whole_volume_change_percent
                   of brain and ventricles together, which the skull holds: hardly anything, whatever moves inside
 In insertion.csv time_s is negative while pressure, drainage and gravity come on, and the axial force is empty in a frame

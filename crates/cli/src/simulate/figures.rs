@@ -1,7 +1,7 @@
 //! The report of an insertion: before and after in slices, the head, and plots over time.
 
-use super::Run;
-use super::output::largest_motion;
+use super::output::{largest_motion, small};
+use super::{Run, asked};
 use crate::NOTICE;
 use anyhow::Result;
 use monro_case::Case;
@@ -12,7 +12,8 @@ use monro_cli::picture::{
 use monro_cli::report::{Finding, Histogram, KeyNumber, LinePlot, ReportInput, Section, Series, Severity, report_html};
 use monro_geometry::{Patient, Point, Structure, Volume};
 use monro_scan::ReadOptions;
-use monro_session::{DeformedSampler, Frame, Mode};
+use monro_session::{DeformedSampler, Frame};
+use std::iter;
 use std::path::Path;
 
 const FIELD_MM: f64 = 160.0;
@@ -30,23 +31,11 @@ pub(crate) fn report(case_dir: &Path, case: &Case, done: &Run) -> Result<String>
     sections.extend(ct.as_ref().map(|ct| slices_section(ct, case, done)).transpose()?);
     sections.push(mesh_section(case, done));
     sections.push(plots_section(done));
-    let mode = match done.settings.model.mode {
-        Mode::Paper(_) => "the paper's position-based dynamics (normalised coefficients)",
-        Mode::Physical(_) => "physical soft body (kPa, Poisson's ratio)",
-    };
     let input = ReportInput {
         title: "Simulated insertion".into(),
         pseudonym: case.manifest.pseudonym.clone(),
         side: Some(case.plan.side()),
-        details: vec![
-            format!(
-                "{mode}; {} tetrahedra; catheter of {} mm at {} mm/s",
-                done.rest.tets.len(),
-                done.settings.diameter_mm,
-                done.settings.speed_mm_s
-            ),
-            NOTICE.into(),
-        ],
+        details: iter::once(asked::headline(done)).chain(asked::extras(done)).chain([NOTICE.into()]).collect(),
         key_numbers: key_numbers(case, done),
         findings: findings(done, ct.is_some()),
         sections,
@@ -57,7 +46,7 @@ pub(crate) fn report(case_dir: &Path, case: &Case, done: &Run) -> Result<String>
 
 fn key_numbers(case: &Case, done: &Run) -> Vec<KeyNumber> {
     let csf = done.csf().map_or("none".into(), |f| format!("{:.1}", f.depth_mm));
-    let last = |of: fn(&Frame) -> f64| done.last().map_or("none".into(), |f| format!("{:.1}", of(f)));
+    let last = |of: fn(&Frame) -> f64| done.last().map_or("none".into(), |f| small(of(f)));
     let motion = largest_motion(&case.ventricles, &done.ventricles);
     vec![
         KeyNumber::new("CSF at a depth of", csf, "mm"),
@@ -65,7 +54,7 @@ fn key_numbers(case: &Case, done: &Run) -> Vec<KeyNumber> {
             .noted("the target's tissue, where it is now"),
         KeyNumber::new("Tip to target, rigid", last(|f| f.distance_rigid_mm), "mm").noted("the planned point"),
         KeyNumber::new("Target moved", last(|f| f.target_displacement_mm), "mm"),
-        KeyNumber::new("Ventricle wall moved up to", format!("{motion:.1}"), "mm"),
+        KeyNumber::new("Ventricle wall moved up to", small(motion), "mm"),
         KeyNumber::new("Frame", format!("{:.2}", done.ms_quantile(0.5)), "ms")
             .noted(format!("median; 99 % below {:.2} ms", done.ms_quantile(0.99))),
     ]
@@ -203,8 +192,12 @@ fn plots_section(done: &Run) -> Section {
 /// What each structure has more than at rest.
 fn volumes(done: &Run) -> Vec<Series> {
     let of = |i: usize| done.rows.iter().map(|r| [r.frame.time_s, r.change_ml[i]]).collect();
+    let name = |s: &Structure| match s {
+        Structure::Brain => "brain and the CSF around it".to_owned(),
+        other => other.name().replace('_', " "),
+    };
     let structures = done.volumes.structures().iter().enumerate();
-    structures.map(|(i, s)| Series { name: s.name().replace('_', " "), points: of(i) }).collect()
+    structures.map(|(i, s)| Series { name: name(s), points: of(i) }).collect()
 }
 
 /// Punctures and the first CSF, to be marked in the plots.

@@ -1,5 +1,6 @@
 //! `monro simulate`: the catheter goes in, and everything is written down.
 
+mod asked;
 mod figures;
 mod output;
 mod run;
@@ -33,7 +34,8 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<()> {
     let staging = Staging::begin(&args.out, args.force, &SIMULATION, &inputs)?;
     let guard = Guard::new(&staging);
     let case = console.stage("open case", || Case::open(&args.case))?;
-    let done = insert(&case, &asked(args)?, console)?;
+    let mut done = insert(&case, &asked(args)?, console)?;
+    done.materials_file = args.materials.as_ref().map(|file| file.display().to_string());
     write(&args.case, &case, &done, &staging, console)?;
     let out = staging.finish()?;
     drop(guard);

@@ -44,6 +44,7 @@ fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
     forces_have_a_unit_in_physical_mode_only(&case, &done, dir.path());
     fifty_millimetres_of_mercury_gave_garbage_and_no_word(&case, dir.path());
     garbage_was_told_in_the_report_only(&case, dir.path());
+    what_was_asked_was_in_no_result(&case, dir.path());
     damaged_case(&case, dir.path());
 }
 
@@ -102,6 +103,27 @@ fn garbage_was_told_in_the_report_only(case: &Path, dir: &Path) {
     assert!(summary["drained_ml"]["asked"].as_f64() > Some(1.0) && summary["rollbacks"].is_u64(), "{summary}");
     let html = fs::read_to_string(out.join("report.html")).expect("report");
     assert!(html.contains("<li class=\"error\">"));
+}
+
+/// A run with gravity could not be told from one without.
+fn what_was_asked_was_in_no_result(case: &Path, dir: &Path) {
+    let (out, soft) = (dir.join("asked"), dir.join("soft.toml"));
+    fs::write(&soft, "[brain]\nyoung_kpa = 1.25\n").expect("write");
+    let asked = ["--speed", "80", "--gravity", "0,9.81,0", "--drain-ml", "2", "--materials", text(&soft)];
+    let done = monro(&[&["simulate", text(case), "--out", text(&out)][..], &asked].concat());
+    let stdout = String::from_utf8_lossy(&done.stdout).into_owned();
+    let html = fs::read_to_string(out.join("report.html")).expect("report");
+    for words in ["at 80 mm/s", "gravity 0, 9.81, 0 m/s2", "of 2.0 ml", "mmHg", "soft.toml", "1.25 kPa"] {
+        assert!(stdout.contains(words), "{words}: {stdout}");
+        assert!(html.contains(words), "{words} is not in the report");
+    }
+    assert!(stdout.contains("left side") && stdout.contains("reliable"), "{stdout}");
+    let summary: Value =
+        serde_json::from_str(&fs::read_to_string(out.join("summary.json")).expect("summary")).expect("JSON");
+    assert_eq!(summary["gravity_m_s2"], serde_json::json!([0.0, 9.81, 0.0]));
+    assert!(summary["materials_file"].as_str().is_some_and(|f| f.ends_with("soft.toml")), "{summary}");
+    assert_eq!((&summary["plan"]["side"], &summary["mode"]), (&"left".into(), &"physical".into()), "{summary}");
+    assert!(summary["volumes"]["brain"]["of"].as_str().is_some_and(|of| of.contains("CSF")), "{summary}");
 }
 
 /// A plan read in the wrong direction, or far off the head, is refused with a hint; nothing is written.
