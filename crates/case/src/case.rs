@@ -76,7 +76,7 @@ pub enum CaseError {
     Missing(&'static str),
     /// A file is not what the manifest says.
     #[error(
-        "{path} is damaged: {found_bytes} bytes with SHA-256 {found}, but case.toml says {expected_bytes} bytes with {expected}; restore it or prepare the case again"
+        "{path} was changed since Monro wrote it, or is damaged: {found_bytes} bytes with SHA-256 {found}, but case.toml says {expected_bytes} bytes with {expected}; give changed labels or a changed plan to \"monro prepare SCAN --labels FILE --plan FILE --out NEW\", else restore the file or prepare the case again"
     )]
     Damaged {
         /// The file.

@@ -165,7 +165,7 @@ pub(crate) struct EditArgs {
     #[arg(long, value_name = "UID")]
     pub(crate) series: Option<String>,
     /// Loopback address to listen on; port 0 takes any free port.
-    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0", value_parser = address)]
     pub(crate) listen: SocketAddr,
 }
 
@@ -222,20 +222,23 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
     /// Speed of the tip along the plan, mm/s.
-    #[arg(long, value_name = "MM_PER_S", default_value_t = 10.0)]
+    #[arg(long, value_name = "MM_PER_S", default_value_t = 10.0, allow_negative_numbers = true, value_parser = number)]
     pub(crate) speed: f64,
+    // Only to say where it belongs.
+    #[arg(long, hide = true)]
+    pub(crate) side: Option<String>,
     /// Which soft body.
     #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
     pub(crate) mode: ModeArg,
     /// Cerebrospinal fluid drained from the ventricles, ml (negative: infused; physical mode), within the second before the
     /// insertion. More than they hold is refused; suction ends at three times the brain's shear modulus (23 mmHg), so
     /// that after about half to two thirds no more is drained, which is told: walls that meet are not modelled.
-    #[arg(long, value_name = "ML", allow_hyphen_values = true, conflicts_with = "csf_pressure_mmhg")]
+    #[arg(long, value_name = "ML", allow_hyphen_values = true, value_parser = number, conflicts_with = "csf_pressure_mmhg")]
     pub(crate) drain_ml: Option<f64>,
     /// How much more the pressure in the ventricles exceeds that at the surface of the brain (transmural) than in the scan,
     /// mmHg (physical mode). Measured differences are a few mmHg: an intracranial pressure that is high everywhere deforms
     /// nothing. It rises within the second before the insertion.
-    #[arg(long, value_name = "MMHG", allow_hyphen_values = true)]
+    #[arg(long, value_name = "MMHG", allow_hyphen_values = true, value_parser = number)]
     pub(crate) csf_pressure_mmhg: Option<f64>,
     /// TOML file with what to change of the materials of brain and ventricles; docs/materials.md lists all, with units.
     #[arg(long, value_name = "FILE.toml")]
@@ -357,7 +360,7 @@ pub(crate) struct ServeArgs {
     pub(crate) tracker: String,
     /// Address to listen on; port 0 takes any free port. What others can reach (0.0.0.0:8443) is encrypted, and other
     /// devices come in by the QR code or the pairing code that is printed.
-    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0", value_parser = address)]
     pub(crate) listen: SocketAddr,
     /// Certificate to encrypt with (PEM), instead of one made at start.
     #[arg(long, value_name = "FILE.pem", requires = "key")]
@@ -372,7 +375,7 @@ pub(crate) struct ServeArgs {
     #[arg(long, value_name = "NAME")]
     pub(crate) host: Vec<String>,
     /// Loopback address on which 3D Slicer is served (OpenIGTLink); when it is taken, any free port.
-    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:18945")]
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:18945", value_parser = address)]
     pub(crate) igtl: SocketAddr,
     /// Serve no OpenIGTLink.
     #[arg(long)]
@@ -513,6 +516,17 @@ pub(crate) struct MeshArgs {
 /// Frames per second.
 pub(crate) fn rate(text: &str) -> Result<f64, String> {
     in_range(text, 0.1, 2000.0)
+}
+
+/// A number without its unit, which the help names.
+fn number(text: &str) -> Result<f64, String> {
+    let n: Option<f64> = text.trim().parse().ok();
+    n.filter(|n| n.is_finite()).ok_or_else(|| "wanted a number without a unit, as 5 or 2.5".into())
+}
+
+/// An address with a port.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| "wanted ADDRESS:PORT, as 127.0.0.1:9000 or [::1]:9000; port 0 takes any free one".into())
 }
 
 /// A number within limits.

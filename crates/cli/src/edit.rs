@@ -4,7 +4,7 @@ use crate::args::EditArgs;
 use crate::console::{Console, tell};
 use crate::interrupt::Guard;
 use crate::{NOTICE, prepare};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use monro_anatomy::segment;
 use monro_case::{CASE, Case, Manifest, OutputError, Staging, check_output};
 use monro_geometry::Volume;
@@ -20,6 +20,7 @@ const BEFORE: &str = "automatic segmentation, before corrections: ";
 
 /// Runs the command until it is interrupted.
 pub(crate) fn run(args: &EditArgs, console: &Console) -> Result<()> {
+    ensure!(args.path.exists(), "{}: no such file or folder", args.path.display());
     let (inputs, is_case) = (inputs(args), is_case(args));
     let out = args.out.as_deref().filter(|_| !is_case).unwrap_or(&args.path);
     match check_output(out, true, &CASE, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>()) {

@@ -5,6 +5,7 @@ mod result;
 
 use crate::args::{PrepareArgs, SideArg};
 use crate::console::Console;
+use crate::inspect::not_a_case;
 use crate::interrupt::Guard;
 use anyhow::{Context, Result};
 use monro_case::{CASE, Staging, markups};
@@ -34,6 +35,7 @@ pub(crate) fn run(args: &PrepareArgs, console: &Console) -> Result<()> {
     let inputs: Vec<&Path> = iter::once(args.scan.as_path()).chain(files).collect();
     let staging = Staging::begin(&args.out, args.force, &CASE, &inputs)?;
     let guard = Guard::new(&staging);
+    not_a_case(&args.scan)?;
     let options = ReadOptions { series_uid: args.series.clone(), ..ReadOptions::default() };
     let scan = console.stage("read", || monro_scan::read(&args.scan, &options))?;
     let path = args.plan.as_deref().map(read_plan).transpose()?;

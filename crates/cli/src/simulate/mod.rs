@@ -29,6 +29,10 @@ const KPA_PER_MMHG: f64 = 0.133_322;
 
 /// Runs the command.
 pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<()> {
+    ensure!(
+        args.side.is_none(),
+        "the side is that of the plan in the case: choose it with \"monro prepare SCAN --side left\""
+    );
     let inputs: Vec<&Path> =
         [Some(&args.case), args.materials.as_ref()].into_iter().flatten().map(|p| p.as_path()).collect();
     let staging = Staging::begin(&args.out, args.force, &SIMULATION, &inputs)?;

@@ -156,7 +156,7 @@ fn damaged_case(case: &Path, dir: &Path) {
     fs::write(&mesh, bytes).expect("write");
     let out = dir.join("damaged");
     let said = refusal(&["simulate", text(case), "--out", text(&out)]);
-    assert!(said.contains("tets.vtu") && said.contains("damaged"), "{said}");
+    assert!(said.contains("tets.vtu") && said.contains("changed") && said.contains("damaged"), "{said}");
     assert!(!out.exists());
 }
 
