@@ -19,6 +19,10 @@ use std::path::Path;
 const FIELD_MM: f64 = 160.0;
 const PIXELS: usize = 420;
 
+/// Why a path may begin inside the head, or end in mid-air.
+pub(crate) const PROJECTED: &str = "Axial, coronal and sagittal slices show the path as seen through them, not where it \
+    crosses them; only the plane of the path holds all of it.";
+
 /// The CT looked up at a point of the patient.
 type Sampler<'a> = dyn Fn(Point<Patient>) -> Option<f64> + Sync + 'a;
 
@@ -78,7 +82,7 @@ fn head_section(case: &Case, done: &Run) -> Result<Section> {
         solids: vec![(&done.ventricles, Colour::SKY, "ventricles, deformed")],
         path: Some([entry, target]),
         catheter: Some(([entry - case.plan.direction() * 40.0, tip], done.settings.diameter_mm)),
-        caption: "The head at the end of the insertion.".into(),
+        caption: "The head at the end of the insertion. From above, unlike in axial slices, the patient's right is on the right.".into(),
     };
     let looks = [Look::Front, if target.x > entry.x { Look::Right } else { Look::Left }, Look::Above];
     Ok(Section { title: "The head".into(), figures: vec![head_figure(&scene, &looks, 340)?], ..Section::default() })
@@ -96,15 +100,17 @@ fn slices_section(ct: &Volume<i16>, case: &Case, done: &Run) -> Result<Section> 
     let mut views: Vec<(String, SliceView)> =
         Orientation::ALL.map(|o| (o.name().to_owned(), SliceView::standard(o, tip, FIELD_MM, PIXELS))).to_vec();
     let along = SliceView::along_path(case.plan.entry(), case.plan.target(), Orientation::Coronal, FIELD_MM, PIXELS);
-    views.extend(along.map(|v| ("along the path".to_owned(), v)));
+    views.extend(along.map(|v| ("In the plane of the path".to_owned(), v)));
     let mut figures = Vec::new();
     for (name, view) in views {
         let before = slice(case, done, view, &rigid, false, &format!("{name}, before"))?;
         let after = slice(case, done, view, &deformed, true, &format!("{name}, after"))?;
         figures.push(Figure::beside(&[before, after], 12.0, &format!("{name}: before and at the end")));
     }
-    let text =
-        "Right: the CT itself deformed with the tetrahedra. Dashed outlines are before, solid ones after.".into();
+    let text = format!(
+        "Right: the CT itself deformed with the tetrahedra. Dashed outlines are before, solid ones after. {}",
+        PROJECTED
+    );
     Ok(Section { title: "Slices".into(), text: vec![text], figures, ..Section::default() })
 }
 
@@ -143,7 +149,8 @@ fn mesh_section(case: &Case, done: &Run) -> Section {
     let most = moved.iter().copied().fold(0.1, f64::max);
     let (entry, target) = (case.plan.entry(), case.plan.target());
     let view = SliceView::along_path(entry, target, Orientation::Coronal, FIELD_MM, 520)
-        .unwrap_or_else(|| SliceView::standard(Orientation::Coronal, target, FIELD_MM, 520));
+        .unwrap_or_else(|| SliceView::standard(Orientation::Coronal, target, FIELD_MM, 520))
+        .fitted(&end.mesh.vertices);
     let by = ColourBy::Value { values: &moved, range: [0.0, most], name: "displacement, mm" };
     let cut = mesh_cut_figure(&end.mesh, &view, by, "Displacement at the end, in the plane of the path.");
     Section { title: "Tissue".into(), figures: vec![cut], ..Section::default() }

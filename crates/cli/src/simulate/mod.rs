@@ -16,6 +16,7 @@ use monro_session::InsertionSettings;
 use monro_tissue::{Csf, FrameSettings};
 use std::path::Path;
 
+pub(crate) use figures::PROJECTED;
 pub(crate) use output::{SIMULATION, summary_json, summary_text};
 pub(crate) use run::{Run, insert};
 
