@@ -279,7 +279,7 @@ def ours(monro, s, folder, options):
         case["pressure"] = [{"faces": "wall", "pressure": s["pressure"]}]
         described["face_sets"] = {"wall": s["faces"].tolist()}
     (folder / "scene.json").write_text(json.dumps({"cases": {"it": case}, "meshes": {"mesh": described}}))
-    command = [monro, "solve", str(folder / "scene.json"), "--mesh", "mesh", "--case", "it", "--out", str(folder / "out.vtu"), "--json", *options]
+    command = [monro, "solve", str(folder / "scene.json"), "--mesh", "mesh", "--case", "it", "--out", str(folder / "out.vtu"), "--force", "--json", *options]
     run = subprocess.run(command, capture_output=True, text=True)
     if run.returncode:
         raise SystemExit(run.stderr)

@@ -3,7 +3,7 @@
 use crate::markups::{self, Kind, MarkupsError, NamedPoint};
 use crate::ply::{self, PlyError};
 use crate::vtu::{self, UnstructuredGrid, VtuError};
-use crate::{FileEntry, Manifest, SCHEMA, Staging, StagingError};
+use crate::{FileEntry, Manifest, OutputKind, SCHEMA, Staging, StagingError};
 use monro_geometry::{TetMesh, TriangleMesh};
 use monro_guidance::{Plan, PlanError, Side};
 use sha2::{Digest, Sha256};
@@ -17,6 +17,26 @@ use thiserror::Error;
 const REQUIRED: [&str; 5] = ["skin.ply", "brain.ply", "ventricles.ply", "tets.vtu", "plan.mrk.json"];
 /// Files that may be left out, to share a model without its images.
 const OPTIONAL: [&str; 3] = ["ct.nii.gz", "labels.nii.gz", "landmarks.mrk.json"];
+
+/// A case as what a command writes: what `--force` may replace.
+pub const CASE: OutputKind = OutputKind {
+    name: "a case",
+    marks: &["case.toml"],
+    files: &[
+        "case.toml",
+        "skin.ply",
+        "brain.ply",
+        "ventricles.ply",
+        "tets.vtu",
+        "plan.mrk.json",
+        "ct.nii.gz",
+        "labels.nii.gz",
+        "landmarks.mrk.json",
+        "report.html",
+    ],
+    parts: &[],
+    changed,
+};
 
 /// Why a case was refused.
 #[derive(Debug, Error)]
@@ -56,7 +76,7 @@ pub enum CaseError {
     Missing(&'static str),
     /// A file is not what the manifest says.
     #[error(
-        "{path} is damaged: {found_bytes} bytes with SHA-256 {found}, but case.toml says {expected_bytes} bytes with {expected}; restore it or prepare the case again"
+        "{path} was changed since Monro wrote it, or is damaged: {found_bytes} bytes with SHA-256 {found}, but case.toml says {expected_bytes} bytes with {expected}; give changed labels or a changed plan to \"monro prepare SCAN --labels FILE --plan FILE --out NEW\", else restore the file or prepare the case again"
     )]
     Damaged {
         /// The file.
@@ -241,6 +261,16 @@ fn check(path: &Path, bytes: &[u8], entry: &FileEntry) -> Result<(), CaseError> 
         expected_bytes: entry.bytes,
         expected: entry.sha256.clone(),
     })
+}
+
+/// Files of a case that are not as its manifest says: labels corrected in 3D Slicer and saved over them, say.
+fn changed(dir: &Path) -> Vec<String> {
+    let Ok(manifest) = read_manifest(dir) else { return vec!["case.toml".into()] };
+    let as_written = |entry: &FileEntry| match fs::read(dir.join(&entry.name)) {
+        Ok(bytes) => check(Path::new(&entry.name), &bytes, entry).is_ok(),
+        Err(_) => true,
+    };
+    manifest.files.into_iter().filter(|entry| !as_written(entry)).map(|entry| entry.name).collect()
 }
 
 /// SHA-256, lower-case hexadecimal, as a manifest keeps it.

@@ -12,6 +12,7 @@ mod manifest;
 pub mod markups;
 pub mod msh;
 pub mod obj;
+mod output;
 pub mod ply;
 mod precision;
 mod space;
@@ -19,8 +20,9 @@ mod staging;
 pub mod stl;
 pub mod vtu;
 
-pub use case::{Case, CaseError, CaseFiles, sha256};
+pub use case::{CASE, Case, CaseError, CaseFiles, sha256};
 pub use manifest::{Confidence, DoubtfulSpot, FileEntry, Manifest, SCHEMA, Source};
+pub use output::{OutputError, OutputKind, check_output, check_output_file, nothing_known};
 pub use precision::Rounding;
 pub use space::Space;
 pub use staging::{Staging, StagingError};

@@ -1,6 +1,7 @@
 //! Write aside, then rename: an output folder appears whole or not at all, and one that is replaced is there at any moment,
 //! the old one or the new.
 
+use crate::output::{OutputError, OutputKind, check_output, real, replaceable};
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 use std::ffi::{OsStr, OsString};
@@ -12,15 +13,9 @@ use thiserror::Error;
 /// Why an output folder could not be made.
 #[derive(Debug, Error)]
 pub enum StagingError {
-    /// The folder exists and overwriting was not asked for.
-    #[error("{0} exists already; give --force to overwrite it, or another --out")]
-    Exists(PathBuf),
-    /// The folder exists but was not written by Monro.
-    #[error(
-        "{0} exists and does not look like an output of Monro (it holds none of {markers}); --force will not delete it",
-        markers = MARKERS.join(", ")
-    )]
-    Foreign(PathBuf),
+    /// It must not be.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// The file system refused.
     #[error("{path}: {error}")]
     Io {
@@ -31,28 +26,29 @@ pub enum StagingError {
     },
 }
 
-/// A folder with one of these files was written by Monro and may be overwritten with `--force`.
-const MARKERS: [&str; 5] = ["case.toml", "summary.json", "phantom.json", "demo.json", "mesh.json"];
-
 /// A folder under construction beside its final place. Dropping it unfinished removes it.
 #[derive(Debug)]
 pub struct Staging {
     temporary: PathBuf,
+    /// As it was asked for.
+    named: PathBuf,
+    /// Where that leads.
     target: PathBuf,
+    force: bool,
+    kind: OutputKind,
     finished: bool,
 }
 
 impl Staging {
-    /// Begins a folder that will become `target`.
+    /// Begins a folder that will become `target`, of a command that reads `inputs`.
     ///
     /// # Errors
-    /// `target` exists (without `force`), is not Monro's (with it), or its parent cannot be written.
-    pub fn begin(target: &Path, force: bool) -> Result<Self, StagingError> {
-        check_target(target, force)?;
-        let parent = match target.parent() {
-            Some(p) if !p.as_os_str().is_empty() => p.to_owned(),
-            _ => PathBuf::from("."),
-        };
+    /// What [`check_output`] refuses, or the parent of `target` cannot be written.
+    pub fn begin(target: &Path, force: bool, kind: &OutputKind, inputs: &[&Path]) -> Result<Self, StagingError> {
+        check_output(target, force, kind, inputs)?;
+        let named = target.to_owned();
+        let target = real(target).map_err(|error| StagingError::Io { path: named.clone(), error })?;
+        let parent = target.parent().unwrap_or(Path::new("/")).to_owned();
         fs::create_dir_all(&parent).map_err(|error| StagingError::Io { path: parent.clone(), error })?;
         let mut name = OsString::from(".");
         name.push(target.file_name().unwrap_or_default());
@@ -62,7 +58,7 @@ impl Staging {
         let temporary = parent.join(name);
         remove_leftovers(&parent, &name_of_all)?;
         fs::create_dir(&temporary).map_err(|error| StagingError::Io { path: temporary.clone(), error })?;
-        Ok(Self { temporary, target: target.to_owned(), finished: false })
+        Ok(Self { temporary, named, target, force, kind: *kind, finished: false })
     }
 
     /// Where to write the files meanwhile.
@@ -79,13 +75,15 @@ impl Staging {
         fs::write(&path, bytes).map_err(|error| StagingError::Io { path, error })
     }
 
-    /// Moves the folder to its final place; an old one is replaced only now, by exchanging the two at once. A file system
+    /// Moves the folder to its final place; an old one is looked at again and replaced only now, by exchanging the two at once. A file system
     /// that cannot do that (some network shares) is without either for a moment: a program killed just then leaves the old
     /// folder beside, as `.NAME.partial-PROCESS.old`.
     ///
     /// # Errors
-    /// When the file system refuses; an old folder stays, or is put back, then.
+    /// When somebody has put something there meanwhile, or the file system refuses; an old folder stays, or is put back,
+    /// then.
     pub fn finish(mut self) -> Result<PathBuf, StagingError> {
+        replaceable(&self.target, self.force, &self.kind)?;
         let io = |path: &Path, error| StagingError::Io { path: path.to_owned(), error };
         if self.target.exists() {
             let old = exchange(&self.temporary, &self.target).map_err(|e| io(&self.target, e))?;
@@ -95,7 +93,7 @@ impl Staging {
             fs::rename(&self.temporary, &self.target).map_err(|e| io(&self.target, e))?;
             self.finished = true;
         }
-        Ok(self.target.clone())
+        Ok(self.named.clone())
     }
 }
 
@@ -147,54 +145,23 @@ impl Drop for Staging {
     }
 }
 
-fn check_target(target: &Path, force: bool) -> Result<(), StagingError> {
-    let Ok(mut entries) = fs::read_dir(target) else {
-        return if target.exists() { Err(StagingError::Foreign(target.to_owned())) } else { Ok(()) };
-    };
-    if entries.next().is_none() {
-        return Ok(());
-    }
-    if !force {
-        return Err(StagingError::Exists(target.to_owned()));
-    }
-    let ours = MARKERS.iter().any(|m| target.join(m).is_file());
-    if ours { Ok(()) } else { Err(StagingError::Foreign(target.to_owned())) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::CASE;
 
     #[test]
     fn a_dropped_staging_leaves_nothing_and_a_finished_one_everything() {
         let dir = tempfile::tempdir().expect("temp");
         let out = dir.path().join("a case");
-        let staging = Staging::begin(&out, false).expect("begin");
+        let staging = Staging::begin(&out, false, &CASE, &[]).expect("begin");
         staging.write("x", b"1").expect("write");
         drop(staging);
         assert_eq!(fs::read_dir(dir.path()).expect("list").count(), 0);
-        let staging = Staging::begin(&out, false).expect("begin");
+        let staging = Staging::begin(&out, false, &CASE, &[]).expect("begin");
         staging.write("case.toml", b"1").expect("write");
         staging.finish().expect("finish");
         assert_eq!(fs::read(out.join("case.toml")).expect("file"), b"1");
-        assert_eq!(fs::read_dir(dir.path()).expect("list").count(), 1);
-    }
-
-    #[test]
-    fn an_existing_folder_is_refused_and_only_ours_is_overwritten_with_force() {
-        let dir = tempfile::tempdir().expect("temp");
-        let out = dir.path().join("holiday");
-        fs::create_dir(&out).expect("dir");
-        fs::write(out.join("photo.jpg"), b"x").expect("file");
-        assert!(matches!(Staging::begin(&out, false), Err(StagingError::Exists(_))));
-        assert!(matches!(Staging::begin(&out, true), Err(StagingError::Foreign(_))));
-        fs::write(out.join("case.toml"), b"old").expect("file");
-        let staging = Staging::begin(&out, true).expect("begin");
-        staging.write("case.toml", b"new").expect("write");
-        assert_eq!(fs::read(out.join("case.toml")).expect("file"), b"old");
-        staging.finish().expect("finish");
-        assert_eq!(fs::read(out.join("case.toml")).expect("file"), b"new");
-        assert!(!out.join("photo.jpg").exists());
         assert_eq!(fs::read_dir(dir.path()).expect("list").count(), 1);
     }
 
@@ -222,7 +189,7 @@ mod tests {
         for name in [gone, alive, old, ".cases.partial-4194305"] {
             fs::create_dir(parent.join(name)).expect("dir");
         }
-        drop(Staging::begin(&parent.join("case"), false).expect("begin"));
+        drop(Staging::begin(&parent.join("case"), false, &CASE, &[]).expect("begin"));
         let left: Vec<_> = [gone, alive, old, ".cases.partial-4194305"].map(|n| parent.join(n).exists()).to_vec();
         assert_eq!(left, [false, true, true, true]);
     }

@@ -3,12 +3,12 @@
 mod common;
 
 use common::case;
-use monro_case::{Case, CaseError, CaseFiles, Manifest, Staging};
+use monro_case::{CASE, Case, CaseError, CaseFiles, Manifest, Staging};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 fn written(dir: &Path) -> PathBuf {
-    let staging = Staging::begin(&dir.join("case"), false).expect("begin");
+    let staging = Staging::begin(&dir.join("case"), false, &CASE, &[]).expect("begin");
     let images = CaseFiles { ct: Some(b"ct".to_vec()), labels: Some(b"labels".to_vec()) };
     case().write(&staging, images).expect("write");
     staging.finish().expect("finish")

@@ -4,7 +4,7 @@
 mod common;
 
 use common::case;
-use monro_case::{Case, CaseFiles, Staging};
+use monro_case::{CASE, Case, CaseFiles, Staging};
 use monro_geometry::Point;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -23,7 +23,7 @@ fn large() -> Case {
 }
 
 fn write(dir: &Path, force: bool) {
-    let staging = Staging::begin(dir, force).expect("begin");
+    let staging = Staging::begin(dir, force, &CASE, &[]).expect("begin");
     let images = CaseFiles { ct: Some(vec![7; 1 << 16]), labels: None };
     large().write(&staging, images).expect("write");
     staging.finish().expect("finish");

@@ -165,7 +165,7 @@ pub(crate) struct EditArgs {
     #[arg(long, value_name = "UID")]
     pub(crate) series: Option<String>,
     /// Loopback address to listen on; port 0 takes any free port.
-    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0", value_parser = address)]
     pub(crate) listen: SocketAddr,
 }
 
@@ -196,15 +196,18 @@ pub(crate) enum LabelsCommand {
 /// What "monro simulate --json" and its files say of how far the result can be relied on.
 const SIMULATE_FIELDS: &str = "\
 In --json and summary.json:
-  reliable        false where the end is not a result: elements turned inside out at the end, frames held, a target
-                  more than 20 mm off, drained volume missed by more than 10 %
+  reliable        false where the end is not a result: elements turned inside out at the end (on the way: a remark),
+                  frames held, a target more than 20 mm off, drained volume missed by more than 10 %
   remarks         why, and whatever else is to be said; also on stderr and at the head of report.html
   inverted_most, inverted_at_end
                   turned elements: most in a frame, and in the last one
   rollbacks, frames_held
                   steps taken back and done in smaller ones; frames that even the smallest could not solve
   drained_ml      asked and reached; null without --drain-ml
-  volumes         of the brain's own tissue and of each ventricle, ml: rest_ml, change_ml at the end, largest_change_ml
+  volumes         of the brain (with the CSF around it, which is simulated as brain: more than labels and report of the
+                  case say) and of each ventricle, ml: rest_ml, change_ml at the end, largest_change_ml
+  mode, speed_mm_s, diameter_mm, gravity_m_s2, csf_pressure_mmhg, materials, materials_file, case, plan
+                  what was asked; what is not as usual stands also on stdout and at the head of report.html
   max_whole_volume_change_percent
                   of brain and ventricles together, which the skull holds: hardly anything, whatever moves inside
 In insertion.csv time_s is negative while pressure, drainage and gravity come on, and the axial force is empty in a frame
@@ -219,20 +222,23 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
     /// Speed of the tip along the plan, mm/s.
-    #[arg(long, value_name = "MM_PER_S", default_value_t = 10.0)]
+    #[arg(long, value_name = "MM_PER_S", default_value_t = 10.0, allow_negative_numbers = true, value_parser = number)]
     pub(crate) speed: f64,
+    // Only to say where it belongs.
+    #[arg(long, hide = true)]
+    pub(crate) side: Option<String>,
     /// Which soft body.
     #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
     pub(crate) mode: ModeArg,
     /// Cerebrospinal fluid drained from the ventricles, ml (negative: infused; physical mode), within the second before the
     /// insertion. More than they hold is refused; suction ends at three times the brain's shear modulus (23 mmHg), so
     /// that after about half to two thirds no more is drained, which is told: walls that meet are not modelled.
-    #[arg(long, value_name = "ML", allow_hyphen_values = true, conflicts_with = "csf_pressure_mmhg")]
+    #[arg(long, value_name = "ML", allow_hyphen_values = true, value_parser = number, conflicts_with = "csf_pressure_mmhg")]
     pub(crate) drain_ml: Option<f64>,
     /// How much more the pressure in the ventricles exceeds that at the surface of the brain (transmural) than in the scan,
     /// mmHg (physical mode). Measured differences are a few mmHg: an intracranial pressure that is high everywhere deforms
     /// nothing. It rises within the second before the insertion.
-    #[arg(long, value_name = "MMHG", allow_hyphen_values = true)]
+    #[arg(long, value_name = "MMHG", allow_hyphen_values = true, value_parser = number)]
     pub(crate) csf_pressure_mmhg: Option<f64>,
     /// TOML file with what to change of the materials of brain and ventricles; docs/materials.md lists all, with units.
     #[arg(long, value_name = "FILE.toml")]
@@ -319,9 +325,12 @@ pub(crate) struct SceneArgs {
 pub(crate) struct SolveArgs {
     #[command(flatten)]
     pub(crate) of: SceneArgs,
-    /// File to write (metres, point array "displacement"); an existing one is replaced.
+    /// File to write (metres, point array "displacement").
     #[arg(long, value_name = "OUT.vtu")]
     pub(crate) out: PathBuf,
+    /// Overwrite an existing file.
+    #[arg(long)]
+    pub(crate) force: bool,
     /// Which soft body.
     #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
     pub(crate) mode: ModeArg,
@@ -351,7 +360,7 @@ pub(crate) struct ServeArgs {
     pub(crate) tracker: String,
     /// Address to listen on; port 0 takes any free port. What others can reach (0.0.0.0:8443) is encrypted, and other
     /// devices come in by the QR code or the pairing code that is printed.
-    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0", value_parser = address)]
     pub(crate) listen: SocketAddr,
     /// Certificate to encrypt with (PEM), instead of one made at start.
     #[arg(long, value_name = "FILE.pem", requires = "key")]
@@ -366,7 +375,7 @@ pub(crate) struct ServeArgs {
     #[arg(long, value_name = "NAME")]
     pub(crate) host: Vec<String>,
     /// Loopback address on which 3D Slicer is served (OpenIGTLink); when it is taken, any free port.
-    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:18945")]
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:18945", value_parser = address)]
     pub(crate) igtl: SocketAddr,
     /// Serve no OpenIGTLink.
     #[arg(long)]
@@ -512,6 +521,17 @@ pub(crate) struct MeshArgs {
 /// Frames per second.
 pub(crate) fn rate(text: &str) -> Result<f64, String> {
     in_range(text, 0.1, 2000.0)
+}
+
+/// A number without its unit, which the help names.
+fn number(text: &str) -> Result<f64, String> {
+    let n: Option<f64> = text.trim().parse().ok();
+    n.filter(|n| n.is_finite()).ok_or_else(|| "wanted a number without a unit, as 5 or 2.5".into())
+}
+
+/// An address with a port.
+fn address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| "wanted ADDRESS:PORT, as 127.0.0.1:9000 or [::1]:9000; port 0 takes any free one".into())
 }
 
 /// A number within limits.

@@ -3,32 +3,43 @@
 use crate::args::{DemoArgs, ModeArg, PhantomKind};
 use crate::console::{Console, seconds_json};
 use crate::interrupt::Guard;
+use crate::phantom::PHANTOM;
 use crate::prepare;
+use crate::simulate::SIMULATION;
 use crate::{NOTICE, phantom, serve, simulate};
 use anyhow::Result;
-use monro_case::{Case, Staging};
+use monro_case::{CASE, Case, OutputKind, Staging, nothing_known};
 use monro_prepare::{Prepared, Request};
 use monro_scan::{ReadOptions, Scan};
 use serde_json::json;
 use std::fs;
 use std::io::IsTerminal;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Speed of the demo's catheter, mm/s.
 const SPEED_MM_S: f64 = 10.0;
 
+/// What the command writes.
+const DEMO: OutputKind = OutputKind {
+    name: "a demo",
+    marks: &["demo.json"],
+    files: &["demo.json", "sessions/*.mnrs"],
+    parts: &[("phantom", &PHANTOM), ("case", &CASE), ("insertion", &SIMULATION)],
+    changed: nothing_known,
+};
+
 /// Runs the command: phantom as DICOM, prepared, inserted, reported.
 pub(crate) fn run(args: &DemoArgs, console: &Console) -> Result<()> {
-    let staging = Staging::begin(&args.out, args.force)?;
+    let staging = Staging::begin(&args.out, args.force, &DEMO, &[])?;
     let guard = Guard::new(&staging);
     let scan = phantom_as_scan(&staging.path().join("phantom"), 0, console)?;
     let prepared = monro_prepare::build(scan, &Request::default(), console)?;
-    let case_dir = sub_folder(&staging, "case", |s| prepare::write(&prepared, s, console))?;
+    let case_dir = sub_folder((&staging, "case", &CASE), |s| prepare::write(&prepared, s, console))?;
     let preparing = console.stages();
     let case = console.stage("open case", || Case::open(&case_dir))?;
     let done = simulate::insert(&case, &simulate::settings(ModeArg::Physical, SPEED_MM_S), console)?;
-    sub_folder(&staging, "insertion", |s| simulate::write(&case_dir, &case, &done, s, console))?;
+    sub_folder((&staging, "insertion", &SIMULATION), |s| simulate::write(&case_dir, &case, &done, s, console))?;
     let stages = console.stages();
     let times = json!({ "notice": NOTICE, "seconds": seconds_json(&stages) });
     staging.write("demo.json", format!("{times:#}\n").as_bytes())?;
@@ -50,8 +61,11 @@ fn wants_live_view(args: &DemoArgs) -> bool {
 }
 
 /// Makes a folder inside another one that is itself still under construction.
-fn sub_folder(staging: &Staging, name: &str, fill: impl FnOnce(&Staging) -> Result<()>) -> Result<std::path::PathBuf> {
-    let inner = Staging::begin(&staging.path().join(name), false)?;
+fn sub_folder(
+    (staging, name, kind): (&Staging, &str, &OutputKind),
+    fill: impl FnOnce(&Staging) -> Result<()>,
+) -> Result<PathBuf> {
+    let inner = Staging::begin(&staging.path().join(name), false, kind, &[])?;
     fill(&inner)?;
     Ok(inner.finish()?)
 }

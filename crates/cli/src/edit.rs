@@ -4,9 +4,9 @@ use crate::args::EditArgs;
 use crate::console::{Console, tell};
 use crate::interrupt::Guard;
 use crate::{NOTICE, prepare};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use monro_anatomy::segment;
-use monro_case::{Case, Manifest, Staging};
+use monro_case::{CASE, Case, Manifest, OutputError, Staging, check_output};
 use monro_geometry::Volume;
 use monro_prepare::{Observer, Prepared, Request};
 use monro_scan::{ReadOptions, Scan};
@@ -20,7 +20,19 @@ const BEFORE: &str = "automatic segmentation, before corrections: ";
 
 /// Runs the command until it is interrupted.
 pub(crate) fn run(args: &EditArgs, console: &Console) -> Result<()> {
-    let opened = if args.path.join("case.toml").is_file() { of_case(args, console)? } else { of_scan(args, console)? };
+    ensure!(args.path.exists(), "{}: no such file or folder", args.path.display());
+    let (inputs, is_case) = (inputs(args), is_case(args));
+    let out = args.out.as_deref().filter(|_| !is_case).unwrap_or(&args.path);
+    match check_output(out, true, &CASE, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>()) {
+        // There is time to move it away; the rebuilding looks again.
+        Err(e @ OutputError::Strangers { .. }) if is_case => {
+            console.warn(&format!("the case cannot be rebuilt as it is: {e}"));
+        }
+        Err(e @ OutputError::Input { .. }) => return Err(e.into()),
+        // What else there is to say of it is said by those who open it.
+        _ => {}
+    }
+    let opened = if is_case { of_case(args, console)? } else { of_scan(args, console)? };
     opened.scan.warnings.iter().for_each(|w| console.warn(w));
     let Opened { scan, subject, start, out, findings, basis } = opened;
     let mut folder = out.clone().into_os_string();
@@ -33,12 +45,22 @@ pub(crate) fn run(args: &EditArgs, console: &Console) -> Result<()> {
         start,
         findings,
         rebuild: Box::new(move |labels, known, observer| {
-            rebuild((&basis, known), &kept, &labels, &out, observer).map_err(|e| format!("{e:#}"))
+            rebuild((&basis, known), &kept, &labels, (&out, &inputs), observer).map_err(|e| format!("{e:#}"))
         }),
         listen: args.listen,
     };
     serve_edit(options, |ready| announce(ready, console))?;
     Ok(())
+}
+
+fn is_case(args: &EditArgs) -> bool {
+    args.path.join("case.toml").is_file()
+}
+
+/// What is read beside the case that is rebuilt.
+fn inputs(args: &EditArgs) -> Vec<PathBuf> {
+    let scan = args.out.is_some().then(|| args.path.clone());
+    scan.into_iter().chain(args.labels.clone()).collect()
 }
 
 /// What is edited.
@@ -143,7 +165,7 @@ fn rebuild(
     (basis, known): (&Basis, &Known),
     scan: &Scan,
     labels: &Volume<u8>,
-    out: &Path,
+    (out, inputs): (&Path, &[PathBuf]),
     observer: &dyn Observer,
 ) -> Result<Rebuilt> {
     let wide = labels.map(u16::from);
@@ -157,12 +179,12 @@ fn rebuild(
     manifest.confidence.clone_from(&known.confidence);
     manifest.doubts.clone_from(&known.doubts);
     manifest.findings.extend(known.findings.iter().map(|f| format!("{BEFORE}{f}")));
-    write(&prepared, out, observer)
+    write(&prepared, (out, inputs), observer)
 }
 
 /// Writes the case over the earlier one, whole or not at all.
-fn write(prepared: &Prepared, out: &Path, observer: &dyn Observer) -> Result<Rebuilt> {
-    let staging = Staging::begin(out, true)?;
+fn write(prepared: &Prepared, (out, inputs): (&Path, &[PathBuf]), observer: &dyn Observer) -> Result<Rebuilt> {
+    let staging = Staging::begin(out, true, &CASE, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     let guard = Guard::new(&staging);
     monro_prepare::write(prepared, &staging, observer)?;
     staging.write("report.html", prepare::report(prepared, &[])?.as_bytes())?;

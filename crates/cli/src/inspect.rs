@@ -2,15 +2,27 @@
 
 use crate::args::InspectArgs;
 use crate::console::Console;
-use anyhow::Result;
+use anyhow::{Result, bail};
 use monro_scan::{Inspection, SeriesSummary};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
+use std::path::Path;
 
 /// Runs the command.
 pub(crate) fn run(args: &InspectArgs, console: &Console) -> Result<()> {
+    not_a_case(&args.path)?;
     let found = console.stage("inspect", || monro_scan::inspect(&args.path))?;
     console.result(&as_json(&found), &as_text(&found));
+    Ok(())
+}
+
+/// A case instead of a scan holds a volume and more, of which nobody could tell which one is meant.
+pub(crate) fn not_a_case(path: &Path) -> Result<()> {
+    if path.join("case.toml").is_file() {
+        let ct = path.join("ct.nii.gz");
+        let its = if ct.is_file() { format!("; its scan is {}", ct.display()) } else { String::new() };
+        bail!("{0} is a case already: \"monro simulate {0} --out DIR\", \"monro edit {0}\"{its}", path.display());
+    }
     Ok(())
 }
 

@@ -2,6 +2,7 @@
 
 use crate::args::LabelsCommand;
 use crate::console::Console;
+use crate::output_file;
 use anyhow::{Context, Result, bail};
 use monro_anatomy::segment;
 use monro_geometry::{Structure, Volume};
@@ -13,9 +14,9 @@ use std::path::Path;
 /// Runs one of the commands.
 pub(crate) fn run(command: &LabelsCommand, console: &Console) -> Result<()> {
     let LabelsCommand::Convert { from, out, like, images, series, force } = command;
-    if out.exists() && !force {
-        bail!("{} exists already; give --force to overwrite it, or another name", out.display());
-    }
+    let inputs: Vec<&Path> =
+        [Some(from), like.as_ref(), images.as_ref()].into_iter().flatten().map(|p| p.as_path()).collect();
+    output_file::check(out, *force, &inputs)?;
     let format = format_of(out)?;
     if images.is_some() && format != "dicom" {
         bail!("{}: only a DICOM segmentation (.dcm) refers to images; leave --images away", out.display());

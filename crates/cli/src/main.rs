@@ -12,10 +12,9 @@ mod labels;
 mod materials;
 mod mesh;
 mod mesh_file;
+mod output_file;
 mod phantom;
-
 mod prepare;
-
 mod register;
 mod replay;
 mod serve;

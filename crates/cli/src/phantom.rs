@@ -6,17 +6,26 @@ use crate::console::Console;
 use crate::interrupt::Guard;
 use anyhow::{Context, Result};
 use monro_anatomy::phantom::{self, DrawerOptions, HeadOptions, Phantom};
-use monro_case::Staging;
 use monro_case::markups::{self, Kind, NamedPoint};
+use monro_case::{OutputKind, Staging, nothing_known};
 use monro_scan::dicom::{self, SeriesMeta};
 use monro_scan::nifti;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
 
+/// What the command writes.
+pub(crate) const PHANTOM: OutputKind = OutputKind {
+    name: "a phantom",
+    marks: &["phantom.json"],
+    files: &["phantom.json", "labels.nii.gz", "landmarks.mrk.json", "dicom/*.dcm"],
+    parts: &[],
+    changed: nothing_known,
+};
+
 /// Runs the command.
 pub(crate) fn run(args: &PhantomArgs, console: &Console) -> Result<()> {
-    let staging = Staging::begin(&args.out, args.force)?;
+    let staging = Staging::begin(&args.out, args.force, &PHANTOM, &[])?;
     let guard = Guard::new(&staging);
     let made = console.stage("make phantom", || make(args.kind, args.seed))?;
     console.stage("write DICOM", || write(&made, staging.path(), args.seed))?;

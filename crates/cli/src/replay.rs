@@ -2,18 +2,22 @@
 
 use crate::args::ReplayArgs;
 use crate::console::Console;
-use crate::soft_body;
+use crate::{output_file, soft_body};
 use anyhow::{Context, Result, bail};
 use serde_json::{Value, json};
 use std::fs::File;
 use std::io::{BufWriter, Write};
+use std::iter;
+use std::path::{Path, PathBuf};
 
 /// Runs the command. A snapshot that comes out differently is a failure.
 pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
+    let inputs: Vec<&Path> = iter::once(&args.recording).chain(&args.case).map(PathBuf::as_path).collect();
+    args.out.as_deref().map_or(Ok(()), |out| output_file::check(out, args.force, &inputs))?;
     let mut out = match &args.out {
         Some(path) => {
             let file = if args.force { File::create(path) } else { File::create_new(path) };
-            Some(BufWriter::new(file.with_context(|| format!("cannot make {} (--force overwrites)", path.display()))?))
+            Some(BufWriter::new(file.with_context(|| format!("cannot make {}", path.display()))?))
         }
         None => None,
     };

@@ -4,8 +4,8 @@ use crate::NOTICE;
 use crate::args::{ModeArg, ServeArgs};
 use crate::console::Console;
 use crate::{prepare, soft_body};
-use anyhow::{Context, Result};
-use monro_case::Staging;
+use anyhow::{Context, Result, bail};
+use monro_case::{CASE, OutputError, Staging, check_output};
 use monro_prepare::Prepared;
 use monro_server::{Certificate, Invitation, Ready, Recording, ServeOptions, Tracker};
 use qrcode::QrCode;
@@ -37,6 +37,15 @@ pub(crate) fn run(args: &ServeArgs, console: &Console) -> Result<()> {
     };
     match &args.scans {
         Some(scans) => {
+            match check_output(case_dir, false, &CASE, &[scans]) {
+                Err(OutputError::Exists(case)) => {
+                    bail!(
+                        "{0} is a case already; show it with \"monro serve {0}\", or give another --out",
+                        case.display()
+                    )
+                }
+                other => other?,
+            }
             monro_server::serve_scans(scans.clone(), options, Box::new(report), |ready| announce(ready, console))?;
         }
         None => monro_server::serve(options, |ready| announce(ready, console))?,

@@ -14,7 +14,7 @@ use monro_wire::natnet::{DATA_PORT, UpAxis, Version};
 use monro_wire::openigtlink::HeaderVersion;
 use serde_json::json;
 use std::net::SocketAddrV4;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
@@ -34,7 +34,7 @@ pub(crate) struct TrackArgs {
     /// Stop after so many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) frames: Option<u64>,
-    /// Keep what arrives in a new file, to be played again with `replay:FILE`.
+    /// Keep what arrives (natnet, igtl) in a new file, to be played again with `replay:FILE`.
     #[arg(long, value_name = "FILE")]
     pub(crate) record: Option<PathBuf>,
     /// A pose is stale from this age on, ms.
@@ -156,17 +156,36 @@ pub(crate) fn track(args: &TrackArgs, json: bool) -> Result<()> {
         bail!("--stale {} is not below --lost {}: a pose goes stale before it is lost", args.stale, args.lost);
     }
     let url: TrackerUrl = args.url.parse()?;
+    if args.record.is_some() && matches!(url, TrackerUrl::Sim | TrackerUrl::Replay(_)) {
+        bail!(
+            "--record keeps what a tracker sends, and {} sends nothing; record natnet://HOST or igtl://HOST (\"monro \
+             fake-tracker natnet\" plays the same scene as sim:)",
+            args.url
+        );
+    }
     let clock = Clock::new();
     let recorder = args.record.as_deref().map(|p| Recorder::create(p, clock)).transpose()?;
-    let mut source = open(&url, clock, recorder)?;
+    let source = open(&url, clock, recorder);
+    if source.is_err() {
+        args.record.as_deref().map(forget_if_empty);
+    }
+    let mut source = source?;
     let expiry = Expiry { stale: args.stale / 1e3, lost: args.lost / 1e3 };
     let options = TrackOptions { frames: args.frames, json, expiry, ..TrackOptions::default() };
     let (mut out, mut notes) = (std::io::stdout().lock(), std::io::stderr());
     let printed = print_poses(source.as_mut(), &options, &NEVER, &mut out, &mut notes);
+    args.record.as_deref().map(forget_if_empty);
     match printed {
         // Whoever reads our output has seen enough.
         Err(e) if is_broken_pipe(&e) => Ok(()),
         other => other.map(drop),
+    }
+}
+
+/// A recording in which nothing arrived is none, and would be in the way of the next.
+fn forget_if_empty(recording: &Path) {
+    if std::fs::metadata(recording).is_ok_and(|m| m.len() == 0) && std::fs::remove_file(recording).is_ok() {
+        tell(&format!("warning: nothing arrived, so there is no recording {}", recording.display()));
     }
 }
 

@@ -158,6 +158,14 @@ pub enum SeriesProblem {
     },
 }
 
+/// What to give instead of a folder with volumes.
+fn choice(volumes: &[String]) -> String {
+    match volumes {
+        [] => String::new(),
+        all => format!("; give one of the volumes in it: {}", all.join(", ")),
+    }
+}
+
 fn counts(images: &[usize]) -> String {
     let one = |(n, count): (usize, &usize)| format!("patient {}: {count}", n + 1);
     images.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
@@ -188,7 +196,7 @@ pub enum ScanError {
         depth: usize,
     },
     /// Files, but no DICOM image among them.
-    #[error("{}: no DICOM image among its {files} files ({seen})", folder.display())]
+    #[error("{}: no DICOM image among its {files} files ({seen}){}", folder.display(), choice(volumes))]
     NoImages {
         /// The folder or file.
         folder: PathBuf,
@@ -196,6 +204,8 @@ pub enum ScanError {
         files: usize,
         /// What they are, by count and example.
         seen: String,
+        /// Volumes of other formats right in the folder.
+        volumes: Vec<String>,
     },
     /// Images of more than one patient.
     #[error(

@@ -17,6 +17,7 @@ mod hash;
 mod hu;
 mod raster;
 mod resample;
+mod shelf;
 mod text;
 mod types;
 
@@ -30,17 +31,22 @@ pub use check::head_extent_check;
 pub use error::{Problem, ScanError, SeriesProblem};
 pub use hu::HuNotes;
 pub use raster::{Element, Endian, Layout, Raster};
+pub use shelf::scans_in;
 pub use types::{Format, Inspection, ReadOptions, Scan, SeriesSummary, Source};
 
 use monro_geometry::Volume;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Reads a head CT: a folder of DICOM files, or one DICOM, NIfTI, NRRD or MetaImage file.
+/// Reads a head CT: a folder of DICOM files, or one DICOM, NIfTI, NRRD or MetaImage file, or a folder with just one of
+/// these and no DICOM.
 ///
 /// # Errors
 /// Any [`ScanError`]: see there for the rules.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
-    let scan = if dicom::is_dicom(path) { dicom::read(path, options)? } else { file::read(path)? };
+    let scan = match dicom::is_dicom(path).then(|| dicom::read(path, options)) {
+        None => file::read(path)?,
+        Some(found) => found.or_else(|why| only_volume(path, why).and_then(|file| file::read(&file)))?,
+    };
     if !options.any_size {
         head_extent_check(&scan.volume)?;
     }
@@ -53,7 +59,18 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
 /// # Errors
 /// When nothing can be listed: an unreadable path, an unknown format, a damaged header.
 pub fn inspect(path: &Path) -> Result<Inspection, ScanError> {
-    if dicom::is_dicom(path) { dicom::inspect(path) } else { file::inspect(path) }
+    match dicom::is_dicom(path).then(|| dicom::inspect(path)) {
+        None => file::inspect(path),
+        Some(found) => found.or_else(|why| only_volume(path, why).and_then(|file| file::inspect(&file))),
+    }
+}
+
+/// The one volume of another format in a folder that was refused for want of DICOM images.
+fn only_volume(folder: &Path, why: ScanError) -> Result<PathBuf, ScanError> {
+    match &why {
+        ScanError::NoImages { volumes, .. } if volumes.len() == 1 => Ok(folder.join(&volumes[0])),
+        _ => Err(why),
+    }
 }
 
 /// Reads a label volume (NIfTI, NRRD or MetaImage): whole numbers from 0 to 65535 of any stored type.

@@ -114,9 +114,12 @@ pub(crate) struct ErrorArgs {
     /// Longest time for each solver, s.
     #[arg(long, value_name = "S", default_value_t = 5.0)]
     pub(crate) seconds: f64,
-    /// Plot to write; an existing one is replaced.
+    /// Plot to write.
     #[arg(long, value_name = "FILE.svg")]
     pub(crate) svg: Option<PathBuf>,
+    /// Overwrite an existing plot.
+    #[arg(long)]
+    pub(crate) force: bool,
 }
 
 #[derive(Debug, Args)]

@@ -3,6 +3,7 @@
 use super::text;
 use crate::bench::args::ErrorArgs;
 use crate::console::Console;
+use crate::output_file;
 use crate::solve::scene::{self, Scene};
 use crate::solve::{physical, stepping::Stepping};
 use anyhow::{Context, Result, ensure};
@@ -12,6 +13,7 @@ use monro_geometry::{Patient, Vector, tet_signed_volume};
 use monro_tissue::{Finer, FrameSettings, Mode, PaperOptions, PhysicalOptions};
 use serde_json::{Value, json};
 use std::fs;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// First budget of the equilibrium, s; each next one is twice as long.
@@ -33,6 +35,8 @@ struct Reference {
 pub(super) fn run(args: &ErrorArgs, console: &Console) -> Result<()> {
     ensure!(args.seconds.is_finite() && args.seconds > 0.0, "--seconds {}: wanted a time above 0", args.seconds);
     let scene = scene::read(&args.of.scene, &args.of.mesh, &args.of.case)?;
+    let sources: Vec<&Path> = scene.sources.iter().map(PathBuf::as_path).collect();
+    args.svg.as_deref().map_or(Ok(()), |svg| output_file::check(svg, args.force, &sources))?;
     let reference = Reference::of(&scene, &args.of.case)?;
     let mut series = console.stage("equilibrium", || equilibria(&scene, &reference, args.seconds))?;
     let physical = Mode::Physical(PhysicalOptions::default());

@@ -8,6 +8,7 @@
 use anyhow::Result;
 use monro_anatomy::livewire::{Axis, Contour, Livewire, LivewireError, LivewireOptions, SliceImage};
 use monro_anatomy::phantom::{HeadModel, HeadOptions, head};
+use monro_case::{OutputKind, check_output, nothing_known};
 use monro_geometry::{Point, Structure, Volume, Voxel};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -34,8 +35,18 @@ struct Times {
     whole: Vec<f64>,
 }
 
+/// What is written for another program.
+const INPUT: OutputKind = OutputKind {
+    name: "the input of a bench",
+    marks: &["input.json"],
+    files: &["input.json", "slice*.f32"],
+    parts: &[],
+    changed: nothing_known,
+};
+
 /// Runs the sessions; with a folder, writes their input there.
 pub(super) fn measure(dump: Option<&Path>) -> Result<Value> {
+    dump.map_or(Ok(()), |folder| check_output(folder, true, &INPUT, &[]))?;
     // In-plane pixels of a usual head CT; 475 x 551 of them, as many as 512 x 512. Thin slices, because the truth is
     // the section through the slice's middle.
     let options = HeadOptions { seed: 1, spacing_mm: [0.45, 0.45, 1.3], ..HeadOptions::default() };

@@ -1,5 +1,6 @@
 //! Where a viewer stands, and how space falls on the picture.
 
+use super::view::letters_of;
 use monro_geometry::{Patient, Point, Vector};
 
 /// A camera that looks at a point. Parallel projection: lengths across the line of sight keep their scale.
@@ -30,6 +31,11 @@ impl Camera {
         [half + d.dot(self.right) * scale, half + d.dot(self.down) * scale, d.dot(self.away)]
     }
 
+    /// Letters for the left, right, upper and lower edge of the picture.
+    pub(crate) fn letters(&self) -> [String; 4] {
+        [-self.right, self.right, -self.down, self.down].map(letters_of)
+    }
+
     /// A direction in the viewer's axes: right, down, away.
     pub(crate) fn turned(&self, v: Vector<Patient>) -> [f64; 3] {
         [v.dot(self.right), v.dot(self.down), v.dot(self.away)]
@@ -46,6 +52,9 @@ mod tests {
         let [x, y, depth] = c.project(Point::new(10.0, 5.0, 20.0), 200);
         assert_eq!([x, y, depth], [120.0, 60.0, 5.0]);
         assert!(Camera::new(Point::ORIGIN, Vector::ZERO, 100.0).is_none());
-        assert!(Camera::new(Point::ORIGIN, Vector::new(0.0, 0.0, -1.0), 100.0).is_some());
+        assert_eq!(c.letters().join(""), "RLSI");
+        // From above the patient's right is on the right, unlike in an axial slice, which is seen from the feet.
+        let above = Camera::new(Point::ORIGIN, Vector::new(0.0, 0.0, -1.0), 100.0).unwrap();
+        assert_eq!(above.letters().join(""), "LRAP");
     }
 }

@@ -7,7 +7,7 @@ use super::figure::{Figure, PictureError};
 use super::head::Look;
 use super::scene::{Body, render};
 use super::slice::{Legend, pixels};
-use super::svg::{Stroke, path_data, text};
+use super::svg::{Stroke, path_data, rimmed_text, text};
 use super::view::SliceView;
 use monro_geometry::{Patient, Plane, Point, Structure, TetMesh, TriangleMesh, Vector};
 
@@ -120,10 +120,11 @@ pub fn mesh_cut_figure(mesh: &TetMesh, view: &SliceView, by: ColourBy<'_>, capti
 fn edge_letters(view: &SliceView) -> String {
     let [w, h] = view.pixels().map(|n| n as f64);
     let [left, right, up, down] = view.letters();
-    text([4.0, h / 2.0], 15.0, "start", "#444", &left)
-        + &text([w - 4.0, h / 2.0], 15.0, "end", "#444", &right)
-        + &text([w / 2.0, 15.0], 15.0, "middle", "#444", &up)
-        + &text([w / 2.0, h - 6.0], 15.0, "middle", "#444", &down)
+    // With a rim: they may lie over an element of any colour.
+    rimmed_text([4.0, h / 2.0], 15.0, "start", &left)
+        + &rimmed_text([w - 4.0, h / 2.0], 15.0, "end", &right)
+        + &rimmed_text([w / 2.0, 15.0], 15.0, "middle", &up)
+        + &rimmed_text([w / 2.0, h - 6.0], 15.0, "middle", &down)
 }
 
 /// The mesh without the elements whose middle lies on the plane's positive side, in three dimensions: whole elements,

@@ -88,7 +88,7 @@ pub fn head_figure(scene: &HeadScene<'_>, looks: &[Look], pixels_wide: usize) ->
         let Some(camera) = Camera::new(centre, Vector::from_array(look.away()), size) else { continue };
         let image = render(&bodies, &camera, pixels_wide);
         let side = pixels_wide as f64;
-        let content = pixels(&image)? + &text([4.0, 16.0], 13.0, "start", "#222", look.name());
+        let content = pixels(&image)? + &text([4.0, 16.0], 13.0, "start", "#222", look.name()) + &edges(&camera, side);
         views.push(Figure { width: side, height: side, content, caption: String::new() });
     }
     let mut figure = Figure::beside(&views, 8.0, &scene.caption);
@@ -96,6 +96,15 @@ pub fn head_figure(scene: &HeadScene<'_>, looks: &[Look], pixels_wide: usize) ->
     figure.content += &format!("<g transform=\"translate(0 {:.0})\">{}</g>", figure.height, legend.drawing);
     figure.height += legend.height;
     Ok(figure)
+}
+
+/// Which way is where, at the edges of a picture.
+fn edges(camera: &Camera, side: f64) -> String {
+    let [left, right, up, down] = camera.letters();
+    text([4.0, side / 2.0], 15.0, "start", "#222", &left)
+        + &text([side - 4.0, side / 2.0], 15.0, "end", "#222", &right)
+        + &text([side / 2.0, 16.0], 15.0, "middle", "#222", &up)
+        + &text([side / 2.0, side - 6.0], 15.0, "middle", "#222", &down)
 }
 
 /// Meshes of path and catheter.
@@ -157,7 +166,7 @@ mod tests {
         };
         let figure = head_figure(&scene, &[Look::Front, Look::Left], 48).unwrap();
         assert_eq!(figure.width, 104.0);
-        for part in ["left lateral ventricle", "planned path", "catheter", "From the left"] {
+        for part in ["left lateral ventricle", "planned path", "catheter", "From the left", ">R<", ">P<"] {
             assert!(figure.content.contains(part), "{part}");
         }
     }

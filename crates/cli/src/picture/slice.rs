@@ -259,7 +259,12 @@ impl Legend {
                 (x, y) = (2.0, y + 19.0);
             }
             let sample = [[x, y - 4.0], [x + 22.0, y - 4.0]];
-            drawing += &stroked(&path_data([(&sample[..], false)]), &stroke);
+            let sample = path_data([(&sample[..], false)]);
+            // Over the scan a light line stands out, on the white page it would not.
+            if stroke.colour.0.iter().all(|c| *c > 180) {
+                drawing += &stroked(&sample, &Stroke::solid(Colour::BLACK, stroke.width + 2.0));
+            }
+            drawing += &stroked(&sample, &stroke);
             drawing += &text([x + 28.0, y], 14.0, "start", "#222", name);
             x += wide;
         }
@@ -314,6 +319,13 @@ mod tests {
         }
         assert!(svg.contains("aria-label=\"A &quot;ball&quot;\"") && !svg.contains("http"));
         assert!(figure.height > 200.0);
+    }
+
+    #[test]
+    fn a_white_mark_was_white_on_white_in_the_legend() {
+        let drawing = |colour| Legend::of([("doubt", Stroke::solid(colour, 2.0))].into_iter(), 200.0).drawing;
+        assert!(drawing(Colour::WHITE).contains(&Colour::BLACK.hex()));
+        assert!(!drawing(Colour::SKY).contains(&Colour::BLACK.hex()));
     }
 
     #[test]

@@ -87,6 +87,22 @@ impl SliceView {
         Self { centre: p, ..self }
     }
 
+    /// The same plane moved and scaled so that all points appear on the picture, with a margin.
+    #[must_use]
+    pub fn fitted(self, points: &[Point<Patient>]) -> Self {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for p in points.iter().map(|p| self.project(*p)) {
+            (low, high) = (core::array::from_fn(|a| low[a].min(p[a])), core::array::from_fn(|a| high[a].max(p[a])));
+        }
+        if low[0] > high[0] {
+            return self;
+        }
+        let share = |a: usize| (high[a] - low[a]) / self.pixels[a] as f64;
+        let middle = self.unproject(core::array::from_fn(|a| 0.5 * (low[a] + high[a])));
+        let scale = (1.1 * share(0).max(share(1))).max(f64::MIN_POSITIVE);
+        Self { centre: middle, mm_per_pixel: self.mm_per_pixel * scale, ..self }
+    }
+
     /// Width and height in pixels.
     pub const fn pixels(&self) -> [usize; 2] {
         self.pixels
@@ -121,7 +137,7 @@ impl SliceView {
 }
 
 /// The anatomical direction of a vector: its largest component, and further ones above a half.
-fn letters_of(v: Vector<Patient>) -> String {
+pub(crate) fn letters_of(v: Vector<Patient>) -> String {
     let named = [(v.x, ['L', 'R']), (v.y, ['P', 'A']), (v.z, ['S', 'I'])];
     let mut parts: Vec<(f64, char)> =
         named.into_iter().map(|(c, [plus, minus])| (c.abs(), if c > 0.0 { plus } else { minus })).collect();
@@ -140,6 +156,17 @@ mod tests {
         assert_eq!(letters(Orientation::Coronal), "RLSI");
         assert_eq!(letters(Orientation::Sagittal), "APSI");
         assert_eq!(letters_of(Vector::new(0.7, -0.6, 0.2)), "LA");
+    }
+
+    #[test]
+    fn a_head_was_cut_off_at_the_edge_of_the_picture() {
+        let corners = [[-70.0, 0.0, -90.0], [70.0, 9.0, -90.0], [70.0, -9.0, 60.0]].map(Point::from_array);
+        let view = SliceView::standard(Orientation::Coronal, Point::new(30.0, 4.0, 5.0), 160.0, 400);
+        assert!(corners.iter().any(|p| view.project(*p).iter().any(|v| !(0.0..400.0).contains(v))));
+        let fitted = view.fitted(&corners);
+        assert!(corners.iter().all(|p| fitted.project(*p).iter().all(|v| (5.0..395.0).contains(v))));
+        assert_eq!(fitted.letters(), view.letters());
+        assert_eq!(view.fitted(&[]), view);
     }
 
     #[test]

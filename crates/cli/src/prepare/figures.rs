@@ -2,6 +2,7 @@
 
 use crate::NOTICE;
 use crate::mesh::{MeshSection, time_section};
+use crate::simulate::PROJECTED;
 use anyhow::Result;
 use monro_case::DoubtfulSpot;
 use monro_cli::picture::{
@@ -27,8 +28,8 @@ pub(crate) fn report(prepared: &Prepared, stages: &[(String, f64)]) -> Result<St
         side: Some(case.plan.side()),
         details: vec![
             format!(
-                "{} {}, {c} x {r} x {s} voxels of {x:.2} x {y:.2} x {z:.2} mm",
-                case.manifest.source.format, case.manifest.source.series
+                "{}, {c} x {r} x {s} voxels of {x:.2} x {y:.2} x {z:.2} mm",
+                [case.manifest.source.format.as_str(), &case.manifest.source.series].join(" ").trim_end()
             ),
             NOTICE.into(),
         ],
@@ -113,6 +114,7 @@ fn labels_section(prepared: &Prepared) -> Result<Section> {
         title: "Labels".into(),
         text: vec![
             "Slices through the target; the patient's right is on the left of axial and coronal pictures.".into(),
+            PROJECTED.into(),
         ],
         tables: vec![
             Table { caption: "Volumes".into(), head: vec!["Structure".into(), "ml".into()], rows },
@@ -134,10 +136,15 @@ fn doubtful_slices(prepared: &Prepared) -> Result<Vec<Figure>> {
         let name = doubt.structure.replace('_', " ");
         let mut overlays = outlines(prepared);
         overlays.push(Overlay::Mark { at, colour: Colour::WHITE, name: "doubt" });
-        let title = format!("doubtful: {:.0} mm2 of the {name} have no edge in the scan", doubt.area_mm2);
-        let sample = sampler(&prepared.scan.volume);
-        let request =
-            SliceRequest { view, sampler: &sample, window: Window::BRAIN, overlays, title, caption: String::new() };
+        let [x, y, z] = doubt.at_mm;
+        let caption = format!(
+            "Doubtful: {:.0} mm2 of the border of the {name}, around ({x:.0}, {y:.0}, {z:.0}) mm LPS, have no edge in the \
+             scan that stands out from its blur and noise. The outline may be right all the same: look along it, and \
+             correct it with \"monro edit CASE\" where it is not.",
+            doubt.area_mm2
+        );
+        let (sample, title) = (sampler(&prepared.scan.volume), "Doubtful".into());
+        let request = SliceRequest { view, sampler: &sample, window: Window::BRAIN, overlays, title, caption };
         Ok(slice_figure(&request)?)
     };
     prepared.case.manifest.doubts.iter().map(picture).collect()
@@ -150,14 +157,15 @@ fn plan_section(prepared: &Prepared) -> Result<Section> {
         skin: Some(&case.skin),
         solids: vec![(&case.ventricles, Colour::SKY, "ventricles")],
         path: Some([entry, target]),
-        caption: "Head, ventricles and planned path.".into(),
+        caption: "Head, ventricles and planned path. From above, unlike in axial slices, the patient's right is on the right."
+            .into(),
         ..HeadScene::default()
     };
     let looks = [Look::Front, if target.x > entry.x { Look::Right } else { Look::Left }, Look::Above];
     let mut figures = vec![head_figure(&scene, &looks, 340)?];
     for facing in [Orientation::Coronal, Orientation::Sagittal] {
         if let Some(view) = SliceView::along_path(entry, target, facing, FIELD_MM, PIXELS) {
-            let title = format!("{} along the path", facing.name());
+            let title = format!("{}, in the plane of the path", facing.name());
             figures.push(labelled_slice(prepared, view, Window::HEAD, &title)?);
         }
     }
@@ -174,9 +182,11 @@ fn plan_section(prepared: &Prepared) -> Result<Section> {
 }
 
 fn mesh_section(prepared: &Prepared) -> Section {
-    let view = SliceView::standard(Orientation::Coronal, prepared.case.plan.target(), FIELD_MM, PIXELS);
+    let tets = &prepared.case.tets;
+    let target = prepared.case.plan.target();
+    let view = SliceView::standard(Orientation::Coronal, target, FIELD_MM, PIXELS).fitted(&tets.vertices);
     let section = MeshSection {
-        mesh: &prepared.case.tets,
+        mesh: tets,
         report: &prepared.mesh,
         cuts: vec![(view, "coronal cut through the target.".into())],
         fine: "the ventricles and the path",

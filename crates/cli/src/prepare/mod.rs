@@ -5,14 +5,16 @@ mod result;
 
 use crate::args::{PrepareArgs, SideArg};
 use crate::console::Console;
+use crate::inspect::not_a_case;
 use crate::interrupt::Guard;
 use anyhow::{Context, Result};
-use monro_case::{Staging, markups};
+use monro_case::{CASE, Staging, markups};
 use monro_geometry::{Patient, Point};
 use monro_guidance::Side;
 use monro_prepare::{PrepareError, Prepared, Request};
 use monro_scan::ReadOptions;
-use std::path::Path;
+use std::iter;
+use std::path::{Path, PathBuf};
 
 pub(crate) use figures::report;
 pub(crate) use result::{summary_json, summary_text};
@@ -29,8 +31,11 @@ impl From<SideArg> for Side {
 /// Runs the command.
 pub(crate) fn run(args: &PrepareArgs, console: &Console) -> Result<()> {
     // Begun first, so that an occupied folder is refused before any work is done.
-    let staging = Staging::begin(&args.out, args.force)?;
+    let files = [&args.labels, &args.plan].into_iter().flatten().map(PathBuf::as_path);
+    let inputs: Vec<&Path> = iter::once(args.scan.as_path()).chain(files).collect();
+    let staging = Staging::begin(&args.out, args.force, &CASE, &inputs)?;
     let guard = Guard::new(&staging);
+    not_a_case(&args.scan)?;
     let options = ReadOptions { series_uid: args.series.clone(), ..ReadOptions::default() };
     let scan = console.stage("read", || monro_scan::read(&args.scan, &options))?;
     let path = args.plan.as_deref().map(read_plan).transpose()?;

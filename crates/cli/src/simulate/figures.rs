@@ -1,7 +1,7 @@
 //! The report of an insertion: before and after in slices, the head, and plots over time.
 
-use super::Run;
-use super::output::largest_motion;
+use super::output::{largest_motion, small};
+use super::{Run, asked};
 use crate::NOTICE;
 use anyhow::Result;
 use monro_case::Case;
@@ -12,11 +12,16 @@ use monro_cli::picture::{
 use monro_cli::report::{Finding, Histogram, KeyNumber, LinePlot, ReportInput, Section, Series, Severity, report_html};
 use monro_geometry::{Patient, Point, Structure, Volume};
 use monro_scan::ReadOptions;
-use monro_session::{DeformedSampler, Frame, Mode};
+use monro_session::{DeformedSampler, Frame};
+use std::iter;
 use std::path::Path;
 
 const FIELD_MM: f64 = 160.0;
 const PIXELS: usize = 420;
+
+/// Why a path may begin inside the head, or end in mid-air.
+pub(crate) const PROJECTED: &str = "Axial, coronal and sagittal slices show the path as seen through them, not where it \
+    crosses them; only the plane of the path holds all of it.";
 
 /// The CT looked up at a point of the patient.
 type Sampler<'a> = dyn Fn(Point<Patient>) -> Option<f64> + Sync + 'a;
@@ -30,23 +35,11 @@ pub(crate) fn report(case_dir: &Path, case: &Case, done: &Run) -> Result<String>
     sections.extend(ct.as_ref().map(|ct| slices_section(ct, case, done)).transpose()?);
     sections.push(mesh_section(case, done));
     sections.push(plots_section(done));
-    let mode = match done.settings.model.mode {
-        Mode::Paper(_) => "the paper's position-based dynamics (normalised coefficients)",
-        Mode::Physical(_) => "physical soft body (kPa, Poisson's ratio)",
-    };
     let input = ReportInput {
         title: "Simulated insertion".into(),
         pseudonym: case.manifest.pseudonym.clone(),
         side: Some(case.plan.side()),
-        details: vec![
-            format!(
-                "{mode}; {} tetrahedra; catheter of {} mm at {} mm/s",
-                done.rest.tets.len(),
-                done.settings.diameter_mm,
-                done.settings.speed_mm_s
-            ),
-            NOTICE.into(),
-        ],
+        details: iter::once(asked::headline(done)).chain(asked::extras(done)).chain([NOTICE.into()]).collect(),
         key_numbers: key_numbers(case, done),
         findings: findings(done, ct.is_some()),
         sections,
@@ -57,7 +50,7 @@ pub(crate) fn report(case_dir: &Path, case: &Case, done: &Run) -> Result<String>
 
 fn key_numbers(case: &Case, done: &Run) -> Vec<KeyNumber> {
     let csf = done.csf().map_or("none".into(), |f| format!("{:.1}", f.depth_mm));
-    let last = |of: fn(&Frame) -> f64| done.last().map_or("none".into(), |f| format!("{:.1}", of(f)));
+    let last = |of: fn(&Frame) -> f64| done.last().map_or("none".into(), |f| small(of(f)));
     let motion = largest_motion(&case.ventricles, &done.ventricles);
     vec![
         KeyNumber::new("CSF at a depth of", csf, "mm"),
@@ -65,7 +58,7 @@ fn key_numbers(case: &Case, done: &Run) -> Vec<KeyNumber> {
             .noted("the target's tissue, where it is now"),
         KeyNumber::new("Tip to target, rigid", last(|f| f.distance_rigid_mm), "mm").noted("the planned point"),
         KeyNumber::new("Target moved", last(|f| f.target_displacement_mm), "mm"),
-        KeyNumber::new("Ventricle wall moved up to", format!("{motion:.1}"), "mm"),
+        KeyNumber::new("Ventricle wall moved up to", small(motion), "mm"),
         KeyNumber::new("Frame", format!("{:.2}", done.ms_quantile(0.5)), "ms")
             .noted(format!("median; 99 % below {:.2} ms", done.ms_quantile(0.99))),
     ]
@@ -89,7 +82,7 @@ fn head_section(case: &Case, done: &Run) -> Result<Section> {
         solids: vec![(&done.ventricles, Colour::SKY, "ventricles, deformed")],
         path: Some([entry, target]),
         catheter: Some(([entry - case.plan.direction() * 40.0, tip], done.settings.diameter_mm)),
-        caption: "The head at the end of the insertion.".into(),
+        caption: "The head at the end of the insertion. From above, unlike in axial slices, the patient's right is on the right.".into(),
     };
     let looks = [Look::Front, if target.x > entry.x { Look::Right } else { Look::Left }, Look::Above];
     Ok(Section { title: "The head".into(), figures: vec![head_figure(&scene, &looks, 340)?], ..Section::default() })
@@ -107,15 +100,17 @@ fn slices_section(ct: &Volume<i16>, case: &Case, done: &Run) -> Result<Section> 
     let mut views: Vec<(String, SliceView)> =
         Orientation::ALL.map(|o| (o.name().to_owned(), SliceView::standard(o, tip, FIELD_MM, PIXELS))).to_vec();
     let along = SliceView::along_path(case.plan.entry(), case.plan.target(), Orientation::Coronal, FIELD_MM, PIXELS);
-    views.extend(along.map(|v| ("along the path".to_owned(), v)));
+    views.extend(along.map(|v| ("In the plane of the path".to_owned(), v)));
     let mut figures = Vec::new();
     for (name, view) in views {
         let before = slice(case, done, view, &rigid, false, &format!("{name}, before"))?;
         let after = slice(case, done, view, &deformed, true, &format!("{name}, after"))?;
         figures.push(Figure::beside(&[before, after], 12.0, &format!("{name}: before and at the end")));
     }
-    let text =
-        "Right: the CT itself deformed with the tetrahedra. Dashed outlines are before, solid ones after.".into();
+    let text = format!(
+        "Right: the CT itself deformed with the tetrahedra. Dashed outlines are before, solid ones after. {}",
+        PROJECTED
+    );
     Ok(Section { title: "Slices".into(), text: vec![text], figures, ..Section::default() })
 }
 
@@ -154,7 +149,8 @@ fn mesh_section(case: &Case, done: &Run) -> Section {
     let most = moved.iter().copied().fold(0.1, f64::max);
     let (entry, target) = (case.plan.entry(), case.plan.target());
     let view = SliceView::along_path(entry, target, Orientation::Coronal, FIELD_MM, 520)
-        .unwrap_or_else(|| SliceView::standard(Orientation::Coronal, target, FIELD_MM, 520));
+        .unwrap_or_else(|| SliceView::standard(Orientation::Coronal, target, FIELD_MM, 520))
+        .fitted(&end.mesh.vertices);
     let by = ColourBy::Value { values: &moved, range: [0.0, most], name: "displacement, mm" };
     let cut = mesh_cut_figure(&end.mesh, &view, by, "Displacement at the end, in the plane of the path.");
     Section { title: "Tissue".into(), figures: vec![cut], ..Section::default() }
@@ -203,8 +199,12 @@ fn plots_section(done: &Run) -> Section {
 /// What each structure has more than at rest.
 fn volumes(done: &Run) -> Vec<Series> {
     let of = |i: usize| done.rows.iter().map(|r| [r.frame.time_s, r.change_ml[i]]).collect();
+    let name = |s: &Structure| match s {
+        Structure::Brain => "brain and the CSF around it".to_owned(),
+        other => other.name().replace('_', " "),
+    };
     let structures = done.volumes.structures().iter().enumerate();
-    structures.map(|(i, s)| Series { name: s.name().replace('_', " "), points: of(i) }).collect()
+    structures.map(|(i, s)| Series { name: name(s), points: of(i) }).collect()
 }
 
 /// Punctures and the first CSF, to be marked in the plots.

@@ -1,5 +1,6 @@
 //! `monro simulate`: the catheter goes in, and everything is written down.
 
+mod asked;
 mod figures;
 mod output;
 mod run;
@@ -15,7 +16,8 @@ use monro_session::InsertionSettings;
 use monro_tissue::{Csf, FrameSettings};
 use std::path::Path;
 
-pub(crate) use output::{summary_json, summary_text};
+pub(crate) use figures::PROJECTED;
+pub(crate) use output::{SIMULATION, summary_json, summary_text};
 pub(crate) use run::{Run, insert};
 
 /// Outer diameter of the catheter, mm: 9 Fr, as in the paper.
@@ -28,10 +30,17 @@ const KPA_PER_MMHG: f64 = 0.133_322;
 
 /// Runs the command.
 pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<()> {
-    let staging = Staging::begin(&args.out, args.force)?;
+    ensure!(
+        args.side.is_none(),
+        "the side is that of the plan in the case: choose it with \"monro prepare SCAN --side left\""
+    );
+    let inputs: Vec<&Path> =
+        [Some(&args.case), args.materials.as_ref()].into_iter().flatten().map(|p| p.as_path()).collect();
+    let staging = Staging::begin(&args.out, args.force, &SIMULATION, &inputs)?;
     let guard = Guard::new(&staging);
     let case = console.stage("open case", || Case::open(&args.case))?;
-    let done = insert(&case, &asked(args)?, console)?;
+    let mut done = insert(&case, &asked(args)?, console)?;
+    done.materials_file = args.materials.as_ref().map(|file| file.display().to_string());
     write(&args.case, &case, &done, &staging, console)?;
     let out = staging.finish()?;
     drop(guard);

@@ -1,11 +1,10 @@
 //! Series, meshes and summary of an insertion as files.
 
-use super::{KPA_PER_MMHG, Run, verdict};
+use super::{KPA_PER_MMHG, Run, asked, verdict};
 use crate::NOTICE;
-use crate::materials;
 use anyhow::{Context, Result};
 use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
-use monro_case::{Staging, ply};
+use monro_case::{OutputKind, Staging, nothing_known, ply};
 use monro_geometry::{Structure, TetMesh, TriangleMesh};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -15,6 +14,23 @@ use std::path::Path;
 /// Columns of `insertion.csv`; that of the force is named by its unit, and empty where a frame was held: nothing was felt. One
 /// for each structure follows.
 const CSV_HEADER: &str = "time_s,tip_x_lps_mm,tip_y_lps_mm,tip_z_lps_mm,depth_mm,distance_rigid_mm,distance_deformed_mm,entry_angle_error_deg,target_displacement_mm,whole_volume_change_percent,{force},at_tip,inverted,rollbacks,step_ms,held";
+
+/// What the command writes.
+pub(crate) const SIMULATION: OutputKind = OutputKind {
+    name: "a simulation",
+    marks: &["summary.json", "insertion.csv"],
+    files: &[
+        "summary.json",
+        "insertion.csv",
+        "insertion.pvd",
+        "brain_deformed.ply",
+        "ventricles_deformed.ply",
+        "report.html",
+        "frames/tets_*.vtu",
+    ],
+    parts: &[],
+    changed: nothing_known,
+};
 
 /// Writes everything but the report.
 pub(crate) fn write(done: &Run, staging: &Staging) -> Result<()> {
@@ -92,8 +108,10 @@ fn collection(done: &Run) -> String {
 /// Numbers of the insertion, as in `summary.json`.
 fn summary(done: &Run) -> Value {
     let mut all = numbers(done);
-    if let (Value::Object(all), Value::Object(verdict)) = (&mut all, verdict::json(done)) {
-        all.extend(verdict);
+    for more in [verdict::json(done), asked::json(done)] {
+        if let (Value::Object(all), Value::Object(more)) = (&mut all, more) {
+            all.extend(more);
+        }
     }
     all
 }
@@ -117,9 +135,6 @@ fn numbers(done: &Run) -> Value {
         "max_target_shift_mm": max(done, |f| f.target_displacement_mm),
         format!("max_{}", done.force_name()): max(done, |f| f.axial_force_mn().unwrap_or(0.0)),
         "elements": done.rest.tets.len(),
-        "speed_mm_s": done.settings.speed_mm_s,
-        "materials": done.has_units().then(|| materials::json(&done.settings.model.materials)),
-        "mode": if done.has_units() { "physical" } else { "paper" },
     })
 }
 
@@ -163,19 +178,31 @@ pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
         None => "the tip never entered a ventricle".into(),
     };
     let Some(last) = done.last() else { return "nothing was simulated".into() };
-    let verdict = if done.reliable() { "" } else { "NOT TO BE RELIED ON, see the warnings above and in the report.\n" };
+    let mut head = vec![format!("{}; {} side", asked::headline(done), done.plan.side().name())];
+    head.extend(asked::extras(done));
+    head.push(if done.reliable() {
+        "reliable, as far as the program can tell".into()
+    } else {
+        "NOT TO BE RELIED ON, see the warnings above and in the report".into()
+    });
     format!(
-        "{verdict}{csf}; at the end the tip is {:.1} mm from the target's tissue ({:.1} mm from the planned point), in {}.\n\
-         The target moved {:.2} mm. {} frames, {:.2} ms each (median; p99 {:.2}).\nReport: {}",
-        last.distance_deformed_mm,
-        last.distance_rigid_mm,
-        last.at_tip.map_or("no simulated tissue", Structure::name),
-        last.target_displacement_mm,
+        "{}\n{csf}; at the end the tip is {} mm from the target's tissue ({} mm from the planned point), in {}.\n\
+         The target moved {} mm. {} frames, {:.2} ms each (median; p99 {:.2}).\nReport: {}",
+        head.join("\n"),
+        small(last.distance_deformed_mm),
+        small(last.distance_rigid_mm),
+        last.at_tip.map_or_else(|| "no simulated tissue".into(), |s| s.name().replace('_', " ")),
+        small(last.target_displacement_mm),
         done.rows.len(),
         done.ms_quantile(0.5),
         done.ms_quantile(0.99),
         out.join("report.html").display()
     )
+}
+
+/// A number with as many digits as say something: a usual insertion moves the target by hundredths of a millimetre.
+pub(super) fn small(value: f64) -> String {
+    if value.abs() < 0.95 { format!("{value:.2}") } else { format!("{value:.1}") }
 }
 
 /// Largest displacement of the vertices of a surface, mm.

@@ -4,6 +4,7 @@ use crate::console::Console;
 use anyhow::Result;
 use monro_case::Case;
 use monro_geometry::{Patient, Point, TetMesh, TriangleMesh};
+use monro_guidance::Plan;
 use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode, StructureVolumes};
 use std::time::Instant;
 
@@ -43,6 +44,12 @@ pub(crate) struct Run {
     pub(crate) ventricles: TriangleMesh,
     /// The settings.
     pub(crate) settings: InsertionSettings,
+    /// The file that its materials come from, where one was given.
+    pub(crate) materials_file: Option<String>,
+    /// Name of the patient in the case.
+    pub(crate) pseudonym: String,
+    /// The planned path.
+    pub(crate) plan: Plan,
     /// Nodes at rest, to show displacements against.
     pub(crate) rest: TetMesh,
     /// The structures in it and their volumes.
@@ -108,6 +115,9 @@ pub(crate) fn insert(case: &Case, settings: &InsertionSettings, console: &Consol
         brain: TriangleMesh { vertices: brain, triangles: case.brain.triangles.clone() },
         ventricles: TriangleMesh { vertices: ventricles, triangles: case.ventricles.triangles.clone() },
         settings: *settings,
+        materials_file: None,
+        pseudonym: case.manifest.pseudonym.clone(),
+        plan: case.plan,
         rest: insertion.rest().clone(),
         volumes,
     })

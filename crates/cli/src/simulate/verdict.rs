@@ -105,10 +105,13 @@ fn doubts(run: &Run) -> Vec<String> {
     }
     if trouble.rollbacks > 0 {
         let n = trouble.rollbacks;
-        out.push(format!("The solver took back {n} steps and repeated them with smaller ones."));
+        let them = if n == 1 { "a step and repeated it" } else { &format!("{n} steps and repeated them") };
+        out.push(format!("The solver took back {them} with smaller ones."));
     }
     if trouble.inverted > 0 {
-        out.push(format!("Up to {} of {} tetrahedra were inverted in a frame.", trouble.inverted, run.rest.tets.len()));
+        let end = if trouble.inverted_at_end == 0 { "; at the end none was, so the end can be relied on" } else { "" };
+        let (n, all) = (trouble.inverted, run.rest.tets.len());
+        out.push(format!("On the way up to {n} of {all} tetrahedra were turned inside out in a frame{end}."));
     }
     out.extend(squeezed(run));
     out.extend(soft_body::remarks(&run.settings.model));
@@ -124,7 +127,7 @@ fn squeezed(run: &Run) -> Option<String> {
     let poisson = run.settings.model.materials.brain.poisson;
     (share.abs() > MOST_SQUEEZED).then(|| {
         format!(
-            "The brain's own tissue changed by {change:.1} ml ({:.1} %) at {pressure:.1} mmHg: with a Poisson's ratio of \
+            "The brain's own tissue (with the CSF around it, which is simulated as brain) changed by {change:.1} ml ({:.1} %) at {pressure:.1} mmHg: with a Poisson's ratio of \
              {poisson} it gives way to pressure, real tissue hardly does. Measured differences of pressure between \
              ventricles and the surface of the brain are a few mmHg.",
             share * 100.0
@@ -139,7 +142,10 @@ pub(super) fn json(run: &Run) -> Value {
     let volumes = run.volumes.structures().iter().enumerate().map(|(i, s)| {
         let most = run.rows.iter().map(|r| r.change_ml[i]).fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m });
         let at_end = run.rows.last().map(|r| r.change_ml[i]);
-        let own = json!({ "rest_ml": run.volumes.rest_ml()[i], "change_ml": at_end, "largest_change_ml": most });
+        let mut own = json!({ "rest_ml": run.volumes.rest_ml()[i], "change_ml": at_end, "largest_change_ml": most });
+        if *s == Structure::Brain {
+            own["of"] = "brain and the CSF around it, which is simulated as brain".into();
+        }
         (s.name().to_owned(), own)
     });
     json!({

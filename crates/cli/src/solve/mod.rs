@@ -10,7 +10,8 @@ mod units;
 
 use crate::args::{ModeArg, SolveArgs};
 use crate::console::Console;
-use anyhow::{Context, Result, bail, ensure};
+use crate::output_file;
+use anyhow::{Context, Result, ensure};
 use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
 use monro_geometry::{Patient, Vector};
 use monro_tissue::{
@@ -20,7 +21,6 @@ use scene::Scene;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -43,7 +43,7 @@ pub(crate) struct Found {
 /// Runs the command.
 pub(crate) fn run(args: &SolveArgs, console: &Console) -> Result<()> {
     let mut scene = console.stage("read", || scene::read(&args.of.scene, &args.of.mesh, &args.of.case))?;
-    writable(&args.out, &scene.sources)?;
+    writable(&args.out, args.force, &scene.sources)?;
     scene.remarks.iter().for_each(|r| console.warn(r));
     let start = Instant::now();
     let deadline = start.checked_add(Duration::from_millis(args.budget_ms.unwrap_or(BUDGET_MS)));
@@ -71,16 +71,12 @@ pub(crate) fn run(args: &SolveArgs, console: &Console) -> Result<()> {
 }
 
 /// Refuses what could not be written in the end, and what would take the place of the scene's own files.
-fn writable(out: &Path, sources: &[PathBuf]) -> Result<()> {
+fn writable(out: &Path, force: bool, sources: &[PathBuf]) -> Result<()> {
     let vtu = out.extension().is_some_and(|e| e.eq_ignore_ascii_case("vtu"));
     ensure!(vtu, "{}: only .vtu is written", out.display());
     let folder = out.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
     ensure!(folder.is_dir(), "{}: there is no folder {}; make it first", out.display(), folder.display());
-    let file = |path: &Path| fs::metadata(path).ok().map(|m| (m.dev(), m.ino()));
-    if let Some(own) = sources.iter().find(|s| file(out).is_some() && file(s) == file(out)) {
-        bail!("--out {} is {}, which the scene is read from; name another file", out.display(), own.display());
-    }
-    Ok(())
+    output_file::check(out, force, &sources.iter().map(PathBuf::as_path).collect::<Vec<_>>())
 }
 
 /// Physical mode: the equilibrium.

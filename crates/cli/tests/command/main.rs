@@ -2,6 +2,7 @@
 
 mod bench_frame;
 mod common;
+mod force;
 mod mesh_files;
 mod real_scans;
 mod refusals;

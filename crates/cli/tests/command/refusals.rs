@@ -1,6 +1,6 @@
 //! Wrong input of each kind gets a clear error and leaves nothing behind.
 
-use crate::common::{monro, refusal, text};
+use crate::common::{json, monro, refusal, text};
 use monro_geometry::{Grid, Volume};
 use monro_scan::dicom::{self, SeriesMeta};
 use monro_scan::nifti;
@@ -41,6 +41,8 @@ fn a_path_that_does_not_exist_is_named() {
     let dir = tempfile::tempdir().expect("temp");
     let said = refusal(&["inspect", text(&dir.path().join("nowhere"))]);
     assert!(said.contains("nowhere"), "{said}");
+    let said = refusal(&["edit", text(&dir.path().join("typo"))]);
+    assert!(said.contains("typo: no such file"), "{said}");
     let said = refusal(&["simulate", text(&dir.path().join("nocase")), "--out", text(&dir.path().join("out"))]);
     assert!(said.contains("nocase"), "{said}");
     only(dir.path(), &[]);
@@ -142,6 +144,51 @@ fn labels_on_no_known_numbers_are_refused() {
     fs::write(&labels, nifti::encode_u8(&ct.map(|hu| if hu > 0 { 42 } else { 0 }))).expect("write");
     let said = refusal(&["prepare", text(&scan), "--labels", text(&labels), "--out", text(&dir.path().join("case"))]);
     assert!(said.contains("42") && said.contains("labels.nii.gz"), "{said}");
+}
+
+#[test]
+fn a_folder_with_volumes_but_no_dicom_did_not_name_them() {
+    let dir = tempfile::tempdir().expect("temp");
+    let scan = dir.path().join("patient");
+    fs::create_dir(&scan).expect("dir");
+    fs::write(scan.join("README.md"), "x").expect("write");
+    fs::write(scan.join("head.nii.gz"), nifti::encode_i16(&ball(95.0, 40))).expect("write");
+    let found = json(&["inspect", text(&scan)]);
+    assert_eq!(found["dims"], serde_json::json!([40, 40, 40]), "the one volume is taken");
+    fs::write(scan.join("truth.mha"), "x").expect("write");
+    let out = dir.path().join("case");
+    for args in [&["inspect", text(&scan)][..], &["prepare", text(&scan), "--out", text(&out)]] {
+        let said = refusal(args);
+        assert!(said.contains("head.nii.gz, truth.mha"), "{said}");
+    }
+    fs::write(scan.join("case.toml"), "").expect("write");
+    let said = refusal(&["prepare", text(&scan), "--out", text(&out)]);
+    assert!(said.contains("is a case already") && said.contains("simulate"), "{said}");
+}
+
+#[test]
+fn values_in_a_wrong_form_did_not_say_which_form_is_wanted() {
+    for (args, words) in [
+        (&["simulate", "x", "--out", "y", "--speed", "-3"][..], "x is not a case"),
+        (&["simulate", "x", "--out", "y", "--drain-ml", "5ml"], "without a unit"),
+        (&["serve", "x", "--listen", "9000"], "ADDRESS:PORT"),
+        (&["simulate", "x", "--out", "y", "--side", "left"], "monro prepare"),
+    ] {
+        let said = refusal(args);
+        assert!(said.contains(words), "{said}");
+    }
+}
+
+#[test]
+fn a_recording_of_the_script_was_an_empty_file() {
+    let dir = tempfile::tempdir().expect("temp");
+    let file = dir.path().join("rec.mnr");
+    let said = refusal(&["track", "sim:", "--record", text(&file), "--frames", "3"]);
+    assert!(said.contains("sim:") && said.contains("fake-tracker"), "{said}");
+    let said =
+        refusal(&["track", "natnet://127.0.0.1:1?interface=203.0.113.7", "--record", text(&file), "--frames", "3"]);
+    assert!(said.contains("203.0.113.7"), "{said}");
+    only(dir.path(), &[]);
 }
 
 /// `monro register ... | head -1` used to panic.

@@ -84,12 +84,24 @@ fn a_stretched_cube_has_the_closed_form_in_metres_and_newtons() {
 }
 
 #[test]
+fn an_existing_file_was_replaced_without_force() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (scene, out) = (scene(dir.path()), dir.path().join("out.vtu"));
+    let ask = ["solve", text(&scene), "--mesh", "cube", "--case", "stretch", "--out", text(&out)];
+    fs::write(&out, "mine").expect("write");
+    assert!(refusal(&ask).contains("--force"));
+    assert_eq!(fs::read(&out).expect("still there"), b"mine");
+    json(&[&ask[..], &["--force"]].concat());
+    displacement(&out);
+}
+
+#[test]
 fn a_punch_is_felt_and_weight_is_borne() {
     let dir = tempfile::tempdir().expect("temp");
     let (scene, out) = (scene(dir.path()), dir.path().join("out.vtu"));
     let ask = |case: &str, mode: &str| {
         let what = ["solve", text(&scene), "--mesh", "cube", "--case", case, "--mode", mode];
-        json(&[&what[..], &["--out", text(&out), "--refine", "1"]].concat())
+        json(&[&what[..], &["--out", text(&out), "--refine", "1", "--force"]].concat())
     };
     let punch = ask("punch", "physical");
     let (force, borne) = (punch["punch_force_N"].as_f64().expect("force"), point(&punch["reactions_N"]["z0"])[2]);

@@ -54,7 +54,7 @@ fn the_scene_s_own_files_are_not_overwritten() {
     for out in [&mesh, &other, &link, &dir.path().join("./cube.vtu")] {
         let mut args = args.each_ref().map(String::as_str);
         args[7] = text(out);
-        says(&refusal(&args), &[text(out), "read from", "another file"]);
+        says(&refusal(&args), &[text(out), "command reads", "elsewhere"]);
         assert_eq!(fs::read(out).expect("mesh"), before);
     }
     let mut args = args.each_ref().map(String::as_str);

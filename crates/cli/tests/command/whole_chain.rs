@@ -44,6 +44,7 @@ fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
     forces_have_a_unit_in_physical_mode_only(&case, &done, dir.path());
     fifty_millimetres_of_mercury_gave_garbage_and_no_word(&case, dir.path());
     garbage_was_told_in_the_report_only(&case, dir.path());
+    what_was_asked_was_in_no_result(&case, dir.path());
     damaged_case(&case, dir.path());
 }
 
@@ -63,8 +64,10 @@ fn forces_have_a_unit_in_physical_mode_only(case: &Path, physical: &Value, dir: 
 
 /// No number that is none, and what the brain's own tissue lost is told.
 fn fifty_millimetres_of_mercury_gave_garbage_and_no_word(case: &Path, dir: &Path) {
-    let out = dir.join("pressed");
-    let done = json(&["simulate", text(case), "--out", text(&out), "--speed", "80", "--csf-pressure-mmhg", "50"]);
+    // In place of an earlier simulation, which is what --force is for.
+    let out = dir.join("paper");
+    let asked = ["--speed", "80", "--csf-pressure-mmhg", "50", "--force"];
+    let done = json(&[&["simulate", text(case), "--out", text(&out)][..], &asked].concat());
     assert_eq!((&done["reliable"], &done["inverted_most"]), (&Value::from(true), &Value::from(0)), "{done}");
     assert!(done["max_target_shift_mm"].as_f64() < Some(15.0), "{done}");
     let [brain, ventricle] =
@@ -102,6 +105,27 @@ fn garbage_was_told_in_the_report_only(case: &Path, dir: &Path) {
     assert!(html.contains("<li class=\"error\">"));
 }
 
+/// A run with gravity could not be told from one without.
+fn what_was_asked_was_in_no_result(case: &Path, dir: &Path) {
+    let (out, soft) = (dir.join("asked"), dir.join("soft.toml"));
+    fs::write(&soft, "[brain]\nyoung_kpa = 1.25\n").expect("write");
+    let asked = ["--speed", "80", "--gravity", "0,9.81,0", "--drain-ml", "2", "--materials", text(&soft)];
+    let done = monro(&[&["simulate", text(case), "--out", text(&out)][..], &asked].concat());
+    let stdout = String::from_utf8_lossy(&done.stdout).into_owned();
+    let html = fs::read_to_string(out.join("report.html")).expect("report");
+    for words in ["at 80 mm/s", "gravity 0, 9.81, 0 m/s2", "of 2.0 ml", "mmHg", "soft.toml", "1.25 kPa"] {
+        assert!(stdout.contains(words), "{words}: {stdout}");
+        assert!(html.contains(words), "{words} is not in the report");
+    }
+    assert!(stdout.contains("left side") && stdout.contains("reliable"), "{stdout}");
+    let summary: Value =
+        serde_json::from_str(&fs::read_to_string(out.join("summary.json")).expect("summary")).expect("JSON");
+    assert_eq!(summary["gravity_m_s2"], serde_json::json!([0.0, 9.81, 0.0]));
+    assert!(summary["materials_file"].as_str().is_some_and(|f| f.ends_with("soft.toml")), "{summary}");
+    assert_eq!((&summary["plan"]["side"], &summary["mode"]), (&"left".into(), &"physical".into()), "{summary}");
+    assert!(summary["volumes"]["brain"]["of"].as_str().is_some_and(|of| of.contains("CSF")), "{summary}");
+}
+
 /// A plan read in the wrong direction, or far off the head, is refused with a hint; nothing is written.
 fn plans_of_another_head(phantom: &Path, case: &Path, dir: &Path) {
     let ends = markups(&case.join("plan.mrk.json"));
@@ -132,7 +156,7 @@ fn damaged_case(case: &Path, dir: &Path) {
     fs::write(&mesh, bytes).expect("write");
     let out = dir.join("damaged");
     let said = refusal(&["simulate", text(case), "--out", text(&out)]);
-    assert!(said.contains("tets.vtu") && said.contains("damaged"), "{said}");
+    assert!(said.contains("tets.vtu") && said.contains("changed") && said.contains("damaged"), "{said}");
     assert!(!out.exists());
 }
 

@@ -105,6 +105,13 @@ fn list(root: &Path, folder: &Path, depth: usize, out: &mut Vec<PathBuf>) -> Res
     Ok(())
 }
 
+/// Whether a file that begins like DICOM lies somewhere in a folder.
+pub(crate) fn holds_dicom(folder: &Path) -> bool {
+    let mut files = Vec::new();
+    // Too large or partly unreadable: reading it says so.
+    list(folder, folder, 0, &mut files).is_err() || files.iter().any(|file| is_dicom_file(file))
+}
+
 /// Whether a file begins like DICOM.
 pub(crate) fn is_dicom_file(file: &Path) -> bool {
     let mut begin = Vec::new();

@@ -16,12 +16,12 @@ pub mod seg;
 mod series;
 mod write;
 
-pub(crate) use folder::is_dicom_file;
+pub(crate) use folder::{holds_dicom, is_dicom_file};
 pub use write::{SeriesMeta, WriteError, write_series};
 
 use crate::error::ScanError;
 use crate::types::{Inspection, Scan};
-use crate::{ReadOptions, check, file, hash, resample};
+use crate::{ReadOptions, check, file, hash, resample, shelf};
 use folder::Survey;
 use series::Series;
 use std::path::Path;
@@ -61,7 +61,8 @@ fn survey(path: &Path) -> Result<Survey, ScanError> {
     let survey = Survey::of(path)?;
     if survey.images.is_empty() && survey.broken.is_empty() {
         let (folder, files) = (path.to_path_buf(), survey.files);
-        return Err(ScanError::NoImages { folder, files, seen: survey.skipped().join("; ") });
+        let volumes = shelf::volumes(path);
+        return Err(ScanError::NoImages { folder, files, seen: survey.skipped().join("; "), volumes });
     }
     Ok(survey)
 }

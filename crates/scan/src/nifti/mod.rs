@@ -15,6 +15,10 @@ use std::io::Read;
 
 const HEADER: usize = 348;
 
+/// What 32 bits of the qform's vector part leave open of the square of its scalar part. Near half a turn, as between LPS
+/// and RAS, that is its own size: a third of a milliradian, 0.1 mm at the far corner of a head.
+const ROUNDING: [f64; 3] = [0.0, -3e-7, 3e-7];
+
 /// Whether the bytes begin like a NIfTI-1 file, plain (not gzip).
 pub(crate) fn looks_like(bytes: &[u8]) -> bool {
     bytes.len() >= HEADER && endian(bytes).is_some()
@@ -177,9 +181,10 @@ impl<'a> Fields<'a> {
     }
 
     /// Method 2 of `nifti1.h`: a unit quaternion, the pixdims and qfac.
-    fn qform(&self) -> (Matrix3, [f64; 3]) {
+    /// The scalar part is not stored; `more` is added to its square.
+    fn qform(&self, more: f64) -> (Matrix3, [f64; 3]) {
         let [b, c, d] = [256, 260, 264].map(|o| self.float(o));
-        let a = (1.0 - (b * b + c * c + d * d)).max(0.0).sqrt();
+        let a = (1.0 + more - (b * b + c * c + d * d)).max(0.0).sqrt();
         let rotation = [
             [a * a + b * b - c * c - d * d, 2.0 * (b * c - a * d), 2.0 * (b * d + a * c)],
             [2.0 * (b * c + a * d), a * a + c * c - b * b - d * d, 2.0 * (c * d - a * b)],
@@ -203,25 +208,28 @@ impl<'a> Fields<'a> {
         };
         match (has_s, has_q) {
             (false, false) => Err(Problem::NoOrientation("sform_code and qform_code are both 0".into())),
-            (false, true) => Ok(lps(self.qform())),
+            (false, true) => Ok(lps(self.qform(0.0))),
             (true, q) => {
                 let s = lps(self.sform());
                 if q {
-                    self.compare(&s, &lps(self.qform()), warnings);
+                    self.compare(&s, &ROUNDING.map(|more| lps(self.qform(more))), warnings);
                 }
                 Ok(s)
             }
         }
     }
 
-    /// Warns when sform and qform put a corner of the volume at different places.
-    fn compare(&self, s: &Affine<Patient, Voxel>, q: &Affine<Patient, Voxel>, warnings: &mut Vec<String>) {
+    /// Warns when sform and all readings of the qform put a corner of the volume at different places.
+    fn compare(&self, s: &Affine<Patient, Voxel>, q: &[Affine<Patient, Voxel>], warnings: &mut Vec<String>) {
         let Ok(dims) = self.dims() else { return };
         let corner = |c: usize| {
             let at = |a: usize| if c >> a & 1 == 0 { 0.0 } else { dims[a] as f64 - 1.0 };
             Point::new(at(0), at(1), at(2))
         };
-        let worst = (0..8).map(|c| s.point(corner(c)).distance(q.point(corner(c)))).fold(0.0, f64::max);
+        let apart = |q: &Affine<Patient, Voxel>| {
+            (0..8).map(|c| s.point(corner(c)).distance(q.point(corner(c)))).fold(0.0, f64::max)
+        };
+        let worst = q.iter().map(apart).fold(f64::INFINITY, f64::min);
         if worst > 0.1 {
             warnings.push(format!("sform and qform disagree by up to {worst:.1} mm; the sform is used"));
         }

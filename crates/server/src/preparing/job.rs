@@ -3,7 +3,7 @@
 use super::Beside;
 use crate::case_data;
 use axum::body::Bytes;
-use monro_case::Staging;
+use monro_case::{CASE, Staging};
 use monro_geometry::{Bvh, Patient, Point};
 use monro_guidance::Side;
 use monro_prepare::{Observer, Prepared, Request, Stage};
@@ -42,6 +42,8 @@ struct Made {
 }
 
 struct Inner {
+    /// Where scans lie.
+    scans: PathBuf,
     case_dir: PathBuf,
     beside: Beside,
     progress: Mutex<Progress>,
@@ -74,9 +76,9 @@ impl Observer for Job {
 }
 
 impl Job {
-    pub(super) fn new(case_dir: PathBuf, beside: Beside) -> Self {
+    pub(super) fn new(scans: PathBuf, case_dir: PathBuf, beside: Beside) -> Self {
         let (progress, made, written) = (Mutex::default(), Mutex::default(), Mutex::default());
-        Self(Arc::new(Inner { case_dir, beside, progress, made, busy: AtomicBool::new(false), written }))
+        Self(Arc::new(Inner { scans, case_dir, beside, progress, made, busy: AtomicBool::new(false), written }))
     }
 
     fn enter(&self, stage: &'static str) {
@@ -153,7 +155,8 @@ impl Job {
         if *written == Some(*version) {
             return Ok(());
         }
-        let staging = Staging::begin(&self.0.case_dir, written.is_some()).map_err(|e| e.to_string())?;
+        let inputs = [self.0.scans.as_path()];
+        let staging = Staging::begin(&self.0.case_dir, written.is_some(), &CASE, &inputs).map_err(|e| e.to_string())?;
         monro_prepare::write(prepared, &staging, self).map_err(|e| e.to_string())?;
         let stages: Vec<_> = lock(&self.0.progress).done.iter().map(|(name, s)| ((*name).to_owned(), *s)).collect();
         (self.0.beside)(prepared, &stages, &staging)?;

@@ -68,7 +68,7 @@ async fn prepare_then_serve(
     let listener = listener.into_std()?;
     let second = listener.try_clone()?;
     let (ask, mut asked) = mpsc::channel(1);
-    let job = Job::new(options.case_dir.clone(), beside);
+    let job = Job::new(scans.clone(), options.case_dir.clone(), beside);
     let shared = Arc::new(Shared { keys: Arc::clone(&keys), scans, job, open: Mutex::new(ask) });
     let (stop, stopped) = oneshot::channel::<()>();
     let first = tokio::spawn(routes::run(shared, TcpListener::from_std(listener)?, stopped));

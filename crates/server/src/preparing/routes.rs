@@ -52,12 +52,9 @@ fn binary(bytes: Option<Bytes>) -> Response {
     }
 }
 
-/// Names of what lies in the folder of scans, sorted; hidden entries are left out.
+/// What can be prepared in the folder of scans.
 fn scans(shared: &Shared) -> io::Result<Vec<String>> {
-    let names = std::fs::read_dir(&shared.scans)?.filter_map(|e| e.ok()?.file_name().into_string().ok());
-    let mut names: Vec<String> = names.filter(|n| !n.starts_with('.')).collect();
-    names.sort();
-    Ok(names)
+    monro_scan::scans_in(&shared.scans)
 }
 
 async fn describe(State(shared): State<Arc<Shared>>) -> Response {

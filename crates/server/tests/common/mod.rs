@@ -3,7 +3,7 @@
 #![allow(dead_code, unreachable_pub, reason = "each test and example uses its own part")]
 
 use monro_case::markups::NamedPoint;
-use monro_case::{Case, CaseFiles, Manifest, SCHEMA, Source, Staging};
+use monro_case::{CASE, Case, CaseFiles, Manifest, SCHEMA, Source, Staging};
 use monro_geometry::{Grid, Patient, Point, TetMesh, TriangleMesh, Vector, Volume};
 use monro_guidance::{Plan, Side};
 use monro_server::{ServeOptions, Tracker};
@@ -147,7 +147,7 @@ pub fn case() -> Case {
 
 /// Writes the case into a new folder below `dir`.
 pub fn write_case(dir: &Path, with_ct: bool) -> PathBuf {
-    let staging = Staging::begin(&dir.join("case"), false).expect("begin");
+    let staging = Staging::begin(&dir.join("case"), false, &CASE, &[]).expect("begin");
     let images = CaseFiles { ct: with_ct.then(|| monro_scan::nifti::encode_i16(&ct())), labels: None };
     case().write(&staging, images).expect("write");
     staging.finish().expect("finish")

@@ -19,7 +19,7 @@ use budget::Sample;
 use camera::Camera;
 use display::{Display, Shown};
 use http::Door;
-use monro_case::{Case, Staging};
+use monro_case::{CASE, Case, Staging};
 use monro_guidance::Plan;
 use monro_guidance::simulation::quantile;
 use monro_prepare::Request;
@@ -54,7 +54,7 @@ pub(crate) fn run(args: &LiveBenchArgs, console: &Console) -> Result<()> {
 fn phantom(folder: &Path, elements: usize, console: &Console) -> Result<PathBuf> {
     let scan = demo::phantom_as_scan(&folder.join("phantom"), 0, console)?;
     let prepared = monro_prepare::build(scan, &Request { elements, ..Request::default() }, console)?;
-    let staging = Staging::begin(&folder.join("case"), false)?;
+    let staging = Staging::begin(&folder.join("case"), false, &CASE, &[])?;
     prepare::write(&prepared, &staging, console)?;
     Ok(staging.finish()?)
 }
