@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// Refuses, before any work is done, a file that cannot be written or would overwrite another one.
 pub(super) fn check(out: &Path, force: bool) -> Result<()> {
     if out.is_dir() {
-        bail!("{} is a folder; name a file in it for --out", out.display());
+        bail!("{} is a folder; name a file in it", out.display());
     }
     if out.exists() && !force {
         bail!("{} exists already; give --force to overwrite it, or another --out", out.display());

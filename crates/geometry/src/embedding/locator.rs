@@ -51,7 +51,7 @@ pub struct TetLocator {
     pub(super) cells: Cells,
     boundary: Bvh,
     /// Element and corner opposite to each triangle of `boundary`.
-    behind: Vec<(u32, u8)>,
+    pub(super) behind: Vec<(u32, u8)>,
 }
 
 impl TetLocator {

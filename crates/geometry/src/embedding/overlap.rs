@@ -9,7 +9,7 @@ const INSIDE: f64 = 1e-4;
 /// Elements that lie in one another.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Overlap {
-    /// Elements found whose middle, or a corner of which, lies inside of another element.
+    /// Elements found in others.
     pub elements: usize,
     /// The first of them and the other one.
     pub pair: [usize; 2],
@@ -19,22 +19,26 @@ pub struct Overlap {
 
 impl TetLocator {
     /// Looks for elements that overlap without sharing a face, as two bodies that were put into one another. Tried are the
-    /// corners and middles of all elements: parts that only graze each other may be missed. `None` where there is none.
+    /// middles of all elements, and the corners of those at the boundary, which bounds what overlaps: parts that only graze
+    /// each other may be missed. `None` where there is none.
     pub fn overlap(&self) -> Option<Overlap> {
+        let mut at_boundary = vec![false; self.tets.len()];
+        self.behind.iter().for_each(|&(t, _)| at_boundary[t as usize] = true);
         let mut found: Option<Overlap> = None;
-        for t in 0..self.tets.len() {
-            let Some((other, at)) = self.overlapping(t) else { continue };
+        for (t, corners_too) in at_boundary.into_iter().enumerate() {
+            let Some((other, at)) = self.overlapping(t, corners_too) else { continue };
             let first = found.get_or_insert(Overlap { elements: 0, pair: [t, other], at });
             first.elements += 1;
         }
         found
     }
 
-    /// Another element, and a point of `t` inside of it.
-    fn overlapping(&self, t: usize) -> Option<(usize, Point<Patient>)> {
+    /// Another element, and a point of `t` inside of it: its middle, or one of its corners.
+    fn overlapping(&self, t: usize, corners_too: bool) -> Option<(usize, Point<Patient>)> {
         let corners = self.tets[t].map(|v| self.vertices[v as usize]);
         let middle = corners[0].lerp(corners[1], 0.5).lerp(corners[2].lerp(corners[3], 0.5), 0.5);
-        [middle, corners[0], corners[1], corners[2], corners[3]].into_iter().find_map(|p| {
+        let tried = if corners_too { &corners[..] } else { &[] };
+        core::iter::once(&middle).chain(tried).find_map(|&p| {
             let inside = |&&o: &&u32| o as usize != t && self.weights(o as usize, p).iter().all(|&w| w > INSIDE);
             self.cells.candidates(p).iter().find(inside).map(|&o| (o as usize, p))
         })
