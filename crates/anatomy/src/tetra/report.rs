@@ -5,8 +5,9 @@ use super::size::SizeField;
 use super::vec3::{V3, add, scale};
 use super::voxels::Voxels;
 use super::{Crumb, MeshOptions, difference, remarks};
+use crate::shapes::ShapeSummary;
 use crate::surface::isosurface;
-use monro_geometry::{Bvh, Patient, Point, TetMesh, TetQuality, TriangleMesh};
+use monro_geometry::{Bvh, Patient, Point, TetMesh, TriangleMesh};
 use rayon::prelude::*;
 use std::fmt;
 
@@ -118,13 +119,6 @@ pub const LEAST_RADIUS_RATIO: f64 = 0.2;
 /// and so is a volume of a label that is off by more than this part.
 pub const MOST_VOLUME_ERROR: f64 = 0.01;
 
-/// How near an element is to the bounds of shape: below 1 it misses one.
-fn room(q: &TetQuality) -> f64 {
-    let low = q.min_dihedral.to_degrees() / LEAST_DIHEDRAL;
-    let high = (180.0 - q.max_dihedral.to_degrees()) / (180.0 - LARGEST_DIHEDRAL);
-    low.min(high).min(q.radius_ratio / LEAST_RADIUS_RATIO)
-}
-
 /// One label of the mesh against its voxels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LabelReport {
@@ -194,27 +188,22 @@ pub(super) struct Source<'a, T> {
 
 pub(super) fn report<T: Copy + Into<u16> + Sync>(mesh: &TetMesh, source: &Source<'_, T>) -> MeshReport {
     let fields = source.fields;
-    let shapes: Vec<_> = (0..mesh.tets.len()).into_par_iter().map(|t| mesh.quality(t)).collect();
-    let mut low: Vec<f64> = shapes.iter().map(|q| q.min_dihedral.to_degrees()).collect();
-    let mut ratio: Vec<f64> = shapes.iter().map(|q| q.radius_ratio).collect();
-    low.sort_unstable_by(f64::total_cmp);
-    ratio.sort_unstable_by(f64::total_cmp);
+    let shapes = ShapeSummary::of(mesh);
     let (edge_bands, core_edge_mean) = spacing(mesh, source.size);
-    let at = |sorted: &[f64], part: usize| sorted.get(sorted.len() * part / 100).copied().unwrap_or(0.0);
     let outer = without_specks(isosurface(fields.union.volume(), 0.5), fields.step.powi(3), |p, inside| {
         source.voxels.is_separate(p, fields.step, |l| source.options.keep.contains(&l) == inside)
     });
     let mut report = MeshReport {
         elements: mesh.tets.len(),
         vertices: mesh.vertices.len(),
-        dihedral_min: at(&low, 0),
-        dihedral_max: shapes.iter().map(|q| q.max_dihedral.to_degrees()).fold(0.0, f64::max),
-        dihedral_p1: at(&low, 1),
-        radius_ratio_min: at(&ratio, 0),
-        radius_ratio_median: at(&ratio, 50),
+        dihedral_min: shapes.dihedral_min,
+        dihedral_max: shapes.dihedral_max,
+        dihedral_p1: shapes.dihedral_p1,
+        radius_ratio_min: shapes.radius_ratio_min,
+        radius_ratio_median: shapes.radius_ratio_median,
         core_edge_mean,
         edge_bands,
-        bad_shapes: bad_shapes(mesh, &shapes),
+        bad_shapes: shapes.bad,
         coarse_regions: source.coarse_regions,
         labels: (0..fields.labels.len()).map(|l| label_report(mesh, source, l)).collect(),
         outer: SurfaceReport::new(&mesh.surface(|_| true), &outer, fields.unit),
@@ -223,12 +212,6 @@ pub(super) fn report<T: Copy + Into<u16> + Sync>(mesh: &TetMesh, source: &Source
     };
     report.remarks = remarks::remarks(&report, source);
     report
-}
-
-fn bad_shapes(mesh: &TetMesh, shapes: &[TetQuality]) -> Option<BadShapes> {
-    let bad = || shapes.iter().map(room).enumerate().filter(|(_, room)| *room < 1.0);
-    let (worst, _) = bad().min_by(|a, b| a.1.total_cmp(&b.1))?;
-    Some(BadShapes { count: bad().count(), worst_at: centroid(mesh.corners(worst)).to_array() })
 }
 
 fn centroid<const N: usize>(corners: [Point<Patient>; N]) -> Point<Patient> {
