@@ -21,7 +21,9 @@ ifeq ($(HEADLESS),)
 endif
 
 demo: web build
-	"$(CARGO_TARGET_DIR)/release/monro" demo --out "$(OUT)" --force $(if $(HEADLESS),--headless)
+	@# Ctrl-C ends the live view as it should (status 130): no failure.
+	@trap : INT; "$(CARGO_TARGET_DIR)/release/monro" demo --out "$(OUT)" --force $(if $(HEADLESS),--headless); \
+	  status=$$?; [ $$status -eq 130 ] || exit $$status
 
 bench: build
 	scripts/bench.sh $(SCANS)

@@ -36,9 +36,21 @@ setup() {
   browser
 }
 
+# A hash of all that the app is built from.
+inputs() {
+  find web -type d \( -name node_modules -o -name dist -o -name tests \) -prune -o -type f -print0 | sort -z | xargs -0 sha256sum | sha256sum
+}
+
+# Only what has changed: a newer web/dist has Cargo compile the server and the program again.
 build() {
   packages
+  local built=web/node_modules/.monro-built
+  if [ -f web/dist/index.html ] && [ "$(inputs)" = "$(cat "$built" 2>/dev/null)" ]; then
+    echo "The web app is built already."
+    return
+  fi
   npm run --silent --prefix web build
+  inputs > "$built"
 }
 
 test() {

@@ -8,12 +8,14 @@ use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-/// From a head CT to a simulated catheter in the ventricle. Research software, not for clinical use.
+/// Monro makes a patient model from a head CT, and simulates and guides the insertion of a catheter into its ventricles.
+/// Research software, not for clinical use. Begin with "monro demo", or with "monro prepare SCAN --out CASE".
 #[derive(Debug, Parser)]
-#[command(name = "monro", version, about, arg_required_else_help = true)]
+#[command(name = "monro", version, arg_required_else_help = true)]
 pub(crate) struct Cli {
-    /// Print JSON on stdout instead of text: one object, of "monro track" one a pose; logs and progress always go to stderr.
-    #[arg(long, global = true)]
+    /// Print one JSON object on stdout instead of text ("track": one a pose; "fake-tracker": nothing). Progress and warnings
+    /// always go to stderr.
+    #[arg(long, global = true, display_order = 900)]
     pub(crate) json: bool,
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -38,15 +40,15 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     /// Solve a static scene (JSON and meshes in SI) for its displacement and its reactions.
     Solve(SolveArgs),
-    /// Show a live insertion in the browser.
+    /// Guide a live insertion in the browser and in 3D Slicer, by a real tracker or a scripted one.
     Serve(ServeArgs),
     /// Play a recorded session again and compare its snapshots with those that were shown.
     Replay(ReplayArgs),
     /// Make graded tetrahedra from a label volume, or again from a case.
     Mesh(MeshArgs),
-    /// Print live poses with their age and quality.
+    /// Print live poses of a tracker with their age and quality (with --json one object a pose).
     Track(TrackArgs),
-    /// Act as Motive (NatNet) or as PLUS (OpenIGTLink) and play a scene.
+    /// Act as Motive (NatNet) or as PLUS (OpenIGTLink) and play a scene; nothing is printed on stdout.
     #[command(subcommand)]
     FakeTracker(FakeTrackerCommand),
     /// Say why there are no poses.

@@ -11,6 +11,7 @@ mod samples;
 mod segment;
 
 use crate::args::ModeArg;
+use crate::columns::{column, lines, short, table};
 use crate::console::{Console, seconds_json};
 use crate::{demo, simulate};
 use anyhow::Result;
@@ -60,7 +61,23 @@ fn prepare_and_insert(path: Option<&Path>, elements: usize, console: &Console) -
         "elements": prepared.case.tets.tets.len(), "seconds": seconds_json(&stages), "seconds_total": total,
         "peak_memory_mib": peak_mib, "threads": std::thread::available_parallelism().map_or(1, usize::from), "insertion": modes,
     });
-    console.result(&result, &text(&result));
+    let rows = ["paper", "physical"].map(|mode| {
+        let mut row = result["insertion"][mode].clone();
+        row["mode"] = mode.into();
+        row
+    });
+    let ms = [column("insertion", "/mode"), column("frames", "/frames"), column("ms median", "/ms_median")];
+    let ms: Vec<_> = ms.into_iter().chain([column("ms 99 %", "/ms_p99")]).collect();
+    let stage = |(name, s): &(String, f64)| json!({ "stage": name, "seconds": s });
+    let seconds: Vec<Value> = stages.iter().map(stage).collect();
+    let text = format!(
+        "{} tetrahedra in {total:.2} s, peak memory {} MiB\n{}\n{}",
+        result["elements"],
+        short(&result["peak_memory_mib"]),
+        table(&seconds, &[column("stage", "/stage"), column("seconds", "/seconds")]),
+        table(&rows, &ms)
+    );
+    console.result(&result, &text);
     Ok(())
 }
 
@@ -94,7 +111,7 @@ fn registration(case: Option<&Path>, trials: usize, console: &Console) -> Result
         "predicted_over_actual": rms(&each(|t| t.predicted)) / rms(&tre).max(f64::MIN_POSITIVE),
         "basin": console.stage("basin", || basin(&scene, (trials / 10).max(5))),
     });
-    console.result(&result, &text(&result));
+    console.result(&result, &lines(&result));
     Ok(())
 }
 
@@ -120,17 +137,13 @@ fn latency(frames: u32, rate: f64, console: &Console) -> Result<()> {
         "frames": ms.len(), "before_names": all.before_names, "lost": all.lost, "rate_hz": rate,
         "ms_p50": quantile(&ms, 0.5), "ms_p99": quantile(&ms, 0.99),
     });
-    console.result(&result, &text(&result));
+    console.result(&result, &lines(&result));
     Ok(())
 }
 
 fn phantom(console: &Console) -> Result<Scan> {
     let folder = tempfile::tempdir()?;
     demo::phantom_as_scan(folder.path(), 0, console)
-}
-
-fn text(result: &Value) -> String {
-    format!("{result:#}")
 }
 
 /// Highest resident memory of this process so far, MiB; `None` where the system does not tell.

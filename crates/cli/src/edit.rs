@@ -49,6 +49,11 @@ pub(crate) fn run(args: &EditArgs, console: &Console) -> Result<()> {
         }),
         listen: args.listen,
     };
+    console.note(if is_case {
+        "opening the editor ..."
+    } else {
+        "opening the editor, which segments the scan first ..."
+    });
     serve_edit(options, |ready| announce(ready, console))?;
     Ok(())
 }
@@ -201,6 +206,7 @@ fn origin(manifest: &Manifest) -> String {
 }
 
 fn announce(ready: &Ready, console: &Console) {
+    ready.notes.iter().for_each(|note| console.note(note));
     let line = json!({ "url": ready.url, "token": ready.token, "open": ready.browser_url() });
     let text = format!("Open {} in a browser on this machine (Ctrl-C ends it).\n{NOTICE}", ready.browser_url());
     console.result(&line, &text);

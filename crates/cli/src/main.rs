@@ -3,6 +3,7 @@
 mod args;
 mod bench;
 mod calibrate;
+mod columns;
 mod console;
 mod demo;
 mod edit;

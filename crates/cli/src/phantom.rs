@@ -31,8 +31,13 @@ pub(crate) fn run(args: &PhantomArgs, console: &Console) -> Result<()> {
     console.stage("write DICOM", || write(&made, staging.path(), args.seed))?;
     let out = staging.finish()?;
     drop(guard);
+    // A box with a drawer is no head to the segmentation.
+    let labels = match args.kind {
+        PhantomKind::Head => String::new(),
+        PhantomKind::Drawer => format!(" --labels {}", out.join("labels.nii.gz").display()),
+    };
     let text = format!(
-        "Phantom {} in {}: DICOM in dicom/, true labels in labels.nii.gz, landmarks in landmarks.mrk.json.\nNext: monro prepare {} --out CASE",
+        "Phantom {} in {}: DICOM in dicom/, true labels in labels.nii.gz, landmarks in landmarks.mrk.json.\nNext: monro prepare {}{labels} --out CASE",
         made.name,
         out.display(),
         out.join("dicom").display()

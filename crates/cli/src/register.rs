@@ -2,6 +2,7 @@
 
 use crate::args::RegisterArgs;
 use crate::calibrate::{named_points, point, rows};
+use crate::columns::short;
 use crate::console::Console;
 use anyhow::{Context, Result, bail};
 use monro_case::{Case, markups};
@@ -85,7 +86,8 @@ fn words(result: &Value, found: &Found) -> String {
     out + &format!(
         "Pose of the reference body in the patient: quaternion (w, x, y, z) {}, translation {} mm.\n\
          With --json: what a live session takes at /api/session.",
-        result["quaternion_wxyz"], result["translation_mm"]
+        short(&result["quaternion_wxyz"]),
+        short(&result["translation_mm"])
     )
 }
 

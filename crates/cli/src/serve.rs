@@ -35,6 +35,7 @@ pub(crate) fn run(args: &ServeArgs, console: &Console) -> Result<()> {
         recording: path.map(|path| Recording { path, settings }),
         igtl: (!args.no_igtl).then_some(args.igtl),
     };
+    console.note(&format!("opening {} ...", args.scans.as_ref().unwrap_or(case_dir).display()));
     match &args.scans {
         Some(scans) => {
             match check_output(case_dir, false, &CASE, &[scans]) {

@@ -61,6 +61,8 @@ pub struct Ready {
     pub igtl: Option<SocketAddr>,
     /// Where the session is recorded.
     pub recording: Option<PathBuf>,
+    /// What the user should know from the start, as what became of earlier work.
+    pub notes: Vec<String>,
 }
 
 impl Ready {
@@ -73,7 +75,7 @@ impl Ready {
 /// Where a server with these keys can be reached, by this machine only.
 pub(crate) fn ready_at(address: SocketAddr, keys: &Keys) -> Ready {
     let (url, token) = (format!("http://{address}"), keys.token(Role::Operator).to_owned());
-    Ready { url, token, invitation: None, has_web_app: web::IS_BUILT, igtl: None, recording: None }
+    Ready { url, token, invitation: None, has_web_app: web::IS_BUILT, igtl: None, recording: None, notes: Vec::new() }
 }
 
 /// What all requests share.

@@ -222,9 +222,18 @@ impl Source for NatNetSource {
         facts.push(format!("{} frames, {} missed, {} malformed", c.frames, c.missed, c.malformed));
         facts.extend(c.last_error.as_ref().map(|e| format!("last fault: {e}")));
         if let Some(o) = self.decoder.estimate.offset() {
-            facts.push(format!("clock offset {:.6} s, known to {:.3} ms", o.offset, 1e3 * o.bound));
+            facts.push(clock_fact(o.offset, o.bound));
         }
         facts
+    }
+}
+
+/// What is known of the server's clock. Both count from the start of something, so that a large offset says nothing.
+fn clock_fact(offset: f64, bound: f64) -> String {
+    let known = format!("the server's clock is known to {:.2} ms", 1e3 * bound);
+    match offset.abs() {
+        far if far > 3600.0 => format!("{known} (it counts from another moment than ours)"),
+        _ => format!("{known} (it is {offset:.4} s ahead of ours)"),
     }
 }
 
@@ -281,6 +290,12 @@ fn listen(
 mod tests {
     use super::*;
     use crate::TrackerUrl;
+
+    #[test]
+    fn the_offset_of_a_clock_was_told_in_ten_digits_of_seconds() {
+        assert!(!clock_fact(-1_795_385_035.258_362, 1.2e-4).contains("1795"));
+        assert!(clock_fact(0.012_34, 1.2e-4).contains("0.12 ms (it is 0.0123 s"));
+    }
 
     /// Two servers that sent to one group and port used to be mixed into one stream.
     #[test]

@@ -460,6 +460,8 @@ class Editor {
       for (;;) {
         const now = await this.#api.json<Rebuilding>("/api/rebuild");
         element("#progress").textContent = this.#progress(now);
+        // At the end of a panel that a low window cuts off.
+        element("#progress").scrollIntoView({ block: "nearest" });
         if (now.state !== "running") break;
         await new Promise((r) => setTimeout(r, 250));
       }

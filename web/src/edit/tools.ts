@@ -35,8 +35,8 @@ export const TOOLS: Tool[] = [
     fields: [
       { kind: "choice", id: "mode", label: "Inside", options: [["replace", "is the label here"], ["add", "is added"], ["erase", "is taken away"]] },
       { kind: "number", id: "snap", label: "Snap px", value: 4, min: 0, max: 20, step: 1 },
-      { kind: "check", id: "training", label: "Training", value: true },
-      { kind: "check", id: "cooling", label: "Cooling", value: false },
+      { kind: "check", id: "training", label: "Learns the edge from what was drawn", value: true },
+      { kind: "check", id: "cooling", label: "Fixes the wire where it rests", value: false },
       ...BETWEEN,
     ],
   },

@@ -1,7 +1,7 @@
 //! `monro bench error`: how far each solver is from the reference of a scene, against the time it took.
 
-use super::text;
 use crate::bench::args::ErrorArgs;
+use crate::columns::{Column, column, table};
 use crate::console::Console;
 use crate::output_file;
 use crate::solve::scene::{self, Scene};
@@ -62,8 +62,25 @@ pub(super) fn run(args: &ErrorArgs, console: &Console) -> Result<()> {
     }
     let all = plot.series.iter().map(|s| json!({ "solver": s.name, "ms_and_error_percent": s.points }));
     let result = json!({ "case": args.of.case, "mesh": args.of.mesh, "series": all.collect::<Vec<Value>>() });
-    console.result(&result, &text(&result));
+    let rows: Vec<Value> = plot.series.iter().map(best).collect();
+    console.result(&result, &table(&rows, &columns()));
     Ok(())
+}
+
+/// The least error of a solver, and when it came within a tenth of that.
+fn best(series: &Series) -> Value {
+    let least = series.points.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
+    let first = series.points.iter().find(|p| p[1] <= 1.1 * least);
+    json!({ "solver": series.name, "percent": first.map(|_| least), "ms": first.map(|p| p[0]), "tries": series.points.len() })
+}
+
+fn columns() -> [Column; 4] {
+    [
+        column("solver", "/solver"),
+        column("least error %", "/percent"),
+        column("within a tenth of it after ms", "/ms"),
+        column("points", "/tries"),
+    ]
 }
 
 impl Reference {

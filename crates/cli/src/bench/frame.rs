@@ -1,9 +1,10 @@
 //! `monro bench frame`: time of the soft body's whole frame (collision, deformation, surface update).
 
 use super::ball::{self, Probe};
+use super::peak_memory_mib;
 use super::samples::Samples;
-use super::{peak_memory_mib, text};
 use crate::bench::args::{ConstraintsArg, FrameArgs};
+use crate::columns::{Column, column, percent, table};
 use crate::console::Console;
 use anyhow::{Context, Result};
 use monro_geometry::{Embedding, Patient, Point, TetMesh, Vector};
@@ -38,8 +39,28 @@ pub(super) fn run(args: &FrameArgs, console: &Console) -> Result<()> {
             json!({ "sizes": sizes? })
         }
     };
-    console.result(&result, &text(&result));
+    let rows = result["sizes"].as_array().map_or_else(|| vec![result.clone()], Clone::clone);
+    console.result(&result, &table(&rows, &columns()));
     Ok(())
+}
+
+/// What of each size is told to people.
+fn columns() -> Vec<Column> {
+    vec![
+        column("elements", "/elements"),
+        column("vertices", "/vertices"),
+        column("threads", "/threads"),
+        column("iterations", "/iterations"),
+        column("ms median", "/ms_median"),
+        column("ms 99 %", "/ms_p99"),
+        column("CPU ms", "/cpu_ms_median"),
+        column("bytes/element", "/bytes_per_element"),
+        column("turned", "/inverted"),
+        percent("volume %", "/volume_change"),
+        column("predicted: ms median", "/predicted/ms_median"),
+        percent("error %", "/predicted/error_of_imposed"),
+        percent("RMS %", "/predicted/rms_error_of_motion"),
+    ]
 }
 
 /// A running soft body with a surface bound to it.

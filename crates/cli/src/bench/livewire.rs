@@ -5,6 +5,7 @@
 //! `clicks` (mean number needed for at most half a pixel), and a row per number of clicks. It also
 //! writes the slices, clicks and truths, for `scripts/bench_livewire.py` to run other tools on the very same input.
 
+use crate::columns::short;
 use anyhow::Result;
 use monro_anatomy::livewire::{Axis, Contour, Livewire, LivewireError, LivewireOptions, SliceImage};
 use monro_anatomy::phantom::{HeadModel, HeadOptions, head};
@@ -222,6 +223,17 @@ fn summary(outlines: &[Outline], errors: &[Vec<f64>], times: &mut Times) -> Valu
         "whole_slice_ms": quantile(&mut times.whole, 0.5),
         "by_clicks": TRIED.iter().enumerate().map(row).collect::<Vec<_>>(),
     })
+}
+
+/// The numbers that matter, for people.
+pub(super) fn words(measured: &Value) -> String {
+    let of = |key: &str| short(&measured[key]);
+    format!(
+        "livewire: contour off by {} px with {CLICKS} clicks, cost map {} ms, path {} ms (95 %)",
+        of("livewire_contour_error_px"),
+        of("livewire_map_ms"),
+        of("livewire_path_ms")
+    )
 }
 
 /// One JSON file and one raw file (little-endian f32) per slice.

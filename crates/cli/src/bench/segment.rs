@@ -2,6 +2,7 @@
 
 use super::livewire;
 use crate::args::PhantomKind;
+use crate::columns::{Column, column, table};
 use crate::console::Console;
 use crate::phantom;
 use anyhow::{Context, Result, bail};
@@ -37,8 +38,32 @@ pub(super) fn run(seeds: u64, against: &[String], dump: Option<&Path>, console: 
     for key in ["livewire_contour_error_px", "livewire_path_ms", "livewire_map_ms"] {
         result[key] = wire[key].clone();
     }
-    console.result(&result, &format!("{result:#}"));
+    let text = format!("{}\n{}", table(&flat(&result["scans"]), &columns()), livewire::words(&wire));
+    console.result(&result, &text);
     Ok(())
+}
+
+/// A row for each structure of each scan.
+fn flat(scans: &Value) -> Vec<Value> {
+    let of = |scan: &Value| -> Vec<Value> {
+        let row = |(name, agreement): (&String, &Value)| json!({ "scan": scan["scan"], "structure": name.replace('_', " "), "of": agreement });
+        scan["structures"].as_object().into_iter().flatten().map(row).collect()
+    };
+    scans.as_array().into_iter().flatten().flat_map(of).collect()
+}
+
+fn columns() -> Vec<Column> {
+    vec![
+        column("scan", "/scan"),
+        column("structure", "/structure"),
+        column("Dice", "/of/dice"),
+        column("expected", "/of/confidence"),
+        column("off mm, mean", "/of/mean_mm"),
+        column("95 %", "/of/hausdorff95_mm"),
+        column("found ml", "/of/found_ml"),
+        column("reference ml", "/of/reference_ml"),
+        column("seconds", "/of/seconds"),
+    ]
 }
 
 /// `5=1,6=2,56=1+2`: our labels and those of the reference; several of ours together are compared as one.

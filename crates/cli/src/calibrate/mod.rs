@@ -3,6 +3,7 @@
 mod table;
 
 use crate::args::{CalibrateCommand, PosesArgs};
+use crate::columns;
 use crate::console::Console;
 use anyhow::{Context, Result, bail};
 use monro_cli::track::TrackOptions;
@@ -27,22 +28,17 @@ pub(crate) fn run(command: &CalibrateCommand, console: &Console) -> Result<()> {
         CalibrateCommand::Camera { corners, size } => camera(corners, size)?,
         CalibrateCommand::Display { alignments } => display(alignments)?,
     };
-    console.result(&result, &lines(&result));
+    console.result(&result, &words(&result));
     Ok(())
 }
 
-/// A line for each quantity, its unit in its name, with four digits behind the point.
-fn lines(result: &Value) -> String {
-    fn short(v: &Value) -> String {
-        match v {
-            Value::Array(all) => format!("({})", all.iter().map(short).collect::<Vec<_>>().join(", ")),
-            Value::Object(all) => all.iter().map(|(k, v)| format!("{k} {}", short(v))).collect::<Vec<_>>().join(", "),
-            Value::Number(n) if n.is_f64() => format!("{:.4}", n.as_f64().unwrap_or(f64::NAN)),
-            other => other.to_string(),
-        }
+/// For people; the whole covariance is for programs.
+fn words(result: &Value) -> String {
+    let mut told = result.clone();
+    if let Some(all) = told.as_object_mut() {
+        all.remove("covariance_mm2");
     }
-    let quantity = |(name, v): (&String, &Value)| format!("{name}: {}", short(v));
-    result.as_object().map_or_else(String::new, |all| all.iter().map(quantity).collect::<Vec<_>>().join("\n"))
+    format!("{}\nWith --json: all digits, for a live session.", columns::lines(&told))
 }
 
 /// The poses of one tool while it is seen, from a tracker for some seconds or from the whole of a recording.

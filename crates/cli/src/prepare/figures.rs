@@ -165,7 +165,7 @@ fn plan_section(prepared: &Prepared) -> Result<Section> {
     let mut figures = vec![head_figure(&scene, &looks, 340)?];
     for facing in [Orientation::Coronal, Orientation::Sagittal] {
         if let Some(view) = SliceView::along_path(entry, target, facing, FIELD_MM, PIXELS) {
-            let title = format!("{}, in the plane of the path", facing.name());
+            let title = format!("{}, plane of the path", facing.name());
             figures.push(labelled_slice(prepared, view, Window::HEAD, &title)?);
         }
     }

@@ -100,7 +100,7 @@ fn slices_section(ct: &Volume<i16>, case: &Case, done: &Run) -> Result<Section> 
     let mut views: Vec<(String, SliceView)> =
         Orientation::ALL.map(|o| (o.name().to_owned(), SliceView::standard(o, tip, FIELD_MM, PIXELS))).to_vec();
     let along = SliceView::along_path(case.plan.entry(), case.plan.target(), Orientation::Coronal, FIELD_MM, PIXELS);
-    views.extend(along.map(|v| ("In the plane of the path".to_owned(), v)));
+    views.extend(along.map(|v| ("Plane of the path".to_owned(), v)));
     let mut figures = Vec::new();
     for (name, view) in views {
         let before = slice(case, done, view, &rigid, false, &format!("{name}, before"))?;

@@ -7,6 +7,7 @@ mod remarks;
 pub(crate) mod scene;
 pub(crate) mod stepping;
 mod units;
+mod words;
 
 use crate::args::{ModeArg, SolveArgs};
 use crate::console::Console;
@@ -66,7 +67,7 @@ pub(crate) fn run(args: &SolveArgs, console: &Console) -> Result<()> {
     scene.remarks.extend(found.remarks);
     json.insert("remarks".into(), json!(scene.remarks));
     let json = Value::Object(json);
-    console.result(&json, &format!("{json:#}"));
+    console.result(&json, &words::of(&json));
     Ok(())
 }
 

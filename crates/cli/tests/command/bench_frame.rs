@@ -1,6 +1,6 @@
 //! `monro bench frame`: the shape of what it prints. Times are its subject and nobody's assertion.
 
-use crate::common::{json, refusal, text};
+use crate::common::{json, monro, refusal, text};
 use monro_case::vtu::{self, UnstructuredGrid};
 use monro_geometry::{Point, TetMesh};
 use serde_json::Value;
@@ -49,6 +49,17 @@ fn numbers(result: &Value) {
     }
     assert_eq!(result["inverted"], 0, "{result}");
     assert!(result["threads"].as_u64().is_some_and(|n| n >= 1), "{result}");
+}
+
+#[test]
+fn the_bench_printed_a_hundred_lines_of_json_without_being_asked_for_json() {
+    let dir = tempfile::tempdir().expect("temp");
+    let file = dir.path().join("column.vtu");
+    column(&file);
+    let out = monro(&["bench", "frame", "--mesh", text(&file), "--frames", "4"]);
+    let told = String::from_utf8(out.stdout).expect("text");
+    assert_eq!(told.lines().count(), 2, "a heading and a row: {told}");
+    assert!(told.starts_with("elements") && told.contains("ms median"), "{told}");
 }
 
 #[test]

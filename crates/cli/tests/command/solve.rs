@@ -1,6 +1,6 @@
 //! `monro solve` on a scene made here: a cube of six tetrahedra.
 
-use crate::common::{json, point, refusal, text};
+use crate::common::{json, monro, point, refusal, text};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -93,6 +93,8 @@ fn an_existing_file_was_replaced_without_force() {
     assert_eq!(fs::read(&out).expect("still there"), b"mine");
     json(&[&ask[..], &["--force"]].concat());
     displacement(&out);
+    let told = String::from_utf8(monro(&[&ask[..], &["--force"]].concat()).stdout).expect("text");
+    assert!(!told.contains('{') && told.contains("converged") && told.contains("set x1, holding x"), "JSON: {told}");
 }
 
 #[test]

@@ -77,6 +77,8 @@ struct Shared {
     keys: Arc<Keys>,
     subject: Subject,
     findings: Vec<String>,
+    /// What became of earlier work.
+    notes: Vec<String>,
     rebuild: Rebuild,
     progress: Mutex<Progress>,
 }
@@ -95,7 +97,7 @@ pub fn serve_edit(options: EditOptions, ready: impl FnOnce(&Ready)) -> Result<()
         let listener = TcpListener::bind(address).await.map_err(|error| ServeError::Listen { address, error })?;
         let address = listener.local_addr()?;
         let shared = tokio::task::spawn_blocking(move || open(options)).await.map_err(std::io::Error::other)??;
-        ready(&ready_at(address, &shared.keys));
+        ready(&Ready { notes: shared.notes.clone(), ..ready_at(address, &shared.keys) });
         routes::run(Arc::new(shared), listener).await;
         Ok(())
     })
@@ -105,13 +107,14 @@ fn open(options: EditOptions) -> Result<Shared, ServeError> {
     let EditOptions { ct, mut subject, folder, start, mut findings, rebuild, .. } = options;
     let (store, editor, notes) = Store::open(&folder, ct.grid(), &mut subject, start)?;
     findings.extend(subject.known.findings.iter().cloned());
-    findings.extend(notes);
+    findings.extend(notes.iter().cloned());
     let desk = Desk::new(ct, editor)?;
     Ok(Shared {
         work: Mutex::new(Work { desk, store }),
         keys: Arc::new(Keys::new().map_err(ServeError::Random)?),
         subject,
         findings,
+        notes: notes.into_iter().collect(),
         rebuild,
         progress: Mutex::default(),
     })

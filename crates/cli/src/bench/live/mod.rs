@@ -12,6 +12,7 @@ mod http;
 mod peer;
 
 use crate::bench::args::LiveBenchArgs;
+use crate::columns::lines;
 use crate::console::Console;
 use crate::{demo, prepare, soft_body};
 use anyhow::{Context, Result, bail};
@@ -47,7 +48,7 @@ pub(crate) fn run(args: &LiveBenchArgs, console: &Console) -> Result<()> {
     let camera = Camera::open(case.plan, args.rate)?;
     let ready = serve(args, case_dir, folder.path().join("session.mnrs"), &camera)?;
     let result = console.stage("live", || measure(args, &case, camera, &ready))?;
-    console.result(&result, &format!("{result:#}"));
+    console.result(&result, &lines(&result));
     Ok(())
 }
 

@@ -8,6 +8,7 @@ mod truth;
 use super::peak_memory_mib;
 use crate::args::PhantomKind;
 use crate::bench::args::MeshBenchArgs;
+use crate::columns::{Column, column, lines, percent, table};
 use crate::console::Console;
 use crate::{mesh, phantom};
 use anyhow::Result;
@@ -48,8 +49,34 @@ pub(super) fn run(args: &MeshBenchArgs, console: &Console) -> Result<()> {
     if args.surfaces {
         result["surfaces"] = pool.install(surfaces::measure)?;
     }
-    console.result(&result, &format!("{result:#}"));
+    let mut text = result["meshes"].as_array().map_or_else(String::new, |rows| table(rows, &columns()));
+    if args.surfaces {
+        text += &format!("\nsurfaces\n{}", lines(&result["surfaces"]));
+    }
+    console.result(&result, &text);
     Ok(())
+}
+
+/// What of each mesh is told to people.
+fn columns() -> Vec<Column> {
+    vec![
+        column("subject", "/subject"),
+        column("wanted", "/wanted"),
+        column("elements", "/elements"),
+        column("seconds", "/seconds/without_report"),
+        column("CPU s", "/cpu_seconds/without_report"),
+        column("MiB", "/peak_memory_mib"),
+        column("angle min", "/dihedral_min_deg"),
+        column("1 %", "/dihedral_p1_deg"),
+        column("max", "/dihedral_max_deg"),
+        column("radius ratio", "/radius_ratio_min"),
+        column("edge near mm", "/core_edge_mean_mm"),
+        percent("volume off %", "/worst_volume_error"),
+        column("to truth mm", "/to_truth/mean_mm"),
+        column("at most", "/to_truth/max_mm"),
+        column("bind ms", "/embedding/bind_ms"),
+        column("manifold", "/manifold"),
+    ]
 }
 
 /// The true labels of a phantom, with the path from Kocher's point to the foramen of Monro on the right.
