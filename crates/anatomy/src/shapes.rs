@@ -94,4 +94,27 @@ mod tests {
         let found = ShapeSummary::of(&TetMesh { vertices: flat, tets: vec![[0, 1, 2, 3]], labels: vec![1] });
         assert!(found.bad.is_some_and(|b| b.count == 1 && b.worst_at[0] == 0.325), "{found:?}");
     }
+
+    #[test]
+    fn elements_of_bad_shape_are_counted_and_the_worst_is_placed() {
+        let mut mesh = TetMesh::default();
+        // A good one, a flat one (dihedral angles next to 0 and 180) and a thin spike, apart from each other.
+        for (x, [a, b, c, d]) in [
+            (0.0, [[1., 1., 1.], [1., -1., -1.], [-1., 1., -1.], [-1., -1., 1.]]),
+            (10.0, [[1., 0., 0.], [0., 1., 0.1], [-1., 0., 0.], [0., -1., 0.1]]),
+            (20.0, [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 9.]]),
+        ] {
+            let first = mesh.vertices.len() as u32;
+            mesh.vertices.extend([a, b, c, d].map(|p: [f64; 3]| Point::new(p[0] + x, p[1], p[2])));
+            mesh.tets.push([0, 1, 2, 3].map(|i| first + i));
+            mesh.labels.push(4);
+            if mesh.volume(mesh.tets.len() - 1) < 0.0 {
+                mesh.tets.last_mut().expect("pushed").swap(0, 1);
+            }
+        }
+        let bad = ShapeSummary::of(&mesh).bad.expect("two");
+        assert!(bad.count == 2 && (bad.worst_at[0] - 10.0).abs() < 1e-9, "{bad:?}");
+        mesh.tets.truncate(1);
+        assert_eq!(ShapeSummary::of(&mesh).bad, None);
+    }
 }

@@ -313,31 +313,3 @@ fn one_way(from: &TriangleMesh, to: &TriangleMesh) -> Option<InterfaceDistance> 
     let mean = all.iter().map(|d| d.0).sum::<f64>() / all.len() as f64;
     Some(InterfaceDistance { mean, max, max_at: point(at).to_array() })
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn elements_of_bad_shape_are_counted_and_the_worst_is_placed() {
-        let mut mesh = TetMesh::default();
-        // A good one, a flat one (dihedral angles next to 0 and 180) and a thin spike, apart from each other.
-        for (x, [a, b, c, d]) in [
-            (0.0, [[1., 1., 1.], [1., -1., -1.], [-1., 1., -1.], [-1., -1., 1.]]),
-            (10.0, [[1., 0., 0.], [0., 1., 0.1], [-1., 0., 0.], [0., -1., 0.1]]),
-            (20.0, [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 9.]]),
-        ] {
-            let first = mesh.vertices.len() as u32;
-            mesh.vertices.extend([a, b, c, d].map(|p: [f64; 3]| Point::new(p[0] + x, p[1], p[2])));
-            mesh.tets.push([0, 1, 2, 3].map(|i| first + i));
-            mesh.labels.push(4);
-            if mesh.volume(mesh.tets.len() - 1) < 0.0 {
-                mesh.tets.last_mut().expect("pushed").swap(0, 1);
-            }
-        }
-        let shapes: Vec<_> = (0..3).map(|t| mesh.quality(t)).collect();
-        let bad = bad_shapes(&mesh, &shapes).expect("two");
-        assert!(bad.count == 2 && (bad.worst_at[0] - 10.0).abs() < 1e-9, "{bad:?} {shapes:?}");
-        assert_eq!(bad_shapes(&mesh, &shapes[..1]), None);
-    }
-}
