@@ -36,7 +36,7 @@ pub(crate) struct Input {
 /// Runs the command.
 pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
     for file in std::iter::once(&args.out).chain(&args.report) {
-        out::check(file, args.force)?;
+        out::check(file, args.force, &args.labels)?;
     }
     if args.report.as_ref() == Some(&args.out) {
         bail!("--report and --out name the same file, {}", args.out.display());

@@ -1,17 +1,13 @@
 //! The file that is written.
 
+use crate::output_file;
 use anyhow::{Context, Result, bail};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Refuses, before any work is done, a file that cannot be written or would overwrite another one.
-pub(super) fn check(out: &Path, force: bool) -> Result<()> {
-    if out.is_dir() {
-        bail!("{} is a folder; name a file in it", out.display());
-    }
-    if out.exists() && !force {
-        bail!("{} exists already; give --force to overwrite it, or another --out", out.display());
-    }
+/// Refuses, before any work is done, a file that cannot be written or would overwrite another one or `input`.
+pub(super) fn check(out: &Path, force: bool, input: &Path) -> Result<()> {
+    output_file::check(out, force, &[input])?;
     let target = target(out);
     match target.parent() {
         Some(folder) if !folder.as_os_str().is_empty() && !folder.is_dir() => {
@@ -49,15 +45,18 @@ mod tests {
     #[test]
     fn an_output_that_is_a_folder_or_in_no_folder_is_refused_beforehand() {
         let dir = tempfile::tempdir().expect("temp");
-        let said = |out: &Path, force| check(out, force).expect_err("refused").to_string();
+        let input = dir.path().join("input.vtu");
+        fs::write(&input, "x").expect("write");
+        let said = |out: &Path, force| check(out, force, &input).expect_err("refused").to_string();
         assert!(said(dir.path(), true).contains("is a folder"));
         let missing = dir.path().join("none").join("q.vtu");
         assert!(said(&missing, true).contains(&format!("no folder {}", dir.path().join("none").display())));
         let there = dir.path().join("there.vtu");
         fs::write(&there, "x").expect("write");
         assert!(said(&there, false).contains("--force"));
-        check(&there, true).expect("forced");
-        check(Path::new("plain.vtu"), false).expect("a plain name");
+        check(&there, true, &input).expect("forced");
+        check(Path::new("plain.vtu"), false, &input).expect("a plain name");
+        assert!(said(&input, true).contains("which this command reads"));
     }
 
     #[test]
