@@ -36,11 +36,9 @@ pub(super) fn density(text: &str) -> Result<Vec<(u16, f64)>> {
         let (label, factor) = part.split_once('=')?;
         Some((label.trim().parse().ok()?, factor.trim().parse().ok()?))
     };
-    let all: Vec<(u16, f64)> = text
-        .split(',')
-        .map(one)
-        .collect::<Option<_>>()
-        .with_context(|| format!("--density \"{text}\" is not LABEL=FACTOR,..."))?;
+    let all: Vec<(u16, f64)> = text.split(',').map(one).collect::<Option<_>>().with_context(|| {
+        format!("--density \"{text}\" is not LABEL=FACTOR,... with the numbers that the volume holds, as 5=2,6=2")
+    })?;
     for (i, &(label, factor)) in all.iter().enumerate() {
         if !DENSITIES.contains(&factor) {
             let (low, high) = DENSITIES.into_inner();

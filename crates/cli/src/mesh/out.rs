@@ -45,7 +45,8 @@ mod tests {
     #[test]
     fn an_output_that_is_a_folder_or_in_no_folder_is_refused_beforehand() {
         let dir = tempfile::tempdir().expect("temp");
-        let input = dir.path().join("input.vtu");
+        let other = tempfile::tempdir().expect("temp");
+        let input = other.path().join("input.vtu");
         fs::write(&input, "x").expect("write");
         let said = |out: &Path, force| check(out, force, &input).expect_err("refused").to_string();
         assert!(said(dir.path(), true).contains("is a folder"));
