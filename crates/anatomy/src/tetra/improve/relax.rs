@@ -2,6 +2,7 @@
 
 use super::super::quality::quality;
 use super::super::vec3::{V3, add, cross, distance, dot, scale, sub};
+use super::mask::Mask;
 use super::work::Work;
 
 /// Moves uphill at most, elements that are looked at together, and how much better than the worst they may be.
@@ -28,6 +29,20 @@ pub(super) enum Freedom {
     Fixed,
 }
 
+impl Freedom {
+    /// Of a point, or of an edge, where these labels meet.
+    pub(super) fn of(mask: Mask) -> Self {
+        match (mask.labels().count(), mask.is_outside(), mask.lowest()) {
+            (1, false, _) => Self::Free,
+            (1, true, [Some(a), ..]) => Self::Surface((a, None)),
+            (2, false, [Some(a), b, _]) => Self::Surface((a, b)),
+            (2, true, [Some(a), b, _]) => Self::Line((a, None), (a, b)),
+            (3, false, [Some(a), b, c]) => Self::Line((a, b), (a, c)),
+            _ => Self::Fixed,
+        }
+    }
+}
+
 /// Directions in which a point may go: all, across a normal, or along a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Along {
@@ -52,15 +67,7 @@ pub(super) type Pair = (u8, Option<u8>);
 
 impl Work<'_> {
     pub(super) fn freedom(&self, v: u32) -> Freedom {
-        let mask = self.masks[v as usize];
-        match (mask.labels().count(), mask.is_outside(), mask.lowest()) {
-            (1, false, _) => Freedom::Free,
-            (1, true, [Some(a), ..]) => Freedom::Surface((a, None)),
-            (2, false, [Some(a), b, _]) => Freedom::Surface((a, b)),
-            (2, true, [Some(a), b, _]) => Freedom::Line((a, None), (a, b)),
-            (3, false, [Some(a), b, c]) => Freedom::Line((a, b), (a, c)),
-            _ => Freedom::Fixed,
-        }
+        Freedom::of(self.masks[v as usize])
     }
 
     /// The nearest point of a surface by Newton steps; `None` where the field is flat or the surface further off than

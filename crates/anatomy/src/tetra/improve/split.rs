@@ -3,7 +3,7 @@
 use super::super::size::SizeField;
 use super::super::vec3::{V3, add, distance, scale};
 use super::mask::Mask;
-use super::relax::Pair;
+use super::relax::Freedom;
 use super::ring::Ring;
 use super::work::Work;
 
@@ -19,11 +19,11 @@ const FLOOR: f64 = 0.2;
 /// The new point goes this part of the way to its surface, the first with good elements.
 const WAYS: [f64; 4] = [1.0, 0.8, 0.6, 0.4];
 
-/// An edge on a surface and how far its middle lies from that, over what it may.
+/// An edge on a surface, how far its middle lies from that, over what it may, and the place on the surface.
 struct Far {
     score: f64,
     ends: [u32; 2],
-    pair: Pair,
+    target: V3,
 }
 
 impl Work<'_> {
@@ -56,25 +56,25 @@ impl Work<'_> {
     }
 
     fn far(&self, v: u32, w: u32, size: &SizeField, finest: f64) -> Option<Far> {
-        let pair = one_surface(self.masks[v as usize] & self.masks[w as usize])?;
+        let Freedom::Surface(pair) = Freedom::of(self.masks[v as usize] & self.masks[w as usize]) else { return None };
         let (p, q) = (self.points[v as usize], self.points[w as usize]);
         let (middle, length) = (scale(add(p, q), 0.5), distance(p, q));
-        let sag = self.sag(pair, middle, 0.5 * length);
+        let target = self.project(pair, middle, 0.5 * length)?;
+        let sag = distance(middle, target);
         let most = (FAR * size.edge(middle, finest)).max(LEAST * self.fields.step);
-        (sag.is_finite() && sag > most).then(|| Far { score: sag / most, ends: [v, w], pair })
+        (sag > most).then(|| Far { score: sag / most, ends: [v, w], target })
     }
 
     fn split(&mut self, far: &Far) {
         let Some(ring) = Ring::new(self, far.ends[0], far.ends[1]) else { return };
         let tets = &ring.tets[..ring.len];
         let on_surface = !ring.closed || tets.iter().any(|&t| self.labels[t as usize] != self.labels[tets[0] as usize]);
-        let ends = far.ends.map(|v| self.points[v as usize]);
-        let middle = scale(add(ends[0], ends[1]), 0.5);
-        let Some(target) = self.project(far.pair, middle, 0.5 * distance(ends[0], ends[1])) else { return };
         if !on_surface {
             return;
         }
-        let place = |way: f64| -> V3 { add(scale(middle, 1.0 - way), scale(target, way)) };
+        let [p, q] = far.ends.map(|v| self.points[v as usize]);
+        let middle = scale(add(p, q), 0.5);
+        let place = |way: f64| -> V3 { add(scale(middle, 1.0 - way), scale(far.target, way)) };
         let floor = tets.iter().map(|&t| self.quality[t as usize]).fold(FLOOR, f64::min);
         let outside = if ring.closed { Mask::default() } else { Mask::OUTSIDE };
         let new = self.add_point(middle, outside);
@@ -102,14 +102,5 @@ impl Work<'_> {
             });
         }
         self.refresh_mask(new);
-    }
-}
-
-/// The one surface that a mask of labels names.
-fn one_surface(mask: Mask) -> Option<Pair> {
-    match (mask.labels().count(), mask.is_outside(), mask.lowest()) {
-        (1, true, [Some(a), ..]) => Some((a, None)),
-        (2, false, [Some(a), b, _]) => Some((a, b)),
-        _ => None,
     }
 }
