@@ -194,8 +194,5 @@ impl Format {
 
 /// The closed surface of each label.
 fn by_label(mesh: &TetMesh) -> Vec<(String, TriangleMesh)> {
-    let mut labels = mesh.labels.clone();
-    labels.sort_unstable();
-    labels.dedup();
-    labels.into_iter().map(|l| (format!("label_{l}"), mesh.surface(|x| x == l))).collect()
+    mesh.label_counts().into_iter().map(|(l, _)| (format!("label_{l}"), mesh.surface(|x| x == l))).collect()
 }

@@ -38,5 +38,5 @@ pub use rigid::Rigid;
 pub use structure::Structure;
 pub use tetrahedra::{TetMesh, TetMeshError, TetQuality, tet_signed_volume};
 pub use triangles::{Topology, TriangleMesh, TriangleMeshError};
-pub use vector::{Point, Vector};
+pub use vector::{Point, Vector, bounds};
 pub use volume::Volume;

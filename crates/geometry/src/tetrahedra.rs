@@ -209,6 +209,13 @@ impl TetMesh {
         tet_signed_volume(self.corners(t))
     }
 
+    /// The labels in order, each with its number of elements.
+    pub fn label_counts(&self) -> Vec<(u16, usize)> {
+        let mut labels = self.labels.clone();
+        labels.sort_unstable();
+        labels.chunk_by(|a, b| a == b).map(|same| (same[0], same.len())).collect()
+    }
+
     /// Total signed volume of the elements with the given label, mm3.
     pub fn label_volume(&self, label: u16) -> f64 {
         (0..self.tets.len()).filter(|&t| self.labels[t] == label).map(|t| self.volume(t)).sum()

@@ -211,6 +211,15 @@ impl<F> Div<f64> for Vector<F> {
     }
 }
 
+/// The lowest and highest coordinates of some points; `None` where there is none.
+pub fn bounds<F>(points: &[Point<F>]) -> Option<[[f64; 3]; 2]> {
+    let mut all = points.iter().map(|p| p.to_array());
+    let first = all.next()?;
+    Some(all.fold([first; 2], |[low, high], p| {
+        [core::array::from_fn(|a| low[a].min(p[a])), core::array::from_fn(|a| high[a].max(p[a]))]
+    }))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,7 +2,7 @@
 
 use super::{TETRAHEDRON, TRIANGLE};
 use core::fmt::Write as _;
-use monro_geometry::{Point, TetMesh};
+use monro_geometry::{Point, TetMesh, bounds};
 use std::collections::BTreeMap;
 
 /// What lies on the two sides of an interface; `None` is the outside.
@@ -11,14 +11,12 @@ type Pair = (u16, Option<u16>);
 /// Encodes a labelled mesh as MSH 4.1 binary, with its interfaces as triangles.
 pub fn encode(mesh: &TetMesh) -> Vec<u8> {
     let interfaces = interfaces(mesh);
-    let mut labels = mesh.labels.clone();
-    labels.sort_unstable();
-    labels.dedup();
+    let labels: Vec<u16> = mesh.label_counts().into_iter().map(|(label, _)| label).collect();
     let mut out = b"$MeshFormat\n4.1 1 8\n".to_vec();
     out.extend_from_slice(&1i32.to_le_bytes());
     out.extend_from_slice(b"\n$EndMeshFormat\n");
     out.extend_from_slice(names(&labels, &interfaces).as_bytes());
-    let bounds = bounds(mesh);
+    let bounds = bounds(&mesh.vertices).unwrap_or_default();
     section(&mut out, "Entities", |out| entities(out, &labels, &interfaces, bounds));
     section(&mut out, "Nodes", |out| nodes(out, mesh, &labels));
     section(&mut out, "Elements", |out| elements(out, mesh, &labels, &interfaces));
@@ -67,26 +65,16 @@ fn names(labels: &[u16], interfaces: &BTreeMap<Pair, Vec<[u32; 3]>>) -> String {
     out + "$EndPhysicalNames\n"
 }
 
-fn bounds(mesh: &TetMesh) -> [f64; 6] {
-    let mut b = [f64::INFINITY, f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
-    for p in mesh.vertices.iter().map(|p| p.to_array()) {
-        for a in 0..3 {
-            (b[a], b[a + 3]) = (b[a].min(p[a]), b[a + 3].max(p[a]));
-        }
-    }
-    if mesh.vertices.is_empty() { [0.0; 6] } else { b }
-}
-
 /// Tags of entities begin at 1: Gmsh takes 0 for "none".
 const fn volume_tag(at: usize) -> i32 {
     at as i32 + 1
 }
 
-fn entities(out: &mut Vec<u8>, labels: &[u16], interfaces: &BTreeMap<Pair, Vec<[u32; 3]>>, bounds: [f64; 6]) {
+fn entities(out: &mut Vec<u8>, labels: &[u16], interfaces: &BTreeMap<Pair, Vec<[u32; 3]>>, bounds: [[f64; 3]; 2]) {
     sizes(out, &[0, 0, interfaces.len(), labels.len()]);
     let entity = |out: &mut Vec<u8>, tag: i32, group: i32, boundary: &[i32]| {
         ints(out, &[tag]);
-        doubles(out, &bounds);
+        doubles(out, bounds.as_flattened());
         sizes(out, &[1]);
         ints(out, &[group]);
         sizes(out, &[boundary.len()]);

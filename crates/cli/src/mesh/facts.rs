@@ -83,11 +83,7 @@ pub(super) fn label_facts(label: u16, elements: usize, volume: f64, surface: &Su
 
 /// The lowest and highest coordinates, LPS mm; zeros where there is no point.
 pub(super) fn bounds(points: &[Point<Patient>]) -> [[f64; 3]; 2] {
-    let mut all = points.iter().map(|p| p.to_array());
-    let first = all.next().unwrap_or_default();
-    all.fold([first; 2], |[low, high], p| {
-        [std::array::from_fn(|a| low[a].min(p[a])), std::array::from_fn(|a| high[a].max(p[a]))]
-    })
+    monro_geometry::bounds(points).unwrap_or_default()
 }
 
 /// A place in words.

@@ -67,7 +67,7 @@ fn of_tetrahedra(mesh: &TetMesh) -> Found {
     let mut words = vec![shapes_words(counts, &shapes)];
     let mut doubts: Vec<String> = of_shapes(&shapes).into_iter().chain(of_overlap(mesh)).collect();
     let mut labels = Vec::new();
-    for (label, elements) in label_counts(mesh) {
+    for (label, elements) in mesh.label_counts() {
         let surface = SurfaceFacts::from(&mesh.surface(|l| l == label));
         let volume = mesh.label_volume(label);
         words.push(format!("label {label}: {elements} elements, {volume:.2} mm3, {}", surface.words()));
@@ -84,13 +84,6 @@ fn of_tetrahedra(mesh: &TetMesh) -> Found {
     words.push(box_words(bounds));
     let json = json!({ "elements": counts[0], "vertices": counts[1], "labels": labels, "outer": outer.json(), "bounds_mm": bounds });
     Found { json: merged(json, shapes_json(&shapes)), words, doubts }
-}
-
-/// Labels in order with their elements.
-fn label_counts(mesh: &TetMesh) -> Vec<(u16, usize)> {
-    let mut labels = mesh.labels.clone();
-    labels.sort_unstable();
-    labels.chunk_by(|a, b| a == b).map(|same| (same[0], same.len())).collect()
 }
 
 fn box_words([low, high]: [[f64; 3]; 2]) -> String {

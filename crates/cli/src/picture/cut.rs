@@ -182,14 +182,7 @@ fn outer_faces(mesh: &TetMesh, elements: &[usize]) -> (TriangleMesh, Vec<usize>)
 }
 
 fn extent(mesh: &TetMesh) -> (Point<Patient>, f64) {
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for p in &mesh.vertices {
-        let p = p.to_array();
-        (low, high) = (core::array::from_fn(|a| low[a].min(p[a])), core::array::from_fn(|a| high[a].max(p[a])));
-    }
-    if low[0] > high[0] {
-        return (Point::ORIGIN, 1.0);
-    }
+    let Some([low, high]) = monro_geometry::bounds(&mesh.vertices) else { return (Point::ORIGIN, 1.0) };
     let size = (0..3).map(|a| high[a] - low[a]).fold(1.0, f64::max);
     (Point::from_array(low).lerp(Point::from_array(high), 0.5), size)
 }
