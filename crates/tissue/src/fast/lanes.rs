@@ -132,6 +132,8 @@ pub(crate) struct Places<const K: usize, P = u16> {
 impl<const K: usize, P: Place> Places<K, P> {
     pub(crate) fn new(rows: Vec<[[P; WIDTH]; K]>) -> Self {
         let bound = rows.iter().flatten().flatten().map(|p| p.at() + 1).max().unwrap_or(0);
+        // Some processors count places with a sign.
+        assert!(i32::try_from(bound).is_ok(), "a place beyond {}: {bound}", i32::MAX);
         Self { rows, bound }
     }
 
@@ -406,16 +408,20 @@ pub(crate) mod tests {
             let bits = |v: &[[f32; 4]]| v.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
             assert_eq!(bits(&a), bits(&b), "{count} lanes");
             #[cfg(target_arch = "x86_64")]
-            if super::super::x86::has_avx2() {
-                let mut c = start.clone();
-                super::super::x86::with_avx2(Everything(
-                    places.over(&mut c),
-                    &k,
-                    count,
-                    places.pairs(&pairs),
-                    numbers(),
-                ));
-                assert_eq!(bits(&c), bits(&b), "{count} lanes");
+            {
+                use super::super::x86;
+                let same = |run: &dyn Fn(Everything<'_>) -> f32| {
+                    let mut c = start.clone();
+                    run(Everything(places.over(&mut c), &k, count, places.pairs(&pairs), numbers()));
+                    assert_eq!(bits(&c), bits(&b), "{count} lanes");
+                };
+                if x86::has_avx2() {
+                    same(&|kernel| x86::with_avx2(kernel));
+                }
+                if x86::has_avx512() {
+                    same(&|kernel| x86::sixteen::<_, false>(kernel));
+                    same(&|kernel| x86::sixteen::<_, true>(kernel));
+                }
             }
         }
     }

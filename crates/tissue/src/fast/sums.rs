@@ -3,7 +3,7 @@
 //! One sum after the other is mostly waiting: each ends after another count of numbers, which the processor guesses wrong.
 //! Sums of about as many numbers side by side end together.
 
-use super::lanes::{Kernel, Lanes, Places, WIDTH};
+use super::lanes::{Kernel, Lanes, Numbers, Places, WIDTH};
 use crate::bytes;
 use core::ops::Range;
 
@@ -72,6 +72,14 @@ struct Piece<'a, F> {
     then: F,
 }
 
+impl<F> Piece<'_, F> {
+    /// The numbers of a row of places, zero where a sum has ended.
+    #[inline(always)]
+    fn number<V: Lanes>(&self, numbers: &Numbers<'_, 1, u32>, row: usize, first: usize) -> V {
+        V::choose(self.of.lanes[row], first, numbers.gather(row, 0, first), V::splat(0.0))
+    }
+}
+
 impl<F: FnMut(usize, f32)> Kernel for Piece<'_, F> {
     type Out = ();
 
@@ -82,13 +90,17 @@ impl<F: FnMut(usize, f32)> Kernel for Piece<'_, F> {
             let mut all = [0.0; WIDTH];
             for first in (0..WIDTH).step_by(V::N).take_while(|&f| f < batch.count) {
                 // Two sums at a time: one after the other would wait for each addition.
-                let mut sums = [V::splat(0.0); 2];
-                for row in batch.rows.clone() {
-                    let number = V::choose(self.of.lanes[row], first, numbers.gather(row, 0, first), V::splat(0.0));
-                    sums[row & 1] = sums[row & 1] + number;
+                let (mut even, mut odd) = (V::splat(0.0), V::splat(0.0));
+                let mut row = batch.rows.start;
+                while row + 1 < batch.rows.end {
+                    even = even + self.number::<V>(&numbers, row, first);
+                    odd = odd + self.number::<V>(&numbers, row + 1, first);
+                    row += 2;
                 }
-                let own = batch.rows.start & 1;
-                (sums[own] + sums[1 - own]).store(&mut all, first);
+                if row < batch.rows.end {
+                    even = even + self.number::<V>(&numbers, row, first);
+                }
+                (even + odd).store(&mut all, first);
             }
             (0..batch.count).for_each(|l| (self.then)(batch.sums[l] as usize, all[l]));
         }

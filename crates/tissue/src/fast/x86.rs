@@ -28,27 +28,38 @@ pub(super) fn with_avx2<K: Kernel>(kernel: K) -> K::Out {
     unsafe { inner(kernel) }
 }
 
+/// Whether the processor's own gathers are quick: Intel's since Sapphire Rapids, which are the first with half precision.
+/// Those before are slow since GDS (CVE-2022-40982) was mended, AMD's slower than loads one by one.
+fn gathers_quickly() -> bool {
+    std::arch::is_x86_feature_detected!("avx512fp16")
+}
+
 pub(super) fn with_avx512<K: Kernel>(kernel: K) -> K::Out {
+    if gathers_quickly() { sixteen::<K, true>(kernel) } else { sixteen::<K, false>(kernel) }
+}
+
+/// Runs a kernel on sixteen lanes, with or without the processor's own gathers.
+pub(super) fn sixteen<K: Kernel, const GATHERS: bool>(kernel: K) -> K::Out {
     #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
-    fn inner<K: Kernel>(kernel: K) -> K::Out {
-        kernel.run::<Sixteen>()
+    fn inner<K: Kernel, const GATHERS: bool>(kernel: K) -> K::Out {
+        kernel.run::<Sixteen<GATHERS>>()
     }
     assert!(has_avx512(), "asked before");
     // SAFETY: the processor has just said that it has these.
-    unsafe { inner(kernel) }
+    unsafe { inner::<K, GATHERS>(kernel) }
 }
 
 /// Eight lanes.
 #[derive(Clone, Copy)]
 struct Eight(__m256);
 
-/// Sixteen lanes.
+/// Sixteen lanes; whether numbers are fetched by the processor's own gathers.
 #[derive(Clone, Copy)]
-struct Sixteen(__m512);
+struct Sixteen<const GATHERS: bool>(__m512);
 
-macro_rules! operators {
-    ($type:ident, $($trait:ident $method:ident $op:ident),*) => {$(
-        impl $trait for $type {
+macro_rules! operator {
+    ([$($generics:tt)*] $type:ty, $trait:ident $method:ident $op:ident) => {
+        impl<$($generics)*> $trait for $type {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
@@ -56,10 +67,16 @@ macro_rules! operators {
                 Self(unsafe { $op(self.0, other.0) })
             }
         }
-    )*};
+    };
 }
-operators!(Eight, Add add _mm256_add_ps, Sub sub _mm256_sub_ps, Mul mul _mm256_mul_ps, Div div _mm256_div_ps);
-operators!(Sixteen, Add add _mm512_add_ps, Sub sub _mm512_sub_ps, Mul mul _mm512_mul_ps, Div div _mm512_div_ps);
+operator!([] Eight, Add add _mm256_add_ps);
+operator!([] Eight, Sub sub _mm256_sub_ps);
+operator!([] Eight, Mul mul _mm256_mul_ps);
+operator!([] Eight, Div div _mm256_div_ps);
+operator!([const GATHERS: bool] Sixteen<GATHERS>, Add add _mm512_add_ps);
+operator!([const GATHERS: bool] Sixteen<GATHERS>, Sub sub _mm512_sub_ps);
+operator!([const GATHERS: bool] Sixteen<GATHERS>, Mul mul _mm512_mul_ps);
+operator!([const GATHERS: bool] Sixteen<GATHERS>, Div div _mm512_div_ps);
 
 impl Lanes for Eight {
     const N: usize = 8;
@@ -192,7 +209,7 @@ impl Lanes for Eight {
     }
 }
 
-impl Lanes for Sixteen {
+impl<const GATHERS: bool> Lanes for Sixteen<GATHERS> {
     const N: usize = 16;
     #[inline(always)]
     fn splat(v: f32) -> Self {
@@ -260,12 +277,7 @@ impl Lanes for Sixteen {
     fn load_pairs(pairs: &[[f32; 2]; WIDTH], _: usize) -> [Self; 2] {
         let from = pairs.as_flattened().as_ptr();
         // SAFETY: 32 numbers are there.
-        unsafe {
-            let (a, b) = (_mm512_loadu_ps(from), _mm512_loadu_ps(from.add(16)));
-            let even = _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
-            let odd = _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
-            [Self(_mm512_permutex2var_ps(a, even, b)), Self(_mm512_permutex2var_ps(a, odd, b))]
-        }
+        unsafe { apart(_mm512_loadu_ps(from), _mm512_loadu_ps(from.add(16))).map(Self) }
     }
     #[inline(always)]
     fn store_pairs(v: [Self; 2], pairs: &mut [[f32; 2]; WIDTH], _: usize) {
@@ -282,6 +294,9 @@ impl Lanes for Sixteen {
     unsafe fn gather_numbers<P: Place>(from: *const f32, places: &[P; WIDTH], _: usize) -> Self {
         // SAFETY: `Numbers` has checked all places against the count of its numbers.
         unsafe {
+            if GATHERS {
+                return Self(_mm512_i32gather_ps::<4>(indices(places), from));
+            }
             let (low, high) = (eight(from, places, 0), eight(from, places, 8));
             Self(_mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high))
         }
@@ -290,6 +305,12 @@ impl Lanes for Sixteen {
     unsafe fn gather_pairs<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], _: usize) -> [Self; 2] {
         // SAFETY: `Pairs` has checked all places against the length of its pairs.
         unsafe {
+            if GATHERS {
+                let at = indices(places);
+                let (low, high) = (_mm512_castsi512_si256(at), _mm512_extracti32x8_epi32::<1>(at));
+                let (a, b) = (_mm512_i32gather_pd::<8>(low, from.cast()), _mm512_i32gather_pd::<8>(high, from.cast()));
+                return apart(_mm512_castpd_ps(a), _mm512_castpd_ps(b)).map(Self);
+            }
             let (a, b) = (two_couples(from, places, 0), two_couples(from, places, 8));
             let (c, d) = (two_couples(from, places, 2), two_couples(from, places, 10));
             let low = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(a), b);
@@ -329,6 +350,25 @@ impl Lanes for Sixteen {
             }
         }
     }
+}
+
+/// The first and the second numbers of sixteen pairs.
+#[inline(always)]
+unsafe fn apart(a: __m512, b: __m512) -> [__m512; 2] {
+    // SAFETY: called by kernels of `Sixteen` only.
+    unsafe {
+        let even = _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+        let odd = _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+        [_mm512_permutex2var_ps(a, even, b), _mm512_permutex2var_ps(a, odd, b)]
+    }
+}
+
+/// Sixteen places as the processor's gathers want them.
+#[inline(always)]
+unsafe fn indices<P: Place>(places: &[P; WIDTH]) -> __m512i {
+    let wide: [u32; WIDTH] = core::array::from_fn(|l| places[l].at() as u32);
+    // SAFETY: sixteen numbers are there.
+    unsafe { _mm512_loadu_si512(wide.as_ptr().cast()) }
 }
 
 #[inline(always)]

@@ -1,6 +1,7 @@
 //! Vertex block descent with nodal pressures, in single precision.
 
 use super::around::Element;
+use super::differences::Differences;
 use super::elastic::Elastic;
 use super::film::FilmsAround;
 use super::pressure::{Pressures, Still, Tissue};
@@ -306,10 +307,7 @@ impl Descent {
         scratch.displacement.extend(body.positions.iter().zip(body.rest).map(away));
         let displacement = &scratch.displacement;
         pool.each_part(&mut scratch.far, &self.node_cuts, &mut [(); slabs::PIECES], &|i, far, ()| {
-            for (k, far) in far.iter_mut().enumerate() {
-                let v = self.node_cuts[i] + k;
-                *far = weighted(self.far.row(v), displacement, displacement[v]);
-            }
+            widest(Differences { rows: &self.far, of: displacement, first: self.node_cuts[i], out: far });
         });
     }
 }
@@ -321,22 +319,6 @@ fn keep_momentum(positions: &mut [[f32; 4]], target: &[[f32; 4]]) {
     if let Some(rigid) = Rigid::of(positions, |i| sub(xyz(target[i]), xyz(positions[i]))) {
         positions.iter_mut().for_each(|p| shift(p, 1.0, rigid.at(xyz(*p))));
     }
-}
-
-/// Weighted sum of differences from `own`.
-fn weighted(row: &[(u32, f32)], of: &[[f32; 4]], own: [f32; 4]) -> [f32; 4] {
-    // Four sums at a time: one after the other would wait for each addition.
-    let mut sums = [[0f32; 4]; 4];
-    let (fours, rest) = row.as_chunks::<4>();
-    let add = |sum: &mut [f32; 4], (n, w): (u32, f32)| {
-        let u = of[n as usize];
-        (0..4).for_each(|a| sum[a] += w * (u[a] - own[a]));
-    };
-    for four in fours {
-        (0..4).for_each(|i| add(&mut sums[i], four[i]));
-    }
-    rest.iter().zip(&mut sums).for_each(|(&entry, sum)| add(sum, entry));
-    core::array::from_fn(|a| (sums[0][a] + sums[1][a]) + (sums[2][a] + sums[3][a]))
 }
 
 impl DescentScratch {

@@ -9,6 +9,7 @@
 
 mod around;
 pub(crate) mod descent;
+mod differences;
 pub(crate) mod elastic;
 pub(crate) mod film;
 mod pressure;

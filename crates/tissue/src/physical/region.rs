@@ -8,6 +8,7 @@
 use super::rings::Part;
 use super::sweep::Memory;
 use super::touch::Touching;
+use crate::fast::Row;
 use crate::slabs::Round;
 
 /// Motion below this share of the model's size is none: the last digits of single precision.
@@ -25,11 +26,10 @@ pub(super) fn predict(
     touching: Touching<'_>,
     (anew, reach): (bool, f32),
 ) -> usize {
-    let mean = |m: &[f32]| m.iter().map(|v| f64::from(v.sqrt())).sum::<f64>();
     let (mut sum, mut count) = (0.0, 0usize);
     for (part, memory) in parts.iter().flat_map(|r| &r.1).zip(memory.iter().flatten()) {
         for (batch, motion) in part.batches.iter().zip(&memory.motion) {
-            sum += mean(&motion[..batch.count]);
+            sum += gone(motion, batch.count);
             count += batch.count;
         }
     }
@@ -40,11 +40,18 @@ pub(super) fn predict(
         for (b, (batch, motion)) in part.batches.iter().zip(&memory.motion).enumerate() {
             let inside = !anew && before.binary_search(&(b as u32)).is_ok();
             let least = (whole * if inside { LEAVE } else { JOIN }).max(still);
-            if mean(&motion[..batch.count]) / batch.count as f64 > least || touching.held(batch) {
+            if gone(motion, batch.count) / batch.count as f64 > least || touching.held(batch) {
                 memory.active.push(b as u32);
                 nodes += batch.count;
             }
         }
     }
     nodes
+}
+
+/// The way that the first `count` vertices of a batch have gone, mm, from its squares.
+fn gone(squares: &Row, count: usize) -> f64 {
+    // All roots at once are quicker than those asked for.
+    let ways = squares.map(f32::sqrt);
+    ways[..count].iter().map(|&way| f64::from(way)).sum()
 }
