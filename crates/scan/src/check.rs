@@ -66,7 +66,7 @@ fn towards_head(volume: &Volume<i16>) -> usize {
 }
 
 /// Number of tissue voxels in every plane across each index axis.
-fn profiles(volume: &Volume<i16>) -> [Vec<u64>; 3] {
+pub(crate) fn profiles(volume: &Volume<i16>) -> [Vec<u64>; 3] {
     let dims = volume.grid().dims();
     let mut out = dims.map(|d| vec![0u64; d]);
     for (r, row) in volume.data().chunks(dims[0]).enumerate() {

@@ -15,6 +15,7 @@ mod error;
 mod file;
 mod hash;
 mod hu;
+mod padding;
 mod raster;
 mod resample;
 mod shelf;
@@ -43,12 +44,15 @@ use std::path::{Path, PathBuf};
 /// # Errors
 /// Any [`ScanError`]: see there for the rules.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
-    let scan = match dicom::is_dicom(path).then(|| dicom::read(path, options)) {
+    let mut scan = match dicom::is_dicom(path).then(|| dicom::read(path, options)) {
         None => file::read(path)?,
         Some(found) => found.or_else(|why| only_volume(path, why).and_then(|file| file::read(&file)))?,
     };
     if !options.any_size {
         head_extent_check(&scan.volume)?;
+        let (volume, said) = padding::cut_off(scan.volume);
+        scan.volume = volume;
+        scan.warnings.extend(said);
     }
     Ok(scan)
 }

@@ -29,7 +29,8 @@ impl Format {
 pub struct ReadOptions {
     /// Take this series: its UID, or the short id that [`crate::inspect`] shows. `None`: the best head CT.
     pub series_uid: Option<String>,
-    /// Skip [`crate::head_extent_check`]: for phantoms that are no heads.
+    /// Take the volume as it is, without [`crate::head_extent_check`] and without looking for padding: for phantoms that are
+    /// no heads, and for the CT of a case.
     pub any_size: bool,
 }
 

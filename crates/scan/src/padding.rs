@@ -1,0 +1,163 @@
+//! Planes of air beyond a head that is cut off: padding, no scan.
+//!
+//! Some programs pad a volume to a size. What lies there was never seen; taken for air, the flat end of the head would be
+//! its skin.
+
+use crate::check::profiles;
+use monro_geometry::{Affine, Grid, Patient, Vector, Volume};
+
+/// A plane with less tissue holds none, mm2.
+const NOTHING_MM2: f64 = 100.0;
+/// A whole head shows at most so much tissue in its first plane, mm2, and so much more for each mm between planes: its
+/// flattest places are balls of 140 mm radius, and a plane `t` inside shows a disc of `2 pi R t`.
+const END_MM2: f64 = 2000.0;
+const GROWTH_MM: f64 = 900.0;
+/// Planes in which resampling may have mixed the head with the padding, and the first one that it has not.
+const BLURRED: usize = 2;
+
+/// Leaves out planes without tissue on whose other side the head begins at once in its full size; says so.
+pub(crate) fn cut_off(volume: Volume<i16>) -> (Volume<i16>, Vec<String>) {
+    let grid = *volume.grid();
+    let (dims, spacing) = (grid.dims(), grid.spacing());
+    let profiles = profiles(&volume);
+    let (mut low, mut high, mut said) = ([0; 3], dims, Vec::new());
+    for axis in 0..3 {
+        let pixel = grid.voxel_volume() / spacing[axis];
+        let areas: Vec<f64> = profiles[axis].iter().map(|&n| n as f64 * pixel).collect();
+        let before = padding(areas.iter().copied(), spacing[axis]);
+        let after = padding(areas.iter().rev().copied(), spacing[axis]);
+        (low[axis], high[axis]) = (before, dims[axis] - after);
+        for (planes, sign) in [(before, -1.0), (after, 1.0)] {
+            if planes > 0 {
+                said.push(sentence(planes, spacing[axis], end(&grid, axis, sign)));
+            }
+        }
+    }
+    if said.is_empty() { (volume, said) } else { (crop(&volume, low, high), said) }
+}
+
+/// Number of planes without tissue that end at a cut through the head, from the areas (mm2) of tissue in planes `spacing`
+/// mm apart.
+fn padding(areas: impl Iterator<Item = f64> + Clone, spacing: f64) -> usize {
+    let planes = areas.clone().take_while(|&area| area < NOTHING_MM2).count();
+    let mut shown = areas.skip(planes).take(BLURRED).zip(1..);
+    let abrupt = shown.any(|(area, n)| area > END_MM2 + GROWTH_MM * spacing * f64::from(n));
+    if abrupt { planes } else { 0 }
+}
+
+fn sentence(planes: usize, spacing: f64, end: &str) -> String {
+    format!(
+        "{planes} plane(s) ({:.1} mm) at the {end} end of the scan hold only air, though the head does not end there but is \
+         cut: they were left out as padding",
+        planes as f64 * spacing
+    )
+}
+
+/// The end of the body that an index axis points to most, forwards (`sign` 1) or backwards.
+fn end(grid: &Grid, axis: usize, sign: f64) -> &'static str {
+    let way = Vector::<Patient>::from_array(grid.patient_from_voxel().linear.column(axis)) * sign;
+    let [x, y, z] = way.to_array();
+    let most = x.abs().max(y.abs()).max(z.abs());
+    if z.abs() == most {
+        if z > 0.0 { "superior" } else { "inferior" }
+    } else if y.abs() == most {
+        if y > 0.0 { "posterior" } else { "anterior" }
+    } else if x > 0.0 {
+        "left"
+    } else {
+        "right"
+    }
+}
+
+/// The voxels `low..high`, where they were.
+fn crop(volume: &Volume<i16>, low: [usize; 3], high: [usize; 3]) -> Volume<i16> {
+    let grid = volume.grid();
+    let first = grid.centre(low[0], low[1], low[2]).to_array();
+    let placed = Affine::new(grid.patient_from_voxel().linear, first);
+    let own = Grid::new([0, 1, 2].map(|a| high[a] - low[a]), placed).expect("some planes of a sound grid");
+    let mut data = Vec::with_capacity(own.len());
+    for (k, j) in (low[2]..high[2]).flat_map(|k| (low[1]..high[1]).map(move |j| (k, j))) {
+        data.extend_from_slice(&volume.data()[grid.index(low[0], j, k)..grid.index(high[0] - 1, j, k) + 1]);
+    }
+    Volume::new(own, data).expect("as many values as voxels")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// An ellipsoid of tissue with semi-axes of 70, 90 and 75 mm about the origin, in a box.
+    fn head(dims: [usize; 3], spacing: [f64; 3], origin: [f64; 3]) -> Volume<i16> {
+        let grid = Grid::axis_aligned(dims, spacing, origin).expect("a grid");
+        let hu = |n: usize| {
+            let [i, j, k] = grid.voxel(n);
+            let p = grid.centre(i, j, k).to_array();
+            let r: f64 = p.iter().zip([70.0, 90.0, 75.0]).map(|(x, r)| (x / r).powi(2)).sum();
+            if r < 1.0 { 30 } else { -1024 }
+        };
+        Volume::new(grid, (0..grid.len()).map(hu).collect()).expect("as many values")
+    }
+
+    /// Replaces the planes from `from` on along an axis by air.
+    fn blank(volume: &mut Volume<i16>, axis: usize, from: usize) {
+        let grid = *volume.grid();
+        volume
+            .data_mut()
+            .iter_mut()
+            .enumerate()
+            .filter(|(n, _)| grid.voxel(*n)[axis] >= from)
+            .for_each(|(_, v)| *v = -1024);
+    }
+
+    proptest! {
+        #[test]
+        fn a_whole_head_in_air_is_left_as_it_is(step in 0.8..8.0f64, axis in 0..3usize, offset in 0.0..1.0f64) {
+            let mut spacing = [3.0; 3];
+            spacing[axis] = step;
+            let dims = spacing.map(|s| (230.0 / s) as usize);
+            let origin = spacing.map(|s| -115.0 + offset * s);
+            let volume = head(dims, spacing, origin);
+            let (same, said) = cut_off(volume.clone());
+            prop_assert_eq!((same.grid().dims(), said), (dims, Vec::<String>::new()));
+        }
+
+        #[test]
+        fn padding_beyond_a_cut_is_left_out_on_any_axis(step in 0.8..5.0f64, axis in 0..3usize, missing in 22.0..60.0f64) {
+            let mut spacing = [3.0; 3];
+            spacing[axis] = step;
+            let dims = spacing.map(|s| (230.0 / s) as usize);
+            let mut volume = head(dims, spacing, [-115.0; 3]);
+            let top = [70.0, 90.0, 75.0][axis] - missing;
+            let from = ((top + 115.0) / step) as usize;
+            blank(&mut volume, axis, from);
+            let (cut, said) = cut_off(volume.clone());
+            let mut wanted = dims;
+            wanted[axis] = from;
+            prop_assert_eq!(cut.grid().dims(), wanted);
+            prop_assert_eq!(said.len(), 1);
+            // What is left lies where it lay.
+            let p = volume.grid().centre(5, 6, 7);
+            prop_assert_eq!(cut.grid().containing(p), Some([5, 6, 7]));
+            prop_assert_eq!(cut.at(dims[0] / 2, 20, 10), volume.at(dims[0] / 2, 20, 10));
+        }
+    }
+
+    #[test]
+    fn the_end_is_named_for_the_patient_and_the_lower_one_counts_too() {
+        let mut volume = head([77, 77, 77], [3.0; 3], [-115.0; 3]);
+        let grid = *volume.grid();
+        volume.data_mut().iter_mut().enumerate().filter(|(n, _)| grid.voxel(*n)[2] < 20).for_each(|(_, v)| *v = -1024);
+        let (cut, said) = cut_off(volume);
+        assert_eq!(cut.grid().dims(), [77, 77, 57]);
+        assert_eq!(cut.grid().centre(0, 0, 0).to_array(), [-115.0, -115.0, -55.0]);
+        assert!(said[0].starts_with("20 plane(s) (60.0 mm) at the inferior end"), "{said:?}");
+    }
+
+    #[test]
+    fn a_volume_without_tissue_is_left_as_it_is() {
+        let grid = Grid::axis_aligned([4, 5, 6], [1.0; 3], [0.0; 3]).expect("a grid");
+        let (same, said) = cut_off(Volume::filled(grid, -1024));
+        assert_eq!((same.grid().dims(), said.len()), ([4, 5, 6], 0));
+    }
+}
