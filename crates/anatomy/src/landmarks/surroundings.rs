@@ -1,7 +1,8 @@
 //! Bearings inside the head: midplane and the pose of the ventricle model, from labels.
 
 use super::LandmarkError;
-use crate::image::{Mask, Raster, distance_to_false};
+use crate::image::{Mask, Raster};
+use crate::segment::cut;
 use crate::segment::lattice::Lattice;
 use crate::segment::model::{self, Axes, Pose};
 use monro_geometry::{Patient, Plane, Point, Structure, Volume};
@@ -19,16 +20,20 @@ pub(crate) struct Surroundings<'a> {
 impl<'a> Surroundings<'a> {
     /// Takes bearings.
     pub(crate) fn new(labels: &'a Volume<u8>, midsagittal: Plane<Patient>) -> Result<Self, LandmarkError> {
-        let (lattice, classes) = coarse(labels).ok_or(LandmarkError::NoBearings("brain"))?;
+        let (lattice, classes, nodata) = coarse(labels).ok_or(LandmarkError::NoBearings("brain"))?;
         if !classes.data.iter().any(|&l| l == 5 || l == 6) {
             return Err(LandmarkError::NoBearings("lateral ventricle"));
         }
         let inside: Mask = classes.map(|l| is(l, Structure::is_intracranial));
         let fluid = |n: usize| if is(classes.data[n], Structure::is_ventricle) { 1.0 } else { 0.0 };
-        let depth = distance_to_false(&inside).map(|d| d * lattice.step as f32);
+        // Where the scan ends above the brain there is no skull: as in the segmentation, vaults of several heights are tried.
+        let open = cut::open_columns(&inside, &nodata, lattice.step);
+        let depth = cut::depth(&inside, open.as_deref()).map(|d| d * lattice.step as f32);
         let like = model::likeness(&inside, (&depth, lattice), fluid);
-        let axes = Axes::new(&depth, lattice, &midsagittal).ok_or(LandmarkError::NoBearings("brain"))?;
-        Ok(Self { labels, midsagittal, pose: model::fit(&like, lattice, axes) })
+        let vaults = cut::vaults(&inside, open.as_deref(), lattice);
+        let axes = vaults.iter().filter_map(|depth| Axes::new(depth, lattice, &midsagittal));
+        let pose = model::best(&like, lattice, axes).ok_or(LandmarkError::NoBearings("brain"))?;
+        Ok(Self { labels, midsagittal, pose })
     }
 
     /// The structure at a position.
@@ -41,8 +46,9 @@ fn is(label: u8, test: impl Fn(Structure) -> bool) -> bool {
     Structure::from_label(label).is_some_and(test)
 }
 
-/// The intracranial labels on a coarse lattice, with a rim of nothing; `None` when there are none.
-fn coarse(labels: &Volume<u8>) -> Option<(Lattice, Raster<u8>)> {
+/// The intracranial labels on a coarse lattice, with a rim of nothing, and where the scan shows nothing; `None` when there
+/// are none.
+fn coarse(labels: &Volume<u8>) -> Option<(Lattice, Raster<u8>, Mask)> {
     let grid = labels.grid();
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
@@ -59,9 +65,12 @@ fn coarse(labels: &Volume<u8>) -> Option<(Lattice, Raster<u8>)> {
     }
     let lattice = Lattice { origin: low.map(|v| v - 2.0 * STEP), step: STEP };
     let dims = core::array::from_fn(|a| ((high[a] - low[a]) / STEP) as usize + 5);
-    let mut out = Raster::filled(dims, 0u8);
+    let (mut out, mut nodata) = (Raster::filled(dims, 0u8), Raster::filled(dims, false));
     for n in 0..out.data.len() {
-        out.data[n] = labels.nearest(lattice.point(out.voxel(n).map(|c| c as f64))).unwrap_or(0);
+        match labels.nearest(lattice.point(out.voxel(n).map(|c| c as f64))) {
+            Some(label) => out.data[n] = label,
+            None => nodata.data[n] = true,
+        }
     }
-    Some((lattice, out))
+    Some((lattice, out, nodata))
 }

@@ -11,7 +11,7 @@ mod boundary;
 mod cavity;
 mod confidence;
 mod csf;
-mod cut;
+pub(crate) mod cut;
 mod error;
 mod fit;
 mod given;
