@@ -3,8 +3,8 @@
 
 use monro_anatomy::landmarks;
 use monro_anatomy::phantom::{HeadOptions, Phantom, head};
-use monro_anatomy::segment::{Segmentation, segment};
-use monro_geometry::{Affine, Grid, Matrix3, Patient, Point, Volume};
+use monro_anatomy::segment::{SegmentError, Segmentation, segment};
+use monro_geometry::{Affine, Grid, Matrix3, Patient, Point, Vector, Volume};
 
 const LEFT: u8 = 5;
 const RIGHT: u8 = 6;
@@ -191,6 +191,55 @@ fn a_cut_near_the_roof_of_the_ventricles_does_not_move_them() {
         let found = segment(&ct).expect("segmentation");
         assert!(found.findings.iter().any(|f| f.contains("vertex cut")), "{:?}", found.findings);
         agrees(&found, &labels, [0.93, 0.93, 0.85], &format!("cut {above} mm above the ventricles"));
+    }
+}
+
+#[test]
+fn nasion_and_target_stay_where_they_are_when_the_vertex_is_missing() {
+    for seed in [1, 3, 7] {
+        let phantom = made(&upright(seed));
+        let top = middle(&phantom).z + 45.0;
+        let ct = cut_above(&phantom.ct, top);
+        let found = segment(&ct).expect("segmentation");
+        let marks = landmarks::find(&ct, &found).expect("landmarks");
+        let truth = &phantom.landmarks;
+        for (name, found, truth, most) in [
+            ("nasion", marks.nasion, truth.nasion, 5.0),
+            ("left foramen", marks.monro_left, truth.monro_left, 5.0),
+            ("right foramen", marks.monro_right, truth.monro_right, 5.0),
+        ] {
+            let off = found.distance(truth);
+            assert!(off < most, "seed {seed}: {name} is {off:.1} mm off: {:?}", marks.findings);
+        }
+    }
+}
+
+/// The same voxels under a header that has some axes the wrong way round.
+fn under<T: Copy>(volume: &Volume<T>, signs: [f64; 3]) -> Volume<T> {
+    let placed = volume.grid().patient_from_voxel();
+    let turned = |v: [f64; 3]| Vector::from_array(core::array::from_fn(|a| v[a] * signs[a]));
+    let [a, b, c] = [0, 1, 2].map(|i| turned(placed.linear.column(i)));
+    let offset = turned(placed.offset).to_array();
+    let grid = Grid::new(volume.grid().dims(), Affine::new(Matrix3::from_columns::<Patient>(a, b, c), offset));
+    Volume::new(grid.expect("grid"), volume.data().to_vec()).expect("count")
+}
+
+#[test]
+fn a_head_that_faces_backwards_or_stands_on_its_vertex_is_refused() {
+    for seed in [2, 5] {
+        let phantom = made(&upright(seed));
+        for (signs, wanted) in [
+            ([-1.0, -1.0, 1.0], "backwards and upright"),
+            ([1.0, -1.0, -1.0], "upside down and backwards"),
+            ([-1.0, 1.0, -1.0], "upside down and forwards"),
+        ] {
+            match segment(&under(&phantom.ct, signs)) {
+                Err(SegmentError::Turned { way, score, as_told }) => {
+                    assert_eq!(way, wanted, "seed {seed}: {score} {as_told}");
+                }
+                other => panic!("seed {seed}, {wanted}: {:?}", other.map(|s| s.findings)),
+            }
+        }
     }
 }
 

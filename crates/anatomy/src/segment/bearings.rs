@@ -5,7 +5,7 @@ use super::cut::{self, open_in_block};
 use super::error::SegmentError;
 use super::lattice::Lattice;
 use super::midplane::midplane;
-use super::model::{self, Axes, Pose};
+use super::model::{self, Axes, Pose, Turned};
 use super::tissue::{brain_mode, quantile};
 use super::working::{Working, any_in_block, block_mean};
 use crate::image::{Mask, Raster};
@@ -13,6 +13,9 @@ use monro_geometry::{Patient, Plane};
 
 /// Nothing inside the head is this much darker than brain, HU, but by air or fat near it.
 const DIMMED_BY_AIR: f32 = 60.0;
+
+/// The model turned about must fit better by this much to be believed: heads as they are fit worse by 0.2 and more.
+const TURNED: f64 = 0.1;
 
 /// What is known of the head before its ventricles are found.
 #[derive(Debug)]
@@ -27,7 +30,7 @@ pub(crate) struct Bearings {
 /// Takes bearings. `open` are the columns of the working raster that the scan cuts.
 ///
 /// # Errors
-/// [`SegmentError::NoCavity`].
+/// [`SegmentError::NoCavity`], [`SegmentError::Turned`].
 pub(crate) fn bearings(
     working: &Working,
     smooth: &Raster<f32>,
@@ -43,6 +46,7 @@ pub(crate) fn bearings(
     let brain = brain_mode(smooth, |n| cavity.data[n]);
     let coarse = Coarse { hu: &hu, space: &space, open: open.as_deref(), lattice, brain };
     let (pose, blood) = coarse.pose(&plane).ok_or_else(none)?;
+    coarse.upright(pose)?;
     Ok(Bearings { plane, pose, brain, blood })
 }
 
@@ -59,12 +63,12 @@ impl Coarse<'_> {
     /// The pose by the fluid; with much blood deep in the brain by fluid and blood, where the model fits better so.
     fn pose(&self, plane: &Plane<Patient>) -> Option<(Pose, Option<Blood>)> {
         let (brain, fluid) = (self.brain, self.darkest());
+        let fluidlike = |n: usize| self.fluidlike(n, fluid);
         let depth = cut::depth(self.space, self.open).map(|d| d * self.lattice.step as f32);
         let axes: Vec<Axes> = cut::vaults(self.space, self.open, self.lattice)
             .iter()
             .filter_map(|d| Axes::new(d, self.lattice, plane))
             .collect();
-        let fluidlike = |n: usize| (brain - self.hu.data[n]) / (brain - fluid);
         let by_fluid = self.fit(&axes, &depth, fluidlike)?;
         let Some(deep_ml) = blood::deep(self.hu, &depth, self.lattice, brain) else { return Some((by_fluid, None)) };
         let by_both = self.fit(&axes, &depth, |n| fluidlike(n).max(blood::like(self.hu.data[n], brain)))?;
@@ -72,11 +76,27 @@ impl Coarse<'_> {
         Some((if on_course { by_both } else { by_fluid }, Some(Blood { deep_ml, on_course })))
     }
 
-    /// The best of all axes: where the vertex is missing, vaults of several heights are tried.
+    /// Refuses a head that lies otherwise than the scan's axes say.
+    fn upright(&self, pose: Pose) -> Result<(), SegmentError> {
+        let fluid = self.darkest();
+        let depth = cut::depth(self.space, self.open).map(|d| d * self.lattice.step as f32);
+        let like = model::likeness(self.space, (&depth, self.lattice), |n| self.fluidlike(n, fluid));
+        let turned = pose.turned(&like, self.lattice);
+        match turned.filter(|t| t.score > pose.score + TURNED) {
+            Some(Turned { way, score }) => Err(SegmentError::Turned { way, score, as_told: pose.score }),
+            None => Ok(()),
+        }
+    }
+
+    /// 0 as brain, 1 as fluid.
+    fn fluidlike(&self, n: usize, fluid: f32) -> f32 {
+        (self.brain - self.hu.data[n]) / (self.brain - fluid)
+    }
+
+    /// The best of all axes.
     fn fit(&self, axes: &[Axes], depth: &Raster<f32>, likeness: impl Fn(usize) -> f32) -> Option<Pose> {
         let like = model::likeness(self.space, (depth, self.lattice), likeness);
-        let poses = axes.iter().map(|axes| model::fit(&like, self.lattice, *axes));
-        poses.max_by(|a, b| a.score.total_cmp(&b.score))
+        model::best(&like, self.lattice, axes.iter().copied())
     }
 
     /// Ventricles and cisterns fill some percent of the deep brain: its darkest percent is fluid. What air dims, at a cut,

@@ -31,6 +31,20 @@ pub enum SegmentError {
         /// Volume needed, mL.
         needed_ml: f64,
     },
+    /// The ventricles lie as in a head that is turned about.
+    #[error(
+        "the head seems to lie {way} in the scan's own axes: so the ventricles fit their usual course by {score:.2} of 1, as \
+         the header says only by {as_told:.2}. Is the orientation in the header wrong? Convert the scan again; labels of your \
+         own are taken as they are with --labels FILE"
+    )]
+    Turned {
+        /// How it lies.
+        way: &'static str,
+        /// Fit of the ventricles so, 1 is perfect.
+        score: f64,
+        /// Their fit as the header says.
+        as_told: f64,
+    },
     /// Brain and cerebrospinal fluid cannot be told apart.
     #[error(
         "no contrast between brain ({brain:.1} HU) and the darkest fluid near the ventricles ({csf:.1} HU); contrast \

@@ -61,6 +61,13 @@ pub(crate) struct Axes {
     size: f64,
 }
 
+/// How a head may lie in a scan whose header has its axes wrong, and the signs that the axes left, back and up then have.
+const TURNS: [(&str, [f64; 3]); 3] = [
+    ("backwards and upright", [-1.0, -1.0, 1.0]),
+    ("upside down and backwards", [1.0, -1.0, -1.0]),
+    ("upside down and forwards", [-1.0, 1.0, -1.0]),
+];
+
 /// The model's pose.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pose {
@@ -91,7 +98,24 @@ impl Axes {
     }
 }
 
+/// How the head lies when the model turned about fits, and how well it does.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Turned {
+    pub(crate) way: &'static str,
+    pub(crate) score: f64,
+}
+
 impl Pose {
+    /// The best fit of the model turned about, on the same axes.
+    pub(crate) fn turned(&self, like: &Raster<f32>, lattice: Lattice) -> Option<Turned> {
+        let of = |&(way, [left, back, up]): &(&'static str, [f64; 3])| {
+            let a = self.axes;
+            let axes = Axes { left: a.left * left, back: a.back * back, up: a.up * up, ..a };
+            Turned { way, score: fit(like, lattice, axes).score }
+        };
+        TURNS.iter().map(of).max_by(|a, b| a.score.total_cmp(&b.score))
+    }
+
     /// Patient position of a model point (mm lateral, posterior, superior of the foramina).
     pub(crate) fn place(&self, m: [f64; 3]) -> Point<Patient> {
         let (s, c) = self.pitch.sin_cos();
@@ -153,8 +177,14 @@ pub(crate) fn likeness(
     gaussian(&like, 1.5 / lattice.step)
 }
 
+/// The best pose for any of the axes: where the vertex is missing, there are those of vaults of several heights.
+pub(crate) fn best(like: &Raster<f32>, lattice: Lattice, axes: impl IntoIterator<Item = Axes>) -> Option<Pose> {
+    let poses = axes.into_iter().map(|axes| fit(like, lattice, axes));
+    poses.max_by(|a, b| a.score.total_cmp(&b.score))
+}
+
 /// Searches the pose: a grid over shift, pitch and width, then a pattern search.
-pub(crate) fn fit(like: &Raster<f32>, lattice: Lattice, axes: Axes) -> Pose {
+fn fit(like: &Raster<f32>, lattice: Lattice, axes: Axes) -> Pose {
     let at = |shift: [f64; 3], pitch: f64, width: f64| Pose { axes, shift, pitch, scale: axes.size, width, score: 0.0 };
     let steps = || (-4..=4).map(|n| f64::from(n) * 4.0);
     let starts: Vec<Pose> = (-5..=5)
