@@ -1,8 +1,10 @@
 """meshio against our mesh formats: each reads what the other writes, with equal points, cells and labels.
+NumPy against our search for triangles that cross.
 
     python scripts/oracle_mesh.py [--monro PATH_TO_BINARY]
 """
 
+import json
 import pathlib
 import subprocess
 import sys
@@ -95,6 +97,45 @@ def refusals(folder):
     check(bool(said) and "tetrahedron 0" in said, f"an inverted element is named: {said}")
 
 
+def ball(n, centre):
+    """Points and triangles of a unit sphere of n by 2 n patches."""
+    u, v = np.meshgrid(np.arange(1, n) * np.pi / n, np.arange(2 * n) * np.pi / n, indexing="ij")
+    ring = np.stack([np.sin(u) * np.cos(v), np.sin(u) * np.sin(v), np.cos(u)], -1).reshape(-1, 3)
+    points = np.vstack([ring, [[0, 0, 1], [0, 0, -1]]]) + centre
+    at = lambda i, j: i * 2 * n + j % (2 * n)
+    j, top, bottom = np.arange(2 * n), len(ring), len(ring) + 1
+    caps = [np.stack([0 * j + top, at(0, j), at(0, j + 1)], 1), np.stack([0 * j + bottom, at(n - 2, j + 1), at(n - 2, j)], 1)]
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(n - 2), j, indexing="ij"))
+    sides = [np.stack([at(i, j), at(i + 1, j), at(i + 1, j + 1)], 1), np.stack([at(i, j), at(i + 1, j + 1), at(i, j + 1)], 1)]
+    return points, np.vstack(caps + sides)
+
+
+def pierced(a, b):
+    """For each triangle of a and of b (n, 3, 3), whether an edge of that of a passes through that of b."""
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(len(a)), np.arange(len(b)), indexing="ij"))
+    side = lambda p, q, r, s: np.einsum("ij,ij->i", np.cross(q - p, r - p), s - p)
+    found = np.zeros(len(i), bool)
+    for k in range(3):
+        p, q, (r, s, t) = a[i, k], a[i, (k + 1) % 3], b[j].transpose(1, 0, 2)
+        around = np.stack([side(p, q, r, s), side(p, q, s, t), side(p, q, t, r)])
+        found |= (side(r, s, t, p) * side(r, s, t, q) < 0) & ((around > 0).all(0) | (around < 0).all(0))
+    return found.reshape(len(a), len(b))
+
+
+def crossings(folder):
+    """Two balls in each other: every edge against every triangle."""
+    (points, triangles), (others, _) = ball(12, np.zeros(3)), ball(12, np.array([0.83, 0.21, 0.37]))
+    both = meshio.Mesh(np.vstack([points, others]), [("triangle", np.vstack([triangles, triangles + len(points)]))])
+    meshio.write(folder / "balls.ply", both)
+    command = [MONRO, "mesh", str(folder / "balls.ply"), "--out", str(folder / "balls.stl"), "--json"]
+    told = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)["self_crossing"]
+    a, b = points[triangles], others[triangles]
+    wanted = int((pierced(a, b) | pierced(b, a).T).sum())
+    off = [abs(np.linalg.norm(np.array(told["at_lps_mm"]) - c) - 1) for c in (np.zeros(3), [0.83, 0.21, 0.37])]
+    check(told["pairs"] == wanted, f"{told['pairs']} pairs of triangles cross, {wanted} expected")
+    check(max(off) < 0.05, f"the place lies {max(off):.3f} off both balls")
+
+
 FAILED = 0
 MONRO = oracle.binary(__doc__)
 with tempfile.TemporaryDirectory() as temp:
@@ -102,4 +143,5 @@ with tempfile.TemporaryDirectory() as temp:
     interfaces(pathlib.Path(temp))
     surfaces(pathlib.Path(temp))
     refusals(pathlib.Path(temp))
+    crossings(pathlib.Path(temp))
 sys.exit(f"{FAILED} checks failed" if FAILED else 0)

@@ -198,11 +198,14 @@ pub(crate) enum LabelsCommand {
 /// What "monro simulate --json" and its files say of how far the result can be relied on.
 const SIMULATE_FIELDS: &str = "\
 In --json and summary.json:
-  reliable        false where the end is not a result: elements turned inside out at the end (on the way: a remark),
-                  frames held, a target more than 20 mm off, drained volume missed by more than 10 %
+  reliable        false where the end is not a result: elements turned inside out, or walls through each other, at the
+                  end (on the way: a remark), frames held, a target more than 20 mm off, drained volume missed by more than 10 %
   remarks         why, and whatever else is to be said; also on stderr and at the head of report.html
   inverted_most, inverted_at_end
                   turned elements: most in a frame, and in the last one
+  self_crossing   where the surface of the tissue, or a wall between its structures, passes through itself at the end and
+                  does not at rest: pairs of triangles that cross, and the place of the first (at_lps_mm); null where it
+                  does not. Looked for in the meshes that are written (frames/)
   rollbacks, frames_held
                   steps taken back and done in smaller ones; frames that even the smallest could not solve
   drained_ml      asked and reached; null without --drain-ml
@@ -264,13 +267,16 @@ What is printed (forces in N, along the axes of the scene):
                   force of each sphere, of each rod on the tissue; punch_force_N, rod_force_N: of the first, along its
                   motion, positive when the tissue resists
   converged       the tolerance (residual 1e-6) was met with all motion and load imposed, no element is turned, no sphere
-                  has gone through the surface, the loads are borne, and the mesh is as fine as --refine asked
+                  has gone through the surface, the body does not pass through itself, the loads are borne, and the mesh
+                  is as fine as --refine asked
   residual        force out of balance over supports' forces and loads
   unborne         sum of the forces out of balance over the sum of the loads and of the spheres' forces; above 0.01 is no
                   answer
   share           share of the imposed motion and load that was reached, 0 to 1
   tets_solved     elements that the answer was found on, after refinement
   turned          how many of them are turned inside out or without volume
+  self_crossing   where the surface of the body, or a wall between its regions, passes through itself and does not at rest:
+                  pairs of triangles that cross, and the place of the first in metres (at_m); null where it does not
   newton_steps, products
                   work done on that mesh: Newton steps, products of the tangent stiffness with a vector
   max_displacement_mm, seconds, case, mesh, mode, out, remarks
@@ -505,7 +511,7 @@ pub(crate) struct MeshArgs {
     /// Refuse a mesh in which the surface of a label, or of all together, is not two-manifold or has another topology than
     /// the labels, a label has no element or a volume that is off by more than 1 %, or an element is of bad shape, naming
     /// what and where, instead of a remark. Of a mesh that is checked: bad shapes, parts that overlap, surfaces that are not
-    /// two-manifold; a surface that is open or inside out.
+    /// two-manifold, hanging nodes, doubled vertices; a surface that is open, inside out or passes through itself.
     #[arg(long)]
     pub(crate) strict: bool,
     /// File to write: tetrahedra as .vtu or .msh (Gmsh 4.1, with the interfaces as triangles), the outer surface as .ply or

@@ -3,6 +3,7 @@
 mod facts;
 mod figures;
 mod import;
+mod meeting;
 mod options;
 mod out;
 mod report;

@@ -4,6 +4,7 @@ use crate::args::ModeArg;
 use crate::materials;
 use anyhow::{Result, ensure};
 use clap::ValueEnum;
+use monro_geometry::PassedThrough;
 use monro_session::{Materials, Mode, ModelSettings};
 use monro_tissue::{PaperOptions, PhysicalOptions};
 use std::path::Path;
@@ -36,6 +37,16 @@ pub(crate) fn remarks(model: &ModelSettings) -> Option<String> {
              time: the larger, {used} s, was used for both."
         )
     })
+}
+
+/// That parts of a soft body pass through each other: tissue does not feel itself, so nothing keeps them apart.
+pub(crate) fn passed_through(found: &PassedThrough) -> String {
+    let [x, y, z] = found.at.to_array();
+    format!(
+        "the surface of the tissue, or a wall between its regions, passes through itself: {} pair(s) of triangles cross that \
+         do not at rest, the first at ({x:.2}, {y:.2}, {z:.2}) mm; tissue that meets itself is not modelled",
+        found.pairs
+    )
 }
 
 /// The name under which a recording knows a soft body: the mode as on the command line, and on the following lines all

@@ -1,5 +1,7 @@
 //! A bounding-volume hierarchy over the triangles of a mesh: nearest point, ray and inside queries.
 
+mod boxes;
+
 use crate::{Patient, Point, TriangleMesh, Vector};
 
 const LEAF: usize = 4;

@@ -8,9 +8,11 @@
 
 mod affine;
 mod bvh;
+mod crossing;
 mod embedding;
 mod frame;
 mod grid;
+mod hanging;
 mod incidence;
 mod matrix;
 mod neighbours;
@@ -23,12 +25,15 @@ mod tetrahedra;
 mod triangles;
 mod vector;
 mod volume;
+mod walls;
 
 pub use affine::Affine;
 pub use bvh::{Bvh, Hit, Nearest, nearest_on_triangle};
+pub use crossing::{Crossings, triangles_cross};
 pub use embedding::{Binder, BoundChunk, Embedding, EmbeddingError, Located, NearestFace, Overlap, TetLocator};
 pub use frame::{Display, Frame, Patient, Tool, Tracker, Voxel};
 pub use grid::{Grid, GridError};
+pub use hanging::{HangingNode, LooseFaces};
 pub use incidence::Incidence;
 pub use matrix::Matrix3;
 pub use neighbours::{NO_TET, tet_neighbours};
@@ -40,3 +45,4 @@ pub use tetrahedra::{TetMesh, TetMeshError, TetQuality, tet_signed_volume};
 pub use triangles::{Topology, TriangleMesh, TriangleMeshError};
 pub use vector::{Point, Vector, bounds};
 pub use volume::Volume;
+pub use walls::{PassedThrough, Walls};

@@ -15,7 +15,8 @@
 //!
 //! Units: mm, s, kg, hence mN and kPa (1 kPa = 1 mN/mm2). The model knows labels and regions, no organs.
 //!
-//! Simplifications: tissue is cut along the axis of a tool but the mesh is never split; self-contact is not looked for;
+//! Simplifications: tissue is cut along the axis of a tool but the mesh is never split; self-contact is not modelled
+//! (`geometry::Walls` finds where tissue has passed through itself);
 //! tools are rigid and straight.
 
 mod bytes;

@@ -1,4 +1,5 @@
 use super::*;
+use crate::phantom::{HeadModel, HeadOptions};
 use monro_geometry::{Affine, Bvh, Grid, Matrix3, Patient, Point};
 use proptest::prelude::*;
 
@@ -109,5 +110,36 @@ proptest! {
             }
             Err(SurfaceError::Empty { .. } | SurfaceError::TooThin { .. }) => {}
         }
+    }
+}
+
+/// What passes through itself is looked for by depth: rounding of coordinates far away, and lengths in metres or microns, must
+/// not look like it.
+#[test]
+fn surfaces_of_a_phantom_do_not_pass_through_themselves_wherever_they_are() {
+    let phantom = HeadModel::new(&HeadOptions::default());
+    let grid = Grid::axis_aligned([110, 110, 90], [1.0; 3], [-55.0, -60.0, -40.0]).expect("grid");
+    let field = Volume::new(
+        grid,
+        (0..grid.len())
+            .map(|at| {
+                let [i, j, k] = grid.voxel(at);
+                -phantom.ventricle_distance(grid.centre(i, j, k)) as f32
+            })
+            .collect(),
+    )
+    .expect("count");
+    let surface = isosurface(&field, 0.0);
+    assert!(surface.triangles.len() > 20_000, "{}", surface.triangles.len());
+    for (scale, away) in [(1.0, 0.0), (1.0, 1e6), (1e-3, 0.0), (1e-3, 1e4), (1e3, 0.0)] {
+        let place = |p: &Point<Patient>| Point::from_array(p.to_array().map(|c| c * scale + away));
+        let mesh = TriangleMesh { vertices: surface.vertices.iter().map(place).collect(), ..surface.clone() };
+        let found = mesh.crossings();
+        assert!(
+            found.pairs.is_empty(),
+            "{scale}, {away}: {} pairs, first at {:?}",
+            found.pairs.len(),
+            mesh.crossing_place(found.pairs[0])
+        );
     }
 }

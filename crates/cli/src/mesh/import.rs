@@ -1,7 +1,7 @@
 //! Meshes from elsewhere: checked, told about, converted.
 
 use super::facts::{SurfaceFacts, bounds, label_facts, place, shapes_json, shapes_words};
-use super::{merged, out};
+use super::{meeting, merged, out};
 use crate::args::MeshArgs;
 use crate::console::{Console, seconds_json};
 use crate::mesh_file::{AnyMesh, Encoded, Format, Read};
@@ -66,6 +66,8 @@ fn of_tetrahedra(mesh: &TetMesh) -> Found {
     let counts = [mesh.tets.len(), mesh.vertices.len()];
     let mut words = vec![shapes_words(counts, &shapes)];
     let mut doubts: Vec<String> = of_shapes(&shapes).into_iter().chain(of_overlap(mesh)).collect();
+    let unshared = meeting::of_tetrahedra(mesh);
+    doubts.extend(unshared.doubts);
     let mut labels = Vec::new();
     for (label, elements) in mesh.label_counts() {
         let surface = SurfaceFacts::from(&mesh.surface(|l| l == label));
@@ -83,7 +85,7 @@ fn of_tetrahedra(mesh: &TetMesh) -> Found {
     let bounds = bounds(&mesh.vertices);
     words.push(box_words(bounds));
     let json = json!({ "elements": counts[0], "vertices": counts[1], "labels": labels, "outer": outer.json(), "bounds_mm": bounds });
-    Found { json: merged(json, shapes_json(&shapes)), words, doubts }
+    Found { json: merged(merged(json, shapes_json(&shapes)), unshared.json), words, doubts }
 }
 
 fn box_words([low, high]: [[f64; 3]; 2]) -> String {
@@ -135,6 +137,8 @@ fn of_surface(mesh: &TriangleMesh) -> Found {
     if let (count @ 1.., Some(first)) = (flat.clone().count(), flat.clone().next()) {
         doubts.push(format!("{count} triangle(s) have no area, the first is triangle {first}"));
     }
+    let crossing = meeting::of_surface(mesh);
+    doubts.extend(crossing.doubts);
     let (counts, bounds) = ([mesh.triangles.len(), mesh.vertices.len()], bounds(&mesh.vertices));
     let inside = volume.map_or_else(String::new, |v| format!(", {v:.2} mm3"));
     let words = vec![
@@ -142,7 +146,7 @@ fn of_surface(mesh: &TriangleMesh) -> Found {
         box_words(bounds),
     ];
     let json = json!({ "elements": counts[0], "vertices": counts[1], "outer": facts.json(), "area_mm2": area, "volume_mm3": volume, "bounds_mm": bounds });
-    Found { json, words, doubts }
+    Found { json: merged(json, crossing.json), words, doubts }
 }
 
 /// Pieces of a closed surface that are inside out; one with its inside out within another one is a cavity.

@@ -1,6 +1,7 @@
 //! `monro simulate`: the catheter goes in, and everything is written down.
 
 mod asked;
+mod crossed;
 mod figures;
 mod output;
 mod run;

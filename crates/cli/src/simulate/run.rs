@@ -3,7 +3,7 @@
 use crate::console::Console;
 use anyhow::Result;
 use monro_case::Case;
-use monro_geometry::{Patient, Point, TetMesh, TriangleMesh};
+use monro_geometry::{PassedThrough, Patient, Point, TetMesh, TriangleMesh, Walls};
 use monro_guidance::Plan;
 use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode, StructureVolumes};
 use std::time::Instant;
@@ -29,6 +29,8 @@ pub(crate) struct Snapshot {
     pub(crate) time_s: f64,
     /// The mesh then.
     pub(crate) mesh: TetMesh,
+    /// Where its boundary, or a wall between structures, passes through itself.
+    pub(crate) self_crossing: Option<PassedThrough>,
 }
 
 /// A finished insertion.
@@ -107,7 +109,11 @@ pub(crate) fn insert(case: &Case, settings: &InsertionSettings, console: &Consol
     let (mut insertion, mut surfaces) = console
         .stage("build soft body", || -> Result<_> { Ok((Insertion::new(case, settings)?, Surfaces::new(case)?)) })?;
     let volumes = StructureVolumes::new(insertion.rest());
-    let (rows, snapshots) = console.stage("insert", || frames(&mut insertion, &mut surfaces, &volumes, console))?;
+    let (rows, mut snapshots) = console.stage("insert", || frames(&mut insertion, &mut surfaces, &volumes, console))?;
+    console.stage("check walls", || {
+        let walls = Walls::new(insertion.rest());
+        snapshots.iter_mut().for_each(|s| s.self_crossing = walls.passed_through(&s.mesh.vertices));
+    });
     let [brain, ventricles] = surfaces.now;
     Ok(Run {
         rows,
@@ -145,7 +151,8 @@ fn frames(
         let (done, _) = insertion.progress();
         if done % every == 0 || done == total {
             console.progress(format!("insert: frame {done} of {total}, depth {:.1} mm", frame.depth_mm));
-            snapshots.push(Snapshot { time_s: frame.time_s, mesh: insertion.deformed() });
+            let (time_s, mesh) = (frame.time_s, insertion.deformed());
+            snapshots.push(Snapshot { time_s, mesh, self_crossing: None });
         }
         rows.push(Row { frame, ms, change_ml: volumes.change_ml(insertion.nodes()) });
     }

@@ -1,7 +1,7 @@
 //! Whether an insertion can be believed, and what there is to say against it: the same words in the report, in JSON and on
 //! the console.
 
-use super::{KPA_PER_MMHG, Run};
+use super::{KPA_PER_MMHG, Run, crossed};
 use crate::soft_body;
 use monro_cli::report::{Finding, Severity};
 use monro_geometry::Structure;
@@ -84,6 +84,7 @@ fn broken(run: &Run) -> Vec<String> {
             "The target moved by up to {shift:.1} mm, more than is believed ({MOST_SHIFT_MM} mm): not a result. {helps}"
         ));
     }
+    out.extend(crossed::at_end(&run.snapshots).map(|c| format!("{c}: not a result. {helps}")));
     out.extend(undrained(run));
     out
 }
@@ -113,6 +114,7 @@ fn doubts(run: &Run) -> Vec<String> {
         let (n, all) = (trouble.inverted, run.rest.tets.len());
         out.push(format!("On the way up to {n} of {all} tetrahedra were turned inside out in a frame{end}."));
     }
+    out.extend(crossed::on_the_way(&run.snapshots));
     out.extend(squeezed(run));
     out.extend(soft_body::remarks(&run.settings.model));
     out
@@ -155,6 +157,7 @@ pub(super) fn json(run: &Run) -> Value {
         "inverted_at_end": trouble.inverted_at_end,
         "rollbacks": trouble.rollbacks,
         "frames_held": trouble.held,
+        "self_crossing": crossed::json(&run.snapshots),
         "drained_ml": asked.map(|ml| json!({ "asked": ml, "reached": run.last().map(|f| -f.step.csf_change_ml) })),
         "volumes": volumes.collect::<serde_json::Map<_, _>>(),
     })

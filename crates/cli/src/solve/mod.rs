@@ -11,10 +11,10 @@ mod words;
 
 use crate::args::{ModeArg, SolveArgs};
 use crate::console::Console;
-use crate::output_file;
+use crate::{output_file, soft_body};
 use anyhow::{Context, Result, ensure};
 use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
-use monro_geometry::{Patient, Vector};
+use monro_geometry::{Patient, TetMesh, Vector, Walls};
 use monro_tissue::{
     CollisionResponse, Finer, Mode, ModelOptions, PhysicalOptions, StaticOptions, StaticSolution, equilibrium,
 };
@@ -49,11 +49,12 @@ pub(crate) fn run(args: &SolveArgs, console: &Console) -> Result<()> {
     let start = Instant::now();
     let deadline = start.checked_add(Duration::from_millis(args.budget_ms.unwrap_or(BUDGET_MS)));
     let mut keep_going = || deadline.is_none_or(|d| Instant::now() < d);
-    let found = console.stage("solve", || match args.mode {
+    let mut found = console.stage("solve", || match args.mode {
         ModeArg::Physical => physical(&scene, args.refine.map_or(Finer::UpTo(TETS), Finer::Times), &mut keep_going),
         ModeArg::Paper => stepping::solve(&scene, &mut keep_going),
     })?;
     let seconds = start.elapsed().as_secs_f64();
+    console.stage("check walls", || self_crossing(&scene.mesh, &mut found));
     console.stage("write", || write(&args.out, &scene, &found))?;
     let mut json = found.json;
     json.insert("case".into(), args.of.case.clone().into());
@@ -69,6 +70,21 @@ pub(crate) fn run(args: &SolveArgs, console: &Console) -> Result<()> {
     let json = Value::Object(json);
     console.result(&json, &words::of(&json));
     Ok(())
+}
+
+/// Says where the body passes through itself, which no solver here looks at: then what was found is no answer.
+fn self_crossing(mesh: &TetMesh, found: &mut Found) {
+    let now: Vec<_> = mesh.vertices.iter().zip(&found.displacement).map(|(p, d)| *p + *d).collect();
+    let crossing = Walls::new(mesh).passed_through(&now);
+    let told = crossing.map(|c| json!({ "pairs": c.pairs, "at_m": c.at.to_array().map(|x| x * 1e-3) }));
+    found.json.insert("self_crossing".into(), json!(told));
+    if let Some(c) = crossing {
+        found.json.insert("converged".into(), false.into());
+        found.remarks.push(format!(
+            "{}: this is no answer where they do; impose less, or look at a smaller share of the motion",
+            soft_body::passed_through(&c)
+        ));
+    }
 }
 
 /// Refuses what could not be written in the end, and what would take the place of the scene's own files.

@@ -7,6 +7,9 @@ use serde_json::{Value, json};
 pub(super) fn of(found: &Value) -> String {
     let verdict = match (found["converged"].as_bool(), found["mode"] == "paper") {
         (Some(true), _) => "converged",
+        (Some(false), _) if !found["self_crossing"].is_null() => {
+            "NO ANSWER, the body passes through itself, see the warnings above"
+        }
         (Some(false), _) => "NOT CONVERGED, see the warnings above",
         (None, _) => "done",
     };

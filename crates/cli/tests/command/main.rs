@@ -6,6 +6,7 @@ mod force;
 mod mesh_files;
 mod real_scans;
 mod refusals;
+mod self_crossing;
 #[cfg(unix)]
 mod signals;
 mod solve;

@@ -1,6 +1,6 @@
 //! `monro mesh` with meshes instead of labels: checked, converted, or refused by name.
 
-use crate::common::{json, refusal, text};
+use crate::common::{json, point, refusal, text};
 use monro_case::vtu::{self, UnstructuredGrid};
 use monro_case::{msh, ply, stl};
 use monro_geometry::{Grid, Point, TetMesh, TriangleMesh, Volume};
@@ -160,9 +160,19 @@ fn a_doubtful_mesh_is_told_and_refused_by_strict() {
     let mut open = two().surface(|_| true);
     open.triangles.pop();
     fs::write(&surface, ply::encode(&open, None)).expect("write");
+    let mut hanging = two();
+    hanging.vertices.push(Point::new(1.0 / 3.0, 1.0 / 3.0, 0.0));
+    hanging.tets[1] = [0, 5, 1, 4];
+    hanging.tets.extend([[1, 5, 2, 4], [2, 5, 0, 4]]);
+    hanging.labels.extend([5, 5]);
+    let mut torn = two();
+    torn.vertices.push(Point::new(1e-8, 1.0, 0.0));
+    torn.tets[1][1] = 5;
     for (mesh, file, reason) in [
         (Some(overlapping), &tets, "parts of the mesh overlap"),
         (Some(flat), &tets, "1 element(s) of bad shape"),
+        (Some(hanging), &tets, "the first is vertex 5 on tetrahedron 0 at (0.33, 0.33, 0.00) mm"),
+        (Some(torn), &tets, "of tetrahedra 0 and 1 with vertices 2 and 5 at (0.00, 1.00, 0.00) mm"),
         (None, &surface, "the surface is open: 3 edge(s)"),
     ] {
         if let Some(mesh) = mesh {
@@ -173,6 +183,29 @@ fn a_doubtful_mesh_is_told_and_refused_by_strict() {
         let said = refusal(&["mesh", text(file), "--out", text(&out), "--force", "--strict"]);
         assert!(said.contains("refused by --strict") && said.contains(reason), "{said}");
     }
+}
+
+/// Three quarters of a surface within another one, and the same apart.
+#[test]
+fn a_surface_that_passes_through_itself_was_taken() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [file, out] = ["two.ply", "out.ply"].map(|n| dir.path().join(n));
+    let ask = |by: f64| {
+        let mut both = two().surface(|_| true);
+        let mut other = both.clone();
+        other.vertices.iter_mut().for_each(|p| *p = Point::new(p.x + by, p.y + by, p.z + 0.01));
+        both.append(&other);
+        fs::write(&file, ply::encode(&both, None)).expect("write");
+        json(&["mesh", text(&file), "--out", text(&out), "--force"])
+    };
+    let done = ask(0.1);
+    assert!(done["remarks"].to_string().contains("the surface passes through itself"), "{done}");
+    assert!(done["self_crossing"]["pairs"].as_u64() > Some(2), "{done}");
+    let at = point(&done["self_crossing"]["at_lps_mm"]);
+    assert!(at.iter().all(|c| (-1.5..1.2).contains(c)), "{done}");
+    let said = refusal(&["mesh", text(&file), "--out", text(&out), "--force", "--strict"]);
+    assert!(said.contains("refused by --strict") && said.contains("passes through itself"), "{said}");
+    assert_eq!(ask(2.0)["self_crossing"], serde_json::Value::Null);
 }
 
 #[test]

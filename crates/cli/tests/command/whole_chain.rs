@@ -41,6 +41,7 @@ fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
     let html = fs::read_to_string(out.join("report.html")).expect("report");
     assert!(!html.contains("http://") && !html.contains("https://"), "the report must not need a network");
     assert_eq!((&done["reliable"], &done["inverted_most"]), (&Value::from(true), &Value::from(0)), "{done}");
+    assert_eq!(done["self_crossing"], Value::Null, "{done}");
     forces_have_a_unit_in_physical_mode_only(&case, &done, dir.path());
     fifty_millimetres_of_mercury_gave_garbage_and_no_word(&case, dir.path());
     garbage_was_told_in_the_report_only(&case, dir.path());

@@ -185,4 +185,4 @@ fn face_frame([a, b, c]: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -2,7 +2,7 @@ use super::*;
 use proptest::prelude::*;
 
 /// A cube of `n`^3 unit cells, six tetrahedra each (Kuhn).
-pub(super) fn block(n: usize) -> TetMesh {
+pub(crate) fn block(n: usize) -> TetMesh {
     let at = |i: usize, j: usize, k: usize| ((k * (n + 1) + j) * (n + 1) + i) as u32;
     let mut mesh = TetMesh::default();
     for k in 0..=n {
