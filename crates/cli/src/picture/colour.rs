@@ -23,6 +23,10 @@ impl Colour {
     pub const VERMILION: Self = Self([213, 94, 0]);
     /// Purple of the Okabe-Ito palette.
     pub const PURPLE: Self = Self([204, 121, 167]);
+    /// Path, entry and target of the plan: no structure has it.
+    pub const PLAN: Self = Self([255, 64, 200]);
+    /// The catheter.
+    pub const CATHETER: Self = Self([245, 245, 245]);
     /// A light grey.
     pub const GREY: Self = Self([180, 180, 180]);
 
@@ -32,16 +36,17 @@ impl Colour {
         format!("#{r:02x}{g:02x}{b:02x}")
     }
 
-    /// The colour of a structure label in slices, cuts and 3D views.
+    /// The colour of a structure label in cuts and 3D views; fluid and ventricles as in slices and in the editor, what is
+    /// large in paler ones.
     pub const fn of_label(label: u16) -> Self {
         match label {
             1 => Self([222, 184, 150]),
             2 => Self([230, 226, 205]),
-            3 => Self([140, 200, 200]),
+            3 => Self::SKY,
             4 => Self([216, 168, 168]),
-            5 => Self::SKY,
-            6 => Self::ORANGE,
-            7 => Self::GREEN,
+            5 => Self::GREEN,
+            6 => Self::VERMILION,
+            7 => Self::PURPLE,
             _ => Self::GREY,
         }
     }

@@ -67,8 +67,6 @@ impl Look {
     }
 }
 
-const PATH: Colour = Colour::YELLOW;
-const CATHETER: Colour = Colour([245, 245, 245]);
 const SKIN: Colour = Colour([224, 190, 165]);
 const BRAIN: Colour = Colour([214, 170, 170]);
 
@@ -111,13 +109,13 @@ fn edges(camera: &Camera, side: f64) -> String {
 fn extras(scene: &HeadScene<'_>) -> Vec<(TriangleMesh, Colour)> {
     let mut out = Vec::new();
     if let Some([entry, target]) = scene.path {
-        out.push((cylinder(entry, target, 0.7), PATH));
-        out.push((sphere(entry, 2.5, 4), PATH));
-        out.push((sphere(target, 2.5, 4), Colour::VERMILION));
+        out.push((cylinder(entry, target, 0.7), Colour::PLAN));
+        out.push((sphere(entry, 2.5, 4), Colour::PLAN));
+        out.push((sphere(target, 2.5, 4), Colour::PLAN));
     }
     if let Some(([end, tip], diameter)) = scene.catheter {
-        out.push((cylinder(end, tip, diameter / 2.0), CATHETER));
-        out.push((sphere(tip, diameter / 2.0, 4), CATHETER));
+        out.push((cylinder(end, tip, diameter / 2.0), Colour::CATHETER));
+        out.push((sphere(tip, diameter / 2.0, 4), Colour::CATHETER));
     }
     out
 }
@@ -125,8 +123,8 @@ fn extras(scene: &HeadScene<'_>) -> Vec<(TriangleMesh, Colour)> {
 fn legend(scene: &HeadScene<'_>, width: f64) -> Legend {
     let mut items: Vec<(&str, Stroke)> = scene.solids.iter().map(|(_, c, n)| (*n, Stroke::solid(*c, 6.0))).collect();
     if scene.path.is_some() {
-        items.push(("planned path", Stroke::solid(PATH, 3.0)));
-        items.push(("target", Stroke::solid(Colour::VERMILION, 6.0)));
+        items.push(("planned path", Stroke::solid(Colour::PLAN, 3.0)));
+        items.push(("target", Stroke::solid(Colour::PLAN, 6.0)));
     }
     if scene.catheter.is_some() {
         items.push(("catheter", Stroke::solid(Colour::GREY, 5.0)));

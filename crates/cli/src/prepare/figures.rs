@@ -90,10 +90,10 @@ fn labelled_slice(prepared: &Prepared, view: SliceView, window: Window, title: &
     overlays.push(Overlay::Path {
         from: plan.entry(),
         to: plan.target(),
-        stroke: Stroke::dashed(Colour::ORANGE, 1.6),
+        stroke: Stroke::dashed(Colour::PLAN, 1.6),
         name: "plan",
     });
-    overlays.push(Overlay::Mark { at: plan.target(), colour: Colour::ORANGE, name: "target" });
+    overlays.push(Overlay::Mark { at: plan.target(), colour: Colour::PLAN, name: "target" });
     let sample = sampler(&prepared.scan.volume);
     let caption = String::new();
     let request = SliceRequest { view, sampler: &sample, window, overlays, title: title.into(), caption };

@@ -122,20 +122,20 @@ fn slice(case: &Case, done: &Run, view: SliceView, sampler: &Sampler<'_>, after:
     let plan = &case.plan;
     let mut overlays = vec![surface(&case.skin, Stroke::solid(Colour::GREY, 1.0), "skin")];
     if after {
-        overlays.push(surface(&case.ventricles, Stroke::dashed(Colour::YELLOW, 1.0), "ventricles before"));
-        overlays.push(surface(&done.brain, Stroke::solid(Colour::GREEN, 1.0), "brain"));
+        overlays.push(surface(&case.ventricles, Stroke::dashed(Colour::SKY, 1.0), "ventricles before"));
+        overlays.push(surface(&done.brain, Stroke::solid(Colour::YELLOW, 1.0), "brain"));
         overlays.push(surface(&done.ventricles, Stroke::solid(Colour::SKY, 1.4), "ventricles after"));
         let tip = done.last().map_or(plan.target(), |f| f.tip);
         let from = plan.entry() - plan.direction() * 30.0;
-        let (diameter, colour) = (done.settings.diameter_mm, Colour::VERMILION);
+        let (diameter, colour) = (done.settings.diameter_mm, Colour::CATHETER);
         overlays.push(Overlay::Catheter { from, tip, diameter, colour, name: "catheter" });
     } else {
-        overlays.push(surface(&case.brain, Stroke::solid(Colour::GREEN, 1.0), "brain"));
+        overlays.push(surface(&case.brain, Stroke::solid(Colour::YELLOW, 1.0), "brain"));
         overlays.push(surface(&case.ventricles, Stroke::solid(Colour::SKY, 1.4), "ventricles"));
-        let stroke = Stroke::dashed(Colour::ORANGE, 1.6);
+        let stroke = Stroke::dashed(Colour::PLAN, 1.6);
         overlays.push(Overlay::Path { from: plan.entry(), to: plan.target(), stroke, name: "plan" });
     }
-    overlays.push(Overlay::Mark { at: plan.target(), colour: Colour::ORANGE, name: "planned target" });
+    overlays.push(Overlay::Mark { at: plan.target(), colour: Colour::PLAN, name: "planned target" });
     let (title, caption) = (title.to_owned(), String::new());
     Ok(slice_figure(&SliceRequest { view, sampler, window: Window::BRAIN, overlays, title, caption })?)
 }
