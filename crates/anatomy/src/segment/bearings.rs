@@ -14,8 +14,10 @@ use monro_geometry::{Patient, Plane};
 /// Nothing inside the head is this much darker than brain, HU, but by air or fat near it.
 const DIMMED_BY_AIR: f32 = 60.0;
 
-/// The model turned about must fit better by this much to be believed: heads as they are fit worse by 0.2 and more.
-const TURNED: f64 = 0.1;
+/// The model turned about is believed when it fits better by this much, and well: sound heads fit worse by 0.2 and more,
+/// turned ones better by 0.2 to 0.5, at 0.7. A sick brain may fit neither way.
+const TURNED: f64 = 0.15;
+const WELL: f64 = 0.55;
 
 /// What is known of the head before its ventricles are found.
 #[derive(Debug)]
@@ -82,7 +84,7 @@ impl Coarse<'_> {
         let depth = cut::depth(self.space, self.open).map(|d| d * self.lattice.step as f32);
         let like = model::likeness(self.space, (&depth, self.lattice), |n| self.fluidlike(n, fluid));
         let turned = pose.turned(&like, self.lattice);
-        match turned.filter(|t| t.score > pose.score + TURNED) {
+        match turned.filter(|t| t.score > WELL && t.score > pose.score + TURNED) {
             Some(Turned { way, score }) => Err(SegmentError::Turned { way, score, as_told: pose.score }),
             None => Ok(()),
         }
