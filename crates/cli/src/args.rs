@@ -203,6 +203,7 @@ In --json and summary.json:
   remarks         why, and whatever else is to be said; also on stderr and at the head of report.html
   inverted_most, inverted_at_end
                   turned elements: most in a frame, and in the last one
+  case_remarks    what \"monro prepare\" remarked on the case: they bear on its plan and its tissue
   self_crossing   where the surface of the tissue, or a wall between its structures, passes through itself at the end and
                   does not at rest: pairs of triangles that cross, and the place of the first (at_lps_mm); null where it
                   does not. Looked for in the meshes that are written (frames/)

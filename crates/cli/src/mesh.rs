@@ -65,7 +65,7 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
         let page = console.stage("report", || report::page(&source, &input, mesh, &report, &stages));
         out::write(file, page.as_bytes())?;
     }
-    for remark in &report.remarks {
+    for remark in report.all_remarks() {
         console.warn(remark);
     }
     let json = merged(as_json(&report, &args.out, &console.stages(), &parts), of_mesh);
@@ -194,7 +194,7 @@ fn as_json(report: &MeshReport, out: &Path, stages: &[(String, f64)], parts: &Pa
         "edge_bands": report.edge_bands.iter().map(|b| json!({ "from_mm": b.from, "to_mm": b.to, "mean_mm": b.mean, "edges": b.edges, "elements": b.elements })).collect::<Vec<_>>(),
         "open_at_border": report.open_at_border,
         "coarse_regions": report.coarse_regions,
-        "remarks": report.remarks,
+        "remarks": report.all_remarks(),
         "labels": report.labels.iter().map(label_json).collect::<Vec<_>>(),
         "outer": surface_json(&report.outer),
     });

@@ -47,7 +47,7 @@ pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<P
         stage(observer, Stage::Tetrahedra, || tetrahedra(&segmentation.labels, &planned, request.elements))?;
     let volumes_ml = volumes_ml(&segmentation.labels);
     let mut findings = findings(&scan, &segmentation, &planned, &surfaces);
-    findings.extend(mesh.remarks.iter().map(|remark| format!("tetrahedra: {remark}")));
+    findings.extend(of_mesh(&mesh));
     for finding in findings.iter().skip(scan.warnings.len() + usize::from(scan.resampled.is_some())) {
         observer.remark(finding);
     }
@@ -166,10 +166,37 @@ fn findings(scan: &Scan, segmentation: &Segmentation, planned: &Planned, surface
     all.extend(planned.findings.iter().cloned());
     for (name, s) in [("skin", &surfaces.skin), ("brain", &surfaces.brain), ("ventricles", &surfaces.ventricles)] {
         if s.open_at_border {
-            all.push(format!("the {name} reaches the edge of the scan and was capped flat there"));
+            let always = if name == "skin" { " (as at every neck)" } else { "" };
+            let reach = if name.ends_with('s') { "reach" } else { "reaches" };
+            all.push(format!("the {name} {reach} the edge of the scan and was capped flat there{always}"));
         }
     }
     all
+}
+
+/// What to know of the tetrahedra: structures by their names, and of handles and pieces that there are such, not each.
+fn of_mesh(mesh: &MeshReport) -> Vec<String> {
+    let named = |text: &str| {
+        Structure::ALL.iter().fold(text.to_owned(), |text, s| {
+            text.replace(&format!("label {}", s.label()), &format!("the {} (label {})", words(*s), s.label()))
+        })
+    };
+    let mut all: Vec<String> = mesh.remarks.iter().map(|remark| format!("tetrahedra: {}", named(remark))).collect();
+    let differ = mesh.labels.iter().filter(|l| l.surface.differs_at.is_some());
+    let known = differ.filter_map(|l| Structure::from_label(u8::try_from(l.label).ok()?));
+    let names: Vec<String> = known.map(words).collect();
+    if !names.is_empty() {
+        all.push(format!(
+            "tetrahedra: thin bridges or gaps of the {} are joined or parted otherwise than in the labels; volumes hold, and \
+             only a path through such a place would notice (\"monro mesh CASE\" says where)",
+            names.join(" and the ")
+        ));
+    }
+    all
+}
+
+fn words(structure: Structure) -> String {
+    structure.name().replace('_', " ")
 }
 
 /// Short description of a series: its hashed id and description, where it has them.

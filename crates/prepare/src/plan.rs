@@ -42,6 +42,13 @@ pub(crate) fn plan(
         .and_then(|normal| skull_angle(&plan, normal))
         .map(|from_normal| 90.0 - from_normal.to_degrees());
     let mut findings: Vec<String> = doubts(&plan, &segmentation.labels).into_iter().collect();
+    if skull_angle_deg.is_none() {
+        findings.push(
+            "the path crosses no skull, so its angle is unknown: is the head cut open where it goes in? Look at the \
+             pictures, or give a path with --plan FILE.mrk.json"
+                .into(),
+        );
+    }
     let landmarks = match &found {
         Ok(marks) => {
             findings.extend(far_from_kocher(&plan, marks));

@@ -12,6 +12,10 @@ const TISSUE_MM: [f64; 3] = [125.0, 105.0, 60.0];
 const CIRCUMFERENCE_MM: f64 = 400.0;
 /// Skin and everything denser.
 const TISSUE_HU: i16 = -300;
+/// Values of soft tissue with 1024 added, and the most of a head's bone that has them, ml: 40 ml of a skull of 500 ml
+/// have been seen, the brain alone has 1000 ml.
+const LIFTED_HU: core::ops::RangeInclusive<i16> = 1000..=1110;
+const MOST_LIFTED_ML: f64 = 400.0;
 /// A plane with less tissue shows noise, or the head rest, mm2.
 const PLANE_MM2: f64 = 500.0;
 
@@ -40,6 +44,13 @@ pub fn head_extent_check(volume: &Volume<i16>) -> Result<(), ScanError> {
         return Err(ScanError::ThinSection { area_cm2: area / 100.0, needed_cm2: needed / 100.0 });
     }
     Ok(())
+}
+
+/// Refuses a scan whose values are 1024 too high: brain, muscle and skin then have those of dense bone. Nothing else does.
+pub(crate) fn intercept_check(volume: &Volume<i16>) -> Result<(), ScanError> {
+    let lifted = volume.data().iter().filter(|v| LIFTED_HU.contains(v)).count();
+    let lifted_ml = lifted as f64 * volume.grid().voxel_volume() / 1000.0;
+    if lifted_ml > MOST_LIFTED_ML { Err(ScanError::Lifted { lifted_ml, most_ml: MOST_LIFTED_ML }) } else { Ok(()) }
 }
 
 /// The refusal that the field of view alone makes certain.

@@ -265,6 +265,17 @@ pub enum ScanError {
         /// The least of a head, cm2.
         needed_cm2: f64,
     },
+    /// Soft tissue has the values of bone: 1024 was added to all.
+    #[error(
+        "{lifted_ml:.0} ml of the scan have values from 1000 to 1110, where a head has at most {most_ml:.0} ml of bone: these \
+         look like HU + 1024, as they are stored where the rescale intercept is lost; subtract 1024, or convert the scan again"
+    )]
+    Lifted {
+        /// Volume with such values, ml.
+        lifted_ml: f64,
+        /// The most that a head has, ml.
+        most_ml: f64,
+    },
 }
 
 impl ScanError {

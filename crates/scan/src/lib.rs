@@ -13,6 +13,7 @@
 mod check;
 mod error;
 mod file;
+mod flat;
 mod hash;
 mod hu;
 mod padding;
@@ -50,9 +51,11 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
     };
     if !options.any_size {
         head_extent_check(&scan.volume)?;
+        check::intercept_check(&scan.volume)?;
         let (volume, said) = padding::cut_off(scan.volume);
         scan.volume = volume;
         scan.warnings.extend(said);
+        scan.warnings.extend(flat::finding(&scan.volume));
     }
     Ok(scan)
 }

@@ -12,6 +12,8 @@ const NOTHING_MM2: f64 = 100.0;
 /// flattest places are balls of 140 mm radius, and a plane `t` inside shows a disc of `2 pi R t`.
 const END_MM2: f64 = 2000.0;
 const GROWTH_MM: f64 = 900.0;
+/// It is a head if it is as large for so long, mm: the sides of a head rest are thin.
+const DEEP_MM: f64 = 12.0;
 /// Planes in which resampling may have mixed the head with the padding, and the first one that it has not.
 const BLURRED: usize = 2;
 
@@ -40,9 +42,12 @@ pub(crate) fn cut_off(volume: Volume<i16>) -> (Volume<i16>, Vec<String>) {
 /// mm apart.
 fn padding(areas: impl Iterator<Item = f64> + Clone, spacing: f64) -> usize {
     let planes = areas.clone().take_while(|&area| area < NOTHING_MM2).count();
-    let mut shown = areas.skip(planes).take(BLURRED).zip(1..);
-    let abrupt = shown.any(|(area, n)| area > END_MM2 + GROWTH_MM * spacing * f64::from(n));
-    if abrupt { planes } else { 0 }
+    let least = |n: usize| END_MM2 + GROWTH_MM * spacing * n as f64;
+    let mut first = areas.clone().skip(planes).take(BLURRED).zip(1..);
+    let abrupt = first.any(|(area, n)| area > least(n));
+    let thick = ((DEEP_MM / spacing).ceil() as usize).max(BLURRED);
+    let lasting = areas.skip(planes + 1).take(thick).all(|area| area > least(1));
+    if abrupt && lasting { planes } else { 0 }
 }
 
 fn sentence(planes: usize, spacing: f64, end: &str) -> String {
@@ -141,6 +146,15 @@ mod tests {
             prop_assert_eq!(cut.grid().containing(p), Some([5, 6, 7]));
             prop_assert_eq!(cut.at(dims[0] / 2, 20, 10), volume.at(dims[0] / 2, 20, 10));
         }
+    }
+
+    #[test]
+    fn a_plate_beside_the_head_is_no_cut() {
+        let mut volume = head([153, 77, 77], [1.5, 3.0, 3.0], [-115.0; 3]);
+        let grid = *volume.grid();
+        let in_plate = |n: usize| (10..15).contains(&grid.voxel(n)[0]) && grid.voxel(n)[1] > 30;
+        volume.data_mut().iter_mut().enumerate().filter(|(n, _)| in_plate(*n)).for_each(|(_, v)| *v = -100);
+        assert_eq!(cut_off(volume).1, Vec::<String>::new());
     }
 
     #[test]

@@ -125,10 +125,21 @@ fn two_patients_are_refused_without_naming_them() {
     let listed = inspect(f.path()).expect("a listing");
     let chosen = ReadOptions { series_uid: Some(listed.series[1].source.series.clone()), ..any_size() };
     assert!(read(f.path(), &chosen).is_ok());
-    for file in files {
-        edit(&file, tags::PATIENT_ID, VR::LO, &SeriesMeta::default().patient_id);
+    for file in &files {
+        edit(file, tags::PATIENT_ID, VR::LO, &SeriesMeta::default().patient_id);
     }
-    assert!(read(f.path(), &any_size()).is_ok());
+    let one = read(f.path(), &any_size()).expect("one patient");
+    assert!(one.warnings.iter().any(|w| w.contains("was taken: 2 series can be taken")), "{:?}", one.warnings);
+    assert!(!one.warnings.iter().any(|w| w.contains("different names")), "{:?}", one.warnings);
+    for file in &files {
+        edit(file, tags::PATIENT_NAME, VR::PN, "Somebody^Else");
+    }
+    for warnings in
+        [read(f.path(), &any_size()).expect("one id").warnings, inspect(f.path()).expect("a listing").warnings]
+    {
+        let told = warnings.iter().find(|w| w.contains("different names")).expect("two names under one id");
+        assert!(!told.to_uppercase().contains("ELSE"), "{told}");
+    }
 }
 
 #[test]
@@ -205,6 +216,20 @@ fn cylinder(radius_mm: f64, height: usize) -> Volume<i16> {
         if p.x.hypot(p.y) <= radius_mm { 60 } else { -1000 }
     };
     Volume::new(grid, (0..grid.len()).map(hu).collect()).expect("a volume")
+}
+
+#[test]
+fn values_1024_too_high_were_refused_for_want_of_contrast() {
+    let dir = folder();
+    let mut head = cylinder(90.0, 150);
+    head.data_mut().iter_mut().for_each(|v| *v += 1024);
+    let path = dir.path().join("head.nrrd");
+    fs::write(&path, nrrd::encode_i16(&head)).expect("written");
+    let message = read(&path, &ReadOptions::default()).expect_err("a refusal").to_string();
+    assert!(message.contains("from 1000 to 1110") && message.contains("subtract 1024"), "{message}");
+    head.data_mut().iter_mut().for_each(|v| *v -= 1024);
+    fs::write(&path, nrrd::encode_i16(&head)).expect("written");
+    assert!(read(&path, &ReadOptions::default()).is_ok());
 }
 
 #[test]

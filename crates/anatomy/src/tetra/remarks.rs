@@ -27,12 +27,26 @@ pub(super) fn remarks<T: Copy + Into<u16> + Sync>(report: &MeshReport, source: &
         all.extend(of_missing(source, i).filter(|_| l.lost_at.is_none()));
         all.extend(of_label(l, report.coarse_regions, far));
     }
-    // Of a single label it is the same surface.
-    if report.labels.len() > 1 {
-        all.extend(of_surface(Boundary::Outer, &report.outer, false));
+    if has_outer(report) {
+        all.extend(of_pinch(Boundary::Outer, &report.outer));
     }
     all.extend(of_shapes(report));
     all
+}
+
+/// Where surfaces have other handles and pieces than those of the labels.
+pub(super) fn topology(report: &MeshReport) -> Vec<String> {
+    let of_labels = report.labels.iter().filter(|l| l.lost_at.is_none());
+    let mut all: Vec<String> = of_labels.filter_map(|l| of_topology(Boundary::Label(l.label), &l.surface)).collect();
+    if has_outer(report) {
+        all.extend(of_topology(Boundary::Outer, &report.outer));
+    }
+    all
+}
+
+/// Of a single label the outer surface is its own.
+fn has_outer(report: &MeshReport) -> bool {
+    report.labels.len() > 1
 }
 
 fn of_count(found: usize, wanted: usize) -> Option<String> {
@@ -143,7 +157,8 @@ fn of_label(l: &LabelReport, coarse_regions: bool, far: f64) -> Vec<String> {
             place(at)
         )];
     }
-    let mut all = of_surface(Boundary::Label(l.label), &l.surface, coarse_regions);
+    let pinch = of_pinch(Boundary::Label(l.label), &l.surface).filter(|_| !coarse_regions);
+    let mut all: Vec<String> = pinch.into_iter().collect();
     if l.volume_error.abs() > MOST_VOLUME_ERROR {
         all.push(format!("label {}: {:+.1} % of its volume; {COARSE}", l.label, l.volume_error * 100.0));
     }
@@ -154,22 +169,16 @@ fn of_label(l: &LabelReport, coarse_regions: bool, far: f64) -> Vec<String> {
     all
 }
 
-fn of_surface(which: Boundary, s: &SurfaceReport, coarse_regions: bool) -> Vec<String> {
-    let mut all = Vec::new();
-    if let Some(at) = s.differs_at {
-        all.push(format!(
-            "{which}: the surface has Euler number {} in {} piece(s), that of the smoothed voxels {} in {}; look near {}",
-            s.euler,
-            s.surfaces,
-            s.euler_labels,
-            s.surfaces_labels,
-            place(at)
-        ));
-    }
-    if let Some(at) = s.pinched_at.filter(|_| !coarse_regions) {
-        all.push(format!("{which}: the surface is not two-manifold at {}", place(at)));
-    }
-    all
+fn of_topology(which: Boundary, s: &SurfaceReport) -> Option<String> {
+    let at = place(s.differs_at?);
+    Some(format!(
+        "{which}: the surface has Euler number {} in {} piece(s), that of the smoothed voxels {} in {}; look near {at}",
+        s.euler, s.surfaces, s.euler_labels, s.surfaces_labels
+    ))
+}
+
+fn of_pinch(which: Boundary, s: &SurfaceReport) -> Option<String> {
+    s.pinched_at.map(|at| format!("{which}: the surface is not two-manifold at {}", place(at)))
 }
 
 fn of_shapes(report: &MeshReport) -> Option<String> {

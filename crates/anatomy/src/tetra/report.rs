@@ -174,6 +174,8 @@ pub struct MeshReport {
     /// What a user should know: labels asked for that are not there, a count or volumes missed, bad shapes, pieces given
     /// away, labels that lost their shape or topology.
     pub remarks: Vec<String>,
+    /// Where surfaces have other handles or pieces than those of the labels, in words.
+    pub topology: Vec<String>,
 }
 
 /// What a mesh was made from.
@@ -208,10 +210,19 @@ pub(super) fn report<T: Copy + Into<u16> + Sync>(mesh: &TetMesh, source: &Source
         labels: (0..fields.labels.len()).map(|l| label_report(mesh, source, l)).collect(),
         outer: SurfaceReport::new(&mesh.surface(|_| true), &outer, fields.unit),
         remarks: Vec::new(),
+        topology: Vec::new(),
         open_at_border: fields.at_border,
     };
     report.remarks = remarks::remarks(&report, source);
+    report.topology = remarks::topology(&report);
     report
+}
+
+impl MeshReport {
+    /// All that there is to say in words.
+    pub fn all_remarks(&self) -> Vec<&String> {
+        self.remarks.iter().chain(&self.topology).collect()
+    }
 }
 
 fn centroid<const N: usize>(corners: [Point<Patient>; N]) -> Point<Patient> {

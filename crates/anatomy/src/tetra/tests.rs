@@ -195,7 +195,7 @@ fn metres_and_microns_are_meshed_like_millimetres() {
         let labels = ball(spacing, |[x, y, z]| 1 + u8::from(x.hypot(y).hypot(z) < 7.0));
         let (mesh, report) = mesh(&labels, &MeshOptions::new(&[1, 2], &[2], 8_000)).expect("mesh");
         check(&mesh, &report, 8_000);
-        assert!(!report.coarse_regions && report.dihedral_min >= 22.0 && report.remarks.is_empty(), "{report:?}");
+        assert!(!report.coarse_regions && report.dihedral_min >= 22.0 && report.all_remarks().is_empty(), "{report:?}");
         let off = report.labels.iter().filter_map(|l| l.interface).fold(0.0, |worst, i| i.mean.max(worst));
         assert!(off < 0.3 * spacing, "{off} of {spacing}");
     }

@@ -23,7 +23,7 @@ fn strict(keep: &[u16], elements: usize) -> MeshOptions {
 }
 
 fn told(report: &MeshReport, words: &[&str]) -> bool {
-    report.remarks.iter().any(|r| words.iter().all(|w| r.contains(w)))
+    report.all_remarks().iter().any(|r| words.iter().all(|w| r.contains(w)))
 }
 
 /// Labels 1 and 2 in two cubes of 12 voxels, the second one's lowest voxel at `high`.

@@ -42,7 +42,11 @@ pub(super) fn page(
             KeyNumber::new("Smallest radius ratio", format!("{:.2}", report.radius_ratio_min), "")
                 .noted("1 is regular, 0 flat"),
         ],
-        findings: report.remarks.iter().map(|r| Finding { severity: Severity::Warning, text: r.clone() }).collect(),
+        findings: report
+            .all_remarks()
+            .into_iter()
+            .map(|r| Finding { severity: Severity::Warning, text: r.clone() })
+            .collect(),
         sections: vec![section.section(), time_section(stages)],
         written_by: concat!("monro ", env!("CARGO_PKG_VERSION")).into(),
     };

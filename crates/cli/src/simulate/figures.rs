@@ -66,6 +66,9 @@ fn key_numbers(case: &Case, done: &Run) -> Vec<KeyNumber> {
 
 fn findings(done: &Run, has_ct: bool) -> Vec<Finding> {
     let mut out = done.findings();
+    out.extend(
+        done.of_case.iter().map(|text| Finding { severity: Severity::Note, text: format!("Of the case: {text}") }),
+    );
     if !has_ct {
         let text = "The case has no CT, so there are no slices of it here.".into();
         out.push(Finding { severity: Severity::Note, text });

@@ -26,6 +26,9 @@ const DIAMETER_MM: f64 = 3.0;
 /// Rest at the target before the end, s: long enough for the tissue to settle.
 const HOLD_S: f64 = 1.0;
 
+/// The largest gravity taken, m/s2: twice the Earth's.
+const MOST_GRAVITY_M_S2: f64 = 20.0;
+
 /// A millimetre of mercury (conventional), kPa.
 const KPA_PER_MMHG: f64 = 0.133_322;
 
@@ -41,6 +44,7 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<()> {
     let guard = Guard::new(&staging);
     let case = console.stage("open case", || Case::open(&args.case))?;
     let mut done = insert(&case, &asked(args)?, console)?;
+    done.of_case.clone_from(&case.manifest.findings);
     done.materials_file = args.materials.as_ref().map(|file| file.display().to_string());
     write(&args.case, &case, &done, &staging, console)?;
     let out = staging.finish()?;
@@ -67,6 +71,11 @@ fn asked(args: &SimulateArgs) -> Result<InsertionSettings> {
     }
     out.model = soft_body::model(args.mode, args.materials.as_deref())?;
     if let Some(gravity) = args.gravity {
+        let size = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+        ensure!(
+            size <= MOST_GRAVITY_M_S2,
+            "--gravity of {size} m/s2: wanted at most {MOST_GRAVITY_M_S2} (the Earth's is 9.81; are these mm/s2?)"
+        );
         out.frame.gravity_mm_s2 = gravity.map(|g| g * 1e3);
     }
     Ok(out)

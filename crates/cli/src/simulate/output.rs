@@ -181,10 +181,16 @@ pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
     let mut head = vec![format!("{}; {} side", asked::headline(done), done.plan.side().name())];
     head.extend(asked::extras(done));
     head.push(if done.reliable() {
-        "reliable, as far as the program can tell".into()
+        "computed without trouble, as far as the program can tell".into()
     } else {
         "NOT TO BE RELIED ON, see the warnings above and in the report".into()
     });
+    if !done.of_case.is_empty() {
+        head.push(format!(
+            "the case itself has {} remark(s), which bear on its plan and its tissue: see the report",
+            done.of_case.len()
+        ));
+    }
     format!(
         "{}\n{csf}; at the end the tip is {} mm from the target's tissue ({} mm from the planned point), in {}.\n\
          The target moved {} mm. {} frames, {:.2} ms each (median; p99 {:.2}).\nReport: {}",

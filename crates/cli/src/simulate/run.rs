@@ -48,6 +48,8 @@ pub(crate) struct Run {
     pub(crate) settings: InsertionSettings,
     /// The file that its materials come from, where one was given.
     pub(crate) materials_file: Option<String>,
+    /// Remarks that the case came with.
+    pub(crate) of_case: Vec<String>,
     /// Name of the patient in the case.
     pub(crate) pseudonym: String,
     /// The planned path.
@@ -122,6 +124,7 @@ pub(crate) fn insert(case: &Case, settings: &InsertionSettings, console: &Consol
         ventricles: TriangleMesh { vertices: ventricles, triangles: case.ventricles.triangles.clone() },
         settings: *settings,
         materials_file: None,
+        of_case: Vec::new(),
         pseudonym: case.manifest.pseudonym.clone(),
         plan: case.plan,
         rest: insertion.rest().clone(),

@@ -45,7 +45,7 @@ impl Run {
         of(Severity::Error, broken(self)).chain(of(Severity::Warning, doubts(self))).collect()
     }
 
-    /// Whether nothing speaks against relying on it.
+    /// Whether the computation went well. It says nothing about the case: whether its plan is a good one, its labels right.
     pub(super) fn reliable(&self) -> bool {
         broken(self).is_empty()
     }
@@ -102,7 +102,7 @@ fn undrained(run: &Run) -> Option<String> {
 fn doubts(run: &Run) -> Vec<String> {
     let (trouble, mut out) = (run.trouble(), Vec::new());
     if run.csf().is_none() {
-        out.push("The tip never entered a ventricle.".into());
+        out.push("The tip never entered a ventricle: look at the plan and the labels of the case.".into());
     }
     if trouble.rollbacks > 0 {
         let n = trouble.rollbacks;
@@ -153,6 +153,7 @@ pub(super) fn json(run: &Run) -> Value {
     json!({
         "reliable": run.reliable(),
         "remarks": run.findings().into_iter().map(|f| f.text).collect::<Vec<_>>(),
+        "case_remarks": run.of_case,
         "inverted_most": trouble.inverted,
         "inverted_at_end": trouble.inverted_at_end,
         "rollbacks": trouble.rollbacks,

@@ -74,6 +74,15 @@ impl Survey {
     }
 }
 
+impl Survey {
+    /// Whether images of one patient's id carry different names, other than in their punctuation.
+    pub(crate) fn names_differ(&self) -> bool {
+        let bare = |name: &str| name.chars().filter(|c| c.is_alphanumeric()).collect::<String>();
+        let mut names = self.images.iter().map(|i| bare(&i.identity.name)).filter(|n| !n.is_empty());
+        names.next().is_some_and(|first| names.any(|other| other != first))
+    }
+}
+
 /// Two identities that do not contradict each other: an id or a name that is missing proves nothing.
 fn same_patient(a: &Identity, b: &Identity) -> bool {
     if !a.id.is_empty() && !b.id.is_empty() {

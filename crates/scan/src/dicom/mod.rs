@@ -31,6 +31,9 @@ pub(crate) fn is_dicom(path: &Path) -> bool {
     path.is_dir() || is_dicom_file(path)
 }
 
+/// Names are not told: they would stand in reports.
+const NAMES_DIFFER: &str = "images under one patient's id carry different names: make sure that all are of one patient";
+
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
     let (series, mut warnings) = select(path, options)?;
     let (data, notes) = pixels::decode(&series.images)?;
@@ -49,9 +52,14 @@ fn select(path: &Path, options: &ReadOptions) -> Result<(Series, Vec<String>), S
     if let Some((file, problem)) = survey.broken.drain(..).next() {
         return Err(ScanError::File { file, problem });
     }
-    let images = survey.images.clone();
-    let series = choose::choose(path, &survey, series::sort(images), options)?;
+    let all = series::sort(survey.images.clone());
+    let (usable, reason) = (all.iter().filter(|s| s.refusal.is_none()).count(), choose::best(&all).1);
+    let series = choose::choose(path, &survey, all, options)?;
     let mut warnings = survey.skipped();
+    warnings.extend(survey.names_differ().then(|| NAMES_DIFFER.to_owned()));
+    if usable > 1 && options.series_uid.is_none() {
+        warnings.push(format!("series {} was taken: {reason}; --series takes another", series.id));
+    }
     warnings.extend(series.warnings.iter().cloned());
     Ok((series, warnings))
 }
@@ -80,6 +88,7 @@ pub(crate) fn inspect(path: &Path) -> Result<Inspection, ScanError> {
     }
     let patients = survey.patients().len();
     let broken = survey.broken.len();
+    warnings.extend(survey.names_differ().then(|| NAMES_DIFFER.to_owned()));
     let series = series::sort(survey.images);
     let (mut chosen, mut reason) = choose::best(&series);
     if patients > 1 {

@@ -78,7 +78,7 @@ impl Subject {
             "labels_of_other_topology": changed.map(|l| l.label).collect::<Vec<_>>(),
             "to_truth": self.truth.as_ref().map(|t| t.compare(mesh)),
             "labels": report.labels.iter().map(crate::mesh::label_json).collect::<Vec<_>>(),
-            "remarks": report.remarks,
+            "remarks": report.all_remarks(),
         })
     }
 }
