@@ -318,7 +318,8 @@ fn milliseconds(text: &str) -> Result<u64, String> {
 // A case of a static scene on one of its meshes. (A doc comment here would become the about of the commands.)
 #[derive(Debug, Args)]
 pub(crate) struct SceneArgs {
-    /// The scene: a JSON file with its meshes beside it, in SI, or the folder of a scene.json.
+    /// The scene: a JSON file with its meshes beside it, in SI, or the folder of a scene.json. docs/scenes.md describes it,
+    /// examples/block is one.
     #[arg(value_name = "SCENE.json")]
     pub(crate) scene: PathBuf,
     /// Which of its meshes.

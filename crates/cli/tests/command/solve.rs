@@ -229,3 +229,18 @@ fn what_is_odd_but_legal_is_solved_and_remarked_upon() {
     let remarks = told["remarks"].to_string();
     assert!(remarks.contains("bodyforce") && remarks.contains("x1") && remarks.contains("4 components"), "{remarks}");
 }
+
+#[test]
+fn the_example_of_the_documentation_gives_what_is_printed_there() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let page = fs::read_to_string(root.join("docs/scenes.md")).expect("docs/scenes.md");
+    let (dir, scene) = (tempfile::tempdir().expect("temp"), root.join("examples/block/scene.json"));
+    for case in ["weight", "sphere", "pressure", "rod"] {
+        let out = dir.path().join(case).with_extension("vtu");
+        let ask = ["solve", text(&scene), "--mesh", "block", "--case", case, "--refine", "0", "--out", text(&out)];
+        let told = String::from_utf8(monro(&ask).stdout).expect("text");
+        let (first, moved) = (told.lines().next().unwrap_or_default(), told.lines().nth(1).unwrap_or_default());
+        assert!(first.starts_with(&format!("{case} on block, physical mode: converged")), "{told}");
+        assert!(moved.starts_with("Largest") && page.contains(moved), "not in docs/scenes.md: {told}");
+    }
+}
