@@ -164,9 +164,14 @@ fn findings(scan: &Scan, segmentation: &Segmentation, planned: &Planned, surface
     let mut all: Vec<String> = scan.warnings.iter().chain(&scan.resampled).cloned().collect();
     all.extend(segmentation.findings.iter().cloned());
     all.extend(planned.findings.iter().cloned());
-    for (name, s) in [("skin", &surfaces.skin), ("brain", &surfaces.brain), ("ventricles", &surfaces.ventricles)] {
+    let all_of_them = [
+        ("skin reaches", "was", &surfaces.skin),
+        ("brain reaches", "was", &surfaces.brain),
+        ("ventricles reach", "were", &surfaces.ventricles),
+    ];
+    for (reaches, was, s) in all_of_them {
         if s.open_at_border {
-            all.push(format!("the {name} reaches the edge of the scan and was capped flat there"));
+            all.push(format!("the {reaches} the edge of the scan and {was} capped flat there"));
         }
     }
     all
