@@ -27,6 +27,13 @@ pub enum MarkupsError {
     /// A plan needs two points.
     #[error("a plan needs an entry and a target, but the file has {0} placed points")]
     Count(usize),
+    /// Which points are entry and target is not said.
+    #[error(
+        "the file does not say which of its points are entry and target ({}): a plan is a line of two points from entry \
+         to target, or has one point named \"entry\" and one named \"target\"",
+        .0.join(", ")
+    )]
+    Unnamed(Vec<String>),
 }
 
 /// A named point in the patient frame.
@@ -122,19 +129,31 @@ fn control_point(p: &Value, index: usize, flip: bool) -> Result<NamedPoint, Mark
     Ok(NamedPoint { label: p["label"].as_str().unwrap_or("").to_owned(), position })
 }
 
-/// Entry and target of a plan: the points labelled so (any case, also as part of the label), else the first two.
+/// Entry and target of a plan: the points labelled so (any case, also as part of the label), else those of a line of two
+/// in their order.
 ///
 /// # Errors
-/// As [`decode`], or fewer than two placed points.
+/// As [`decode`], fewer than two placed points, or a list that does not say which of its points are meant.
 pub fn decode_plan(text: &str) -> Result<[Point<Patient>; 2], MarkupsError> {
     let points = decode(text)?;
-    let named = |word: &str| points.iter().find(|p| p.label.to_lowercase().contains(word)).map(|p| p.position);
-    match (named("entry"), named("target"), points.as_slice()) {
-        (Some(entry), Some(target), _) => Ok([entry, target]),
-        (_, _, [a, b, ..]) => Ok([a.position, b.position]),
-        (_, _, few) => Err(MarkupsError::Count(few.len())),
+    let is = |p: &NamedPoint, word: &str| p.label.to_lowercase().contains(word);
+    // A line called "entry-target" names both of its points by both words, which tells nothing.
+    let named = |word: &str, other: &str| -> Vec<Point<Patient>> {
+        points.iter().filter(|p| is(p, word) && !is(p, other)).map(|p| p.position).collect()
+    };
+    let landmarks = points.iter().any(|p| LANDMARKS.iter().any(|word| is(p, word)));
+    match (&named("entry", "target")[..], &named("target", "entry")[..], &points[..]) {
+        ([entry], [target], _) => Ok([*entry, *target]),
+        ([entry], [], [a, b]) => Ok([*entry, if a.position == *entry { b.position } else { a.position }]),
+        ([], [target], [a, b]) => Ok([if a.position == *target { b.position } else { a.position }, *target]),
+        ([], [], [a, b]) if !landmarks => Ok([a.position, b.position]),
+        (_, _, few @ ([] | [_])) => Err(MarkupsError::Count(few.len())),
+        _ => Err(MarkupsError::Unnamed(points.into_iter().map(|p| p.label).collect())),
     }
 }
+
+/// Words in the names of landmarks: points of these names are marks on a head, not the ends of a path.
+const LANDMARKS: [&str; 5] = ["nasion", "midline", "kocher", "monro", "tragus"];
 
 #[cfg(test)]
 mod tests {
@@ -149,6 +168,33 @@ mod tests {
     fn a_plan_is_read_back_by_its_labels_not_its_order() {
         let [entry, target] = decode_plan(&encode(Kind::Line, &plan())).expect("own file");
         assert_eq!((entry, target), (Point::new(4.0, -5.0, 6.5), Point::new(1.0, 2.0, 3.0)));
+    }
+
+    #[test]
+    fn the_first_two_of_a_list_of_landmarks_were_taken_as_entry_and_target() {
+        let list = |labels: &[&str]| {
+            let at = |(i, label): (usize, &&str)| NamedPoint {
+                label: (*label).into(),
+                position: Point::new(i as f64, 0.0, 0.0),
+            };
+            decode_plan(&encode(Kind::Fiducial, &labels.iter().enumerate().map(at).collect::<Vec<_>>()))
+        };
+        for unclear in [
+            &["nasion", "midline above nasion", "Kocher left", "Kocher right", "Monro left", "Monro right"][..],
+            &["nasion", "Kocher left"],
+            &["F-1", "F-2", "F-3"],
+            &["entry left", "target left", "entry right", "target right"],
+        ] {
+            let refused = list(unclear).expect_err(unclear[0]);
+            assert!(matches!(refused, MarkupsError::Unnamed(_)), "{unclear:?}: {refused}");
+            assert!(refused.to_string().contains(unclear[1]) && refused.to_string().contains("named \"entry\""));
+        }
+        let x = |labels: &[&str]| list(labels).map(|ends| ends.map(|p| p.x)).expect("a plan");
+        assert_eq!(x(&["L-1", "L-2"]), [0.0, 1.0]);
+        assert_eq!(x(&["entry-target-1", "entry-target-2"]), [0.0, 1.0]);
+        assert_eq!(x(&["F-1", "Entry"]), [1.0, 0.0]);
+        assert_eq!(x(&["target", "F-2"]), [1.0, 0.0]);
+        assert_eq!(x(&["nasion", "Target", "my entry"]), [2.0, 1.0]);
     }
 
     #[test]

@@ -144,8 +144,8 @@ pub(crate) struct PrepareArgs {
     /// Use this plan (3D Slicer markups, entry and target) instead of Kocher's point and the foramen of Monro.
     #[arg(long, value_name = "FILE.mrk.json")]
     pub(crate) plan: Option<PathBuf>,
-    /// Take this DICOM series (see "monro inspect") instead of the best one.
-    #[arg(long, value_name = "UID")]
+    /// Take this DICOM series instead of the best one: its short id, as "monro inspect" shows it, or its UID.
+    #[arg(long, value_name = "ID")]
     pub(crate) series: Option<String>,
     /// Overwrite an existing case.
     #[arg(long)]
@@ -163,8 +163,8 @@ pub(crate) struct EditArgs {
     /// Begin with these labels instead of those of the case or the automatic ones.
     #[arg(long, value_name = "FILE")]
     pub(crate) labels: Option<PathBuf>,
-    /// Take this DICOM series (see "monro inspect") instead of the best one.
-    #[arg(long, value_name = "UID")]
+    /// Take this DICOM series instead of the best one: its short id, as "monro inspect" shows it, or its UID.
+    #[arg(long, value_name = "ID")]
     pub(crate) series: Option<String>,
     /// Loopback address to listen on; port 0 takes any free port.
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0", value_parser = address)]
@@ -186,7 +186,7 @@ pub(crate) enum LabelsCommand {
         /// of the images; without this the file names nobody and refers to nothing.
         #[arg(long, value_name = "FOLDER", conflicts_with = "like")]
         images: Option<PathBuf>,
-        /// Take this series of the images (see "monro inspect") instead of the best one.
+        /// Take this series of the images (short id of "monro inspect", or UID) instead of the best one.
         #[arg(long, value_name = "ID", requires = "images")]
         series: Option<String>,
         /// Overwrite an existing file.
@@ -448,7 +448,9 @@ pub(crate) enum CalibrateCommand {
 pub(crate) struct RegisterArgs {
     /// A case made by "monro prepare".
     pub(crate) case: PathBuf,
-    /// Touched landmarks: lines "NAME,X,Y,Z", mm in the frame of the reference body.
+    /// Touched landmarks: lines "NAME,X,Y,Z", mm in the frame of the reference body. The names are those of the marked
+    /// landmarks: of the case (nasion, midline above nasion, Kocher left, Kocher right, ...; see its landmarks.mrk.json) or
+    /// of --marked.
     #[arg(long, value_name = "FILE")]
     pub(crate) landmarks: PathBuf,
     /// Where the landmarks are marked (3D Slicer markups), instead of the case's own.
@@ -553,13 +555,23 @@ pub(crate) fn in_range(text: &str, least: f64, most: f64) -> Result<f64, String>
 /// A number of tetrahedra that the mesher takes.
 pub(crate) fn elements(text: &str) -> Result<usize, String> {
     let range = monro_anatomy::tetra::ELEMENTS;
-    let rule = || format!("the number of elements must be from {} to {}", range.start(), range.end());
+    let rule = || {
+        format!("the number of elements must be a whole number from {} to {}, in digits", range.start(), range.end())
+    };
     text.parse().ok().filter(|n| range.contains(n)).ok_or_else(rule)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_number_of_elements_within_the_range_was_said_to_be_outside() {
+        assert_eq!(elements("1000000"), Ok(1_000_000));
+        for given in ["1e6", "37336.5", "400"] {
+            assert!(elements(given).is_err_and(|e| e.contains("a whole number")), "{given}");
+        }
+    }
 
     #[test]
     fn gravity_with_commas_was_refused_and_one_with_spaces_must_not_take_what_follows() {

@@ -37,10 +37,12 @@ impl Found {
 pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
     let case = Case::open(&args.case)?;
     let landmarks = landmarks(args, &case)?;
-    let found = register(args, &case, &landmarks)?;
-    if let Some(contradiction) = found.landmarks.contradiction(&landmarks) {
-        bail!("{}: {contradiction}\n{}", args.landmarks.display(), residual_lines(&found));
+    let by_landmarks = register_landmarks(&landmarks)?;
+    // Before the skin is looked at: a pose that is mirrored fits no skin, and that would be all that is said.
+    if let Some(contradiction) = by_landmarks.contradiction(&landmarks) {
+        bail!("{}: {contradiction}\n{}", args.landmarks.display(), residual_lines(&by_landmarks));
     }
+    let found = refine(args, &case, &landmarks, by_landmarks)?;
     let check = args.check.as_deref().map(|c| check(c, args, &landmarks, &found)).transpose()?;
     let pose = found.patient_from_reference();
     let (target, entry) = (case.plan.target(), case.plan.entry());
@@ -67,7 +69,7 @@ fn words(result: &Value, found: &Found) -> String {
         number("predicted_tre_entry_mm")
     );
     out += "Landmark: residual, and how far it lies from where the others put it (expected), mm. Neither is the accuracy.\n";
-    out += &residual_lines(found);
+    out += &residual_lines(&found.landmarks);
     if let Some(r) = found.landmarks.outlier.and_then(|i| found.landmarks.residuals.get(i)) {
         let kept = if found.surface.is_some() { "; it was left out beside the skin" } else { "" };
         out += &format!("'{}' does not fit: touch it again or leave it out{kept}.\n", r.name);
@@ -91,12 +93,12 @@ fn words(result: &Value, found: &Found) -> String {
     )
 }
 
-fn residual_lines(found: &Found) -> String {
+fn residual_lines(landmarks: &LandmarkRegistration<Patient, Tool>) -> String {
     let line = |r: &LandmarkResidual| {
         let others = r.left_out.zip(r.expected).map_or_else(String::new, |(d, e)| format!(", {d:.2} ({e:.2})"));
         format!("  {}: {:.2}{others}\n", r.name, r.distance)
     };
-    found.landmarks.residuals.iter().map(line).collect()
+    landmarks.residuals.iter().map(line).collect()
 }
 
 /// The touched points beside their marks of the same name.
@@ -124,8 +126,13 @@ fn landmarks(args: &RegisterArgs, case: &Case) -> Result<Vec<Landmark<Patient, T
     touched.into_iter().map(pair).collect()
 }
 
-fn register(args: &RegisterArgs, case: &Case, landmarks: &[Landmark<Patient, Tool>]) -> Result<Found> {
-    let by_landmarks = register_landmarks(landmarks)?;
+/// The registration by landmarks refined on the traced skin, where it was traced.
+fn refine(
+    args: &RegisterArgs,
+    case: &Case,
+    landmarks: &[Landmark<Patient, Tool>],
+    by_landmarks: LandmarkRegistration<Patient, Tool>,
+) -> Result<Found> {
     let Some(path) = &args.surface else { return Ok(Found { landmarks: by_landmarks, surface: None }) };
     let noise = Covariance::isotropic(args.trace_sigma);
     let sample = |p| SurfaceSample { point: Point::from_array(p), noise };

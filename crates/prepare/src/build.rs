@@ -164,11 +164,15 @@ fn findings(scan: &Scan, segmentation: &Segmentation, planned: &Planned, surface
     let mut all: Vec<String> = scan.warnings.iter().chain(&scan.resampled).cloned().collect();
     all.extend(segmentation.findings.iter().cloned());
     all.extend(planned.findings.iter().cloned());
-    for (name, s) in [("skin", &surfaces.skin), ("brain", &surfaces.brain), ("ventricles", &surfaces.ventricles)] {
+    let all_of_them = [
+        ("skin reaches", "was", &surfaces.skin),
+        ("brain reaches", "was", &surfaces.brain),
+        ("ventricles reach", "were", &surfaces.ventricles),
+    ];
+    for (reaches, was, s) in all_of_them {
         if s.open_at_border {
-            let always = if name == "skin" { " (as at every neck)" } else { "" };
-            let reach = if name.ends_with('s') { "reach" } else { "reaches" };
-            all.push(format!("the {name} {reach} the edge of the scan and was capped flat there{always}"));
+            let always = if reaches.starts_with("skin") { " (as at every neck)" } else { "" };
+            all.push(format!("the {reaches} the edge of the scan and {was} capped flat there{always}"));
         }
     }
     all

@@ -31,7 +31,9 @@ pub enum PrepareError {
         error: SurfaceError,
     },
     /// Without landmarks there is no automatic plan.
-    #[error("{0}; give the path yourself with --plan FILE.mrk.json (a line from entry to target, drawn in 3D Slicer)")]
+    #[error(
+        "no path can be planned: {0}; give it yourself with --plan FILE.mrk.json (a line from entry to target, drawn in 3D Slicer)"
+    )]
     Landmarks(#[source] LandmarkError),
     /// The path has no length.
     #[error("the plan is not usable: {0}")]
@@ -68,4 +70,17 @@ pub enum PrepareError {
     /// The observer asked to stop.
     #[error("stopped as asked; nothing was written")]
     Cancelled,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_way_out_was_told_twice_and_a_turned_head_was_called_cut() {
+        let cut = LandmarkError::SkinCut { from: "the nasion", reached_mm: 0.0, needed_mm: 110.0 };
+        let told = PrepareError::Landmarks(cut).to_string();
+        assert_eq!(told.matches("--plan").count(), 1, "{told}");
+        assert!(told.contains("0 mm of the 110 mm from the nasion") && told.contains("turned"), "{told}");
+    }
 }

@@ -181,9 +181,11 @@ impl Target {
         let (least, most) = steps.iter().fold((f64::MAX, f64::MIN), |(a, b), &s| (a.min(s), b.max(s)));
         let [x, y, z] = grid.dims();
         let (n, tilt) = (stack.origins.len(), stack.tilt_deg());
+        let [least, most] = [least, most].map(|step| format!("{step:.3}"));
+        let steps = if least == most { least } else { format!("{least} to {most}") };
+        let off = if tilt < 0.005 { String::new() } else { format!(" and stacked {tilt:.2} degrees off it") };
         format!(
-            "resampled: {n} slices with steps of {least:.3} to {most:.3} mm along their normal and stacked {tilt:.2} degrees \
-             off it, onto an even rectangular grid of {x} x {y} x {z} voxels with a step of {:.3} mm (linear interpolation)",
+            "resampled: {n} slices with steps of {steps} mm along their normal{off}, onto an even rectangular grid of {x} x {y} x {z} voxels with a step of {:.3} mm (linear interpolation)",
             self.step
         )
     }

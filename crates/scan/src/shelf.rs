@@ -23,7 +23,8 @@ pub(crate) fn volumes(folder: &Path) -> Vec<String> {
     names
 }
 
-fn is_volume(name: &str) -> bool {
+/// Whether a name is that of a volume.
+pub(crate) fn is_volume(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
     ENDINGS.iter().any(|end| name.ends_with(end))
 }

@@ -153,7 +153,7 @@ fn the_same_scan_always_has_the_same_pseudonym_and_another_has_another() {
 fn inspection_says_what_a_scan_is() {
     let Some(folder) = data("head-ct-dicom-tilt") else { return };
     let found = inspect(&folder.join("dicom")).expect("a listing");
-    assert_eq!((found.series.len(), found.chosen, found.reason.as_str()), (1, Some(0), "the only series"));
+    assert_eq!((found.series.len(), found.chosen, found.reason.as_str()), (1, Some(0), "the only DICOM series"));
     let s = &found.series[0];
     assert_eq!((s.images, s.source.orientation, s.source.kernel.as_deref()), (28, "axial", Some("STD+")));
     assert_eq!(s.source.kvp, Some(120.0));

@@ -193,6 +193,24 @@ fn copies_and_foreign_files_are_left_out_with_a_warning() {
     assert!(scan.warnings.iter().any(|w| w.contains("1 of 8 files are not DICOM")), "{:?}", scan.warnings);
 }
 
+/// "The only series" was said of a folder with three more scans in it, and of three series only the second best was named.
+#[test]
+fn what_is_passed_over_is_named() {
+    let f = folder();
+    series(f.path(), &SeriesMeta::default());
+    fs::write(f.path().join("head.nii.gz"), "text").expect("written");
+    let listed = inspect(f.path()).expect("a listing");
+    assert_eq!(listed.reason, "the only DICOM series");
+    assert!(listed.warnings.iter().any(|w| w.contains("1 of them NIfTI")), "{:?}", listed.warnings);
+    for seed in [2, 3] {
+        series(&f.path().join(seed.to_string()), &SeriesMeta { seed, ..SeriesMeta::default() });
+    }
+    let listed = inspect(f.path()).expect("a listing");
+    let others = listed.series.iter().enumerate().filter(|(n, _)| listed.chosen != Some(*n));
+    assert_eq!((listed.series.len(), others.clone().count()), (3, 2), "{listed:?}");
+    assert!(others.into_iter().all(|(_, s)| listed.reason.contains(&s.source.series)), "{}", listed.reason);
+}
+
 #[test]
 fn compressed_series_give_their_values() {
     for codec in ["jpeg-lossless", "jpeg-2000", "rle"] {

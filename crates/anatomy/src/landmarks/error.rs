@@ -2,14 +2,11 @@
 
 use thiserror::Error;
 
-/// Why no landmarks were found. A plan file (`--plan FILE.mrk.json`) with entry and target replaces them.
+/// Why no landmarks were found. A plan with entry and target replaces them, which who asked for them says.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum LandmarkError {
     /// Nothing but skull or less is labelled on the outside.
-    #[error(
-        "no skin: the labels have no scalp, so neither nasion nor Kocher's points can be found; give entry and target with \
-         --plan FILE.mrk.json"
-    )]
+    #[error("no skin: the labels have no scalp, so neither nasion nor Kocher's points can be found")]
     NoSkin,
     /// The labels have no intracranial space or no ventricle to take bearings from.
     #[error("no {0} in the labels, so the landmarks have no bearings; complete the labels in the editor")]
@@ -17,7 +14,7 @@ pub enum LandmarkError {
     /// No dip of the midline skin between forehead and nose.
     #[error(
         "nasion not found: the midline skin dips by only {depth_mm:.1} mm where it should lie (at least {needed_mm:.1} mm); \
-         is the scan cut above the nose? Give entry and target with --plan FILE.mrk.json"
+         the scan may be cut above the nose"
     )]
     NoNasion {
         /// Deepest dip, mm.
@@ -27,8 +24,8 @@ pub enum LandmarkError {
     },
     /// The skin leaves the scan before the point is reached.
     #[error(
-        "the skin leaves the scan {reached_mm:.0} mm from {from} ({needed_mm:.0} mm needed): the scan is cut there; give \
-         entry and target with --plan FILE.mrk.json"
+        "the skin can be followed for {reached_mm:.0} mm of the {needed_mm:.0} mm from {from} that lead to Kocher's points: \
+         there it leaves the scan, which is cut or in which the head lies turned"
     )]
     SkinCut {
         /// Where the way along the skin started.

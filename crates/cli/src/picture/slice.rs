@@ -30,6 +30,10 @@ impl Window {
     }
 }
 
+/// Where the title begins, and its size, pixels.
+const TITLE: [f64; 2] = [8.0, 18.0];
+const TITLE_SIZE: f64 = 13.0;
+
 /// Something drawn over a slice. Items with a name appear in the legend; equal names appear once.
 #[derive(Debug, Clone)]
 pub enum Overlay<'a> {
@@ -147,7 +151,7 @@ pub fn slice_figure(request: &SliceRequest<'_>) -> Result<Figure, PictureError> 
         "<svg width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\">{}{overlays}{}{}</svg>\
          <g transform=\"translate(0 {height})\">{}</g>",
         pixels(&image)?,
-        frame_letters(view),
+        frame_letters(view, &request.title),
         scale_bar(view, &request.title),
         legend.drawing
     );
@@ -204,12 +208,15 @@ fn mark([x, y]: [f64; 2], colour: Colour) -> String {
     stroked(&data, &Stroke::solid(Colour::BLACK, 4.0)) + &stroked(&data, &Stroke::solid(colour, 2.0))
 }
 
-fn frame_letters(view: &SliceView) -> String {
+fn frame_letters(view: &SliceView, title: &str) -> String {
     let [w, h] = view.pixels().map(|n| n as f64);
     let [left, right, up, down] = view.letters();
+    // A title that reaches the middle has the letters below it. Bold text is a tenth wider than usual.
+    let title_ends = TITLE[0] + 1.1 * text_width(title, TITLE_SIZE);
+    let top = if title_ends > w / 2.0 - 0.5 * text_width(&up, 17.0) - 6.0 { 38.0 } else { 19.0 };
     rimmed_text([7.0, h / 2.0 + 6.0], 17.0, "start", &left)
         + &rimmed_text([w - 7.0, h / 2.0 + 6.0], 17.0, "end", &right)
-        + &rimmed_text([w / 2.0, 19.0], 17.0, "middle", &up)
+        + &rimmed_text([w / 2.0, top], 17.0, "middle", &up)
         + &rimmed_text([w / 2.0, h - 8.0], 17.0, "middle", &down)
 }
 
@@ -223,7 +230,7 @@ fn scale_bar(view: &SliceView, title: &str) -> String {
     stroked(&data, &Stroke::solid(Colour::BLACK, 4.0))
         + &stroked(&data, &Stroke::solid(Colour::WHITE, 2.0))
         + &rimmed_text([x0, y - 8.0], 12.0, "start", &format!("{length} mm"))
-        + &rimmed_text([8.0, 18.0], 13.0, "start", title)
+        + &rimmed_text(TITLE, TITLE_SIZE, "start", title)
 }
 
 /// Names of the overlays below a slice, in as many rows as they need.
@@ -319,6 +326,13 @@ mod tests {
         }
         assert!(svg.contains("aria-label=\"A &quot;ball&quot;\"") && !svg.contains("http"));
         assert!(figure.height > 200.0);
+    }
+
+    #[test]
+    fn a_long_title_ran_into_the_letters_above() {
+        let view = SliceView::standard(Orientation::Axial, Point::ORIGIN, 100.0, 420);
+        let top = |title: &str| frame_letters(&view, title).contains("x=\"210.0\" y=\"38.0\"");
+        assert!(top("Plane of the path, nearly coronal") && !top("Sagittal, before") && !top(""));
     }
 
     #[test]

@@ -82,6 +82,18 @@ impl SliceView {
         })
     }
 
+    /// The standard plane that this one is turned the least from.
+    pub fn nearest(&self) -> Orientation {
+        let [x, y, z] = self.right.cross(self.down).to_array().map(f64::abs);
+        if z >= x.max(y) {
+            Orientation::Axial
+        } else if y >= x {
+            Orientation::Coronal
+        } else {
+            Orientation::Sagittal
+        }
+    }
+
     /// The same plane and scale around another point of the picture.
     pub fn centred_at(self, p: Point<Patient>) -> Self {
         Self { centre: p, ..self }
@@ -156,6 +168,17 @@ mod tests {
         assert_eq!(letters(Orientation::Coronal), "RLSI");
         assert_eq!(letters(Orientation::Sagittal), "APSI");
         assert_eq!(letters_of(Vector::new(0.7, -0.6, 0.2)), "LA");
+    }
+
+    #[test]
+    fn the_plane_of_a_level_path_was_called_coronal() {
+        let nearest = |to: [f64; 3], facing| {
+            let to = Point::from_array(to);
+            SliceView::along_path(Point::ORIGIN, to, facing, 160.0, 400).expect("a plane").nearest()
+        };
+        assert_eq!(nearest([5.0, 70.0, -30.0], Orientation::Coronal), Orientation::Axial);
+        assert_eq!(nearest([10.0, 20.0, -60.0], Orientation::Coronal), Orientation::Coronal);
+        assert_eq!(nearest([10.0, 20.0, -60.0], Orientation::Sagittal), Orientation::Sagittal);
     }
 
     #[test]

@@ -165,7 +165,7 @@ fn plan_section(prepared: &Prepared) -> Result<Section> {
     let mut figures = vec![head_figure(&scene, &looks, 340)?];
     for facing in [Orientation::Coronal, Orientation::Sagittal] {
         if let Some(view) = SliceView::along_path(entry, target, facing, FIELD_MM, PIXELS) {
-            let title = format!("{}, plane of the path", facing.name());
+            let title = format!("Plane of the path, nearly {}", view.nearest().name().to_lowercase());
             figures.push(labelled_slice(prepared, view, Window::HEAD, &title)?);
         }
     }

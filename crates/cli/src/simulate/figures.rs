@@ -23,6 +23,11 @@ const PIXELS: usize = 420;
 pub(crate) const PROJECTED: &str = "Axial, coronal and sagittal slices show the path as seen through them, not where it \
     crosses them; only the plane of the path holds all of it.";
 
+/// What a hand would feel in the plot of the force: its peak comes after the line of the ventricle.
+const FORCE: &str = "Force of the tissue against the advance. A line marks where the tip breaks through into the tissue \
+    named, \"CSF\" where it first lies in a ventricle. The force may rise on for some millimetres beyond; its fall is what \
+    a hand would feel as the pop.";
+
 /// The CT looked up at a point of the patient.
 type Sampler<'a> = dyn Fn(Point<Patient>) -> Option<f64> + Sync + 'a;
 
@@ -53,11 +58,12 @@ fn key_numbers(case: &Case, done: &Run) -> Vec<KeyNumber> {
     let last = |of: fn(&Frame) -> f64| done.last().map_or("none".into(), |f| small(of(f)));
     let motion = largest_motion(&case.ventricles, &done.ventricles);
     vec![
-        KeyNumber::new("CSF at a depth of", csf, "mm"),
+        KeyNumber::new("CSF at a depth of", csf, "mm").noted("under the skin, along the path"),
         KeyNumber::new("Tip to target, deformed", last(|f| f.distance_deformed_mm), "mm")
             .noted("the target's tissue, where it is now"),
         KeyNumber::new("Tip to target, rigid", last(|f| f.distance_rigid_mm), "mm").noted("the planned point"),
-        KeyNumber::new("Target moved", last(|f| f.target_displacement_mm), "mm"),
+        KeyNumber::new("Target moved", last(|f| f.target_displacement_mm), "mm")
+            .noted(format!("at the end; at most {} mm on the way", small(done.largest(|f| f.target_displacement_mm)))),
         KeyNumber::new("Ventricle wall moved up to", small(motion), "mm"),
         KeyNumber::new("Frame", format!("{:.2}", done.ms_quantile(0.5)), "ms")
             .noted(format!("median; 99 % below {:.2} ms", done.ms_quantile(0.99))),
@@ -187,7 +193,7 @@ fn plots_section(done: &Run) -> Section {
         plot("Distance from the tip to the target.", "mm", distances),
         plot("Displacement of the target's tissue.", "mm", vec![line("target", &|f| f.target_displacement_mm)]),
         plot("Depth of the tip under the skin.", "mm", vec![line("depth", &|f| f.depth_mm)]),
-        plot("Force of the tissue against the advance.", force_unit, vec![line("axial force", &force)]),
+        plot(FORCE, force_unit, vec![line("axial force", &force)]),
         plot("Volume of brain and ventricles against rest.", "ml", volumes(done)),
         plot(
             "Volume of all together (the skull holds it, so it hardly changes).",

@@ -9,6 +9,7 @@ use monro_geometry::{Structure, TetMesh, TriangleMesh};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::fs;
+use std::iter;
 use std::path::Path;
 
 /// Columns of `insertion.csv`; that of the force is named by its unit, and empty where a frame was held: nothing was felt. One
@@ -39,12 +40,17 @@ pub(crate) fn write(done: &Run, staging: &Staging) -> Result<()> {
     staging.write("ventricles_deformed.ply", &ply::encode(&done.ventricles, None))?;
     let frames = staging.path().join("frames");
     fs::create_dir(&frames).with_context(|| format!("cannot make {}", frames.display()))?;
-    for (i, s) in done.snapshots.iter().enumerate() {
-        staging.write(&format!("frames/{}", snapshot_name(i)), &vtu::encode(&deformed_grid(&done.rest, &s.mesh)))?;
+    for (i, (_, mesh)) in with_rest(done).enumerate() {
+        staging.write(&format!("frames/{}", snapshot_name(i)), &vtu::encode(&deformed_grid(&done.rest, mesh)))?;
     }
     staging.write("insertion.pvd", collection(done).as_bytes())?;
     staging.write("summary.json", format!("{:#}\n", summary(done)).as_bytes())?;
     Ok(())
+}
+
+/// The meshes that are written with their times, s: the head as it was before comes first.
+fn with_rest(done: &Run) -> impl Iterator<Item = (f64, &TetMesh)> {
+    iter::once((done.start_s(), &done.rest)).chain(done.snapshots.iter().map(|s| (s.time_s, &s.mesh)))
 }
 
 fn snapshot_name(i: usize) -> String {
@@ -99,8 +105,10 @@ fn deformed_grid(rest: &TetMesh, deformed: &TetMesh) -> UnstructuredGrid {
 fn collection(done: &Run) -> String {
     let mut out =
         String::from("<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n");
-    for (i, s) in done.snapshots.iter().enumerate() {
-        let _ = writeln!(out, "<DataSet timestep=\"{:.4}\" file=\"frames/{}\"/>", s.time_s, snapshot_name(i));
+    for (i, (time_s, _)) in with_rest(done).enumerate() {
+        // Rounding must not make -0 of it.
+        let time_s = (time_s * 1e4).round() / 1e4 + 0.0;
+        let _ = writeln!(out, "<DataSet timestep=\"{time_s:.4}\" file=\"frames/{}\"/>", snapshot_name(i));
     }
     out + "</Collection>\n</VTKFile>\n"
 }
@@ -131,18 +139,25 @@ fn numbers(done: &Run) -> Value {
         "at_tip": last.and_then(|f| f.at_tip).map(Structure::name),
         "frames": done.rows.len(),
         "ms_per_frame": { "median": done.ms_quantile(0.5), "p99": done.ms_quantile(0.99) },
-        "max_whole_volume_change_percent": max(done, |f| f.step.volume_change.abs() * 100.0),
-        "max_target_shift_mm": max(done, |f| f.target_displacement_mm),
-        format!("max_{}", done.force_name()): max(done, |f| f.axial_force_mn().unwrap_or(0.0)),
+        "max_whole_volume_change_percent": done.largest(|f| f.step.volume_change.abs() * 100.0),
+        "max_target_shift_mm": done.largest(|f| f.target_displacement_mm),
+        format!("max_{}", done.force_name()): done.largest(|f| f.axial_force_mn().unwrap_or(0.0)),
         "elements": done.rest.tets.len(),
     })
 }
 
-fn max(done: &Run, of: impl Fn(&monro_session::Frame) -> f64) -> f64 {
-    done.rows.iter().map(|r| of(&r.frame)).fold(0.0, f64::max)
-}
-
 impl Run {
+    /// The largest of a value over all frames, 0 for none.
+    pub(super) fn largest(&self, of: impl Fn(&monro_session::Frame) -> f64) -> f64 {
+        self.rows.iter().map(|r| of(&r.frame)).fold(0.0, f64::max)
+    }
+
+    /// When nothing had moved yet: a frame before the first one, s.
+    fn start_s(&self) -> f64 {
+        let time = |n: usize| self.rows.get(n).map_or(0.0, |r| r.frame.time_s);
+        if self.rows.len() > 1 { 2.0 * time(0) - time(1) } else { time(0).min(0.0) }
+    }
+
     /// Name of the force along the shaft: paper mode's coefficients have no unit, so its forces have none either.
     fn force_name(&self) -> &'static str {
         if self.has_units() { "axial_force_mn" } else { "axial_force_no_unit" }
@@ -174,7 +189,7 @@ pub(crate) fn summary_json(done: &Run, out: &Path) -> Value {
 /// The summary for people.
 pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
     let csf = match done.csf() {
-        Some(f) => format!("CSF at a depth of {:.1} mm", f.depth_mm),
+        Some(f) => format!("CSF at a depth of {:.1} mm under the skin", f.depth_mm),
         None => "the tip never entered a ventricle".into(),
     };
     let Some(last) = done.last() else { return "nothing was simulated".into() };
@@ -193,12 +208,13 @@ pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
     }
     format!(
         "{}\n{csf}; at the end the tip is {} mm from the target's tissue ({} mm from the planned point), in {}.\n\
-         The target moved {} mm. {} frames, {:.2} ms each (median; p99 {:.2}).\nReport: {}",
+         The target moved {} mm ({} mm at most on the way). {} frames, {:.2} ms each (median; p99 {:.2}).\nReport: {}",
         head.join("\n"),
         small(last.distance_deformed_mm),
         small(last.distance_rigid_mm),
         last.at_tip.map_or_else(|| "no simulated tissue".into(), |s| s.name().replace('_', " ")),
         small(last.target_displacement_mm),
+        small(done.largest(|f| f.target_displacement_mm)),
         done.rows.len(),
         done.ms_quantile(0.5),
         done.ms_quantile(0.99),

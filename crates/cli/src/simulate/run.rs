@@ -3,6 +3,7 @@
 use crate::console::Console;
 use anyhow::Result;
 use monro_case::Case;
+use monro_cli::report::quantile;
 use monro_geometry::{PassedThrough, Patient, Point, TetMesh, TriangleMesh, Walls};
 use monro_guidance::Plan;
 use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode, StructureVolumes};
@@ -80,7 +81,8 @@ impl Run {
     pub(crate) fn ms_quantile(&self, share: f64) -> f64 {
         let mut ms: Vec<f64> = self.rows.iter().map(|r| r.ms).collect();
         ms.sort_by(f64::total_cmp);
-        ms.get(((ms.len().saturating_sub(1)) as f64 * share).round() as usize).copied().unwrap_or(f64::NAN)
+        // As in the histogram of the same page.
+        quantile(&ms, share).unwrap_or(f64::NAN)
     }
 }
 

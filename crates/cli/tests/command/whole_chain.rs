@@ -119,12 +119,34 @@ fn what_was_asked_was_in_no_result(case: &Path, dir: &Path) {
         assert!(html.contains(words), "{words} is not in the report");
     }
     assert!(stdout.contains("left side") && stdout.contains("computed without trouble"), "{stdout}");
+    the_page_gave_two_times_for_its_frames_and_hid_the_largest_shift(&html);
+    paraview_could_not_show_the_head_before(&out);
     let summary: Value =
         serde_json::from_str(&fs::read_to_string(out.join("summary.json")).expect("summary")).expect("JSON");
     assert_eq!(summary["gravity_m_s2"], serde_json::json!([0.0, 9.81, 0.0]));
     assert!(summary["materials_file"].as_str().is_some_and(|f| f.ends_with("soft.toml")), "{summary}");
     assert_eq!((&summary["plan"]["side"], &summary["mode"]), (&"left".into(), &"physical".into()), "{summary}");
     assert!(summary["volumes"]["brain"]["of"].as_str().is_some_and(|of| of.contains("CSF")), "{summary}");
+}
+
+fn the_page_gave_two_times_for_its_frames_and_hid_the_largest_shift(html: &str) {
+    let after = |word: &str| -> f64 {
+        let (_, rest) = html.split_once(word).unwrap_or_else(|| panic!("{word} is not in the report"));
+        rest.split(' ').next().and_then(|n| n.parse().ok()).unwrap_or_else(|| panic!("{word}: {rest:.20}"))
+    };
+    let [card, plot] = [after("99 % below "), after(">99 % ")];
+    assert!((card - plot).abs() < 0.006, "{card} {plot}");
+    assert!(after("at the end; at most ") > 0.0 && html.contains("under the skin, along the path"));
+}
+
+fn paraview_could_not_show_the_head_before(out: &Path) {
+    let collection = fs::read_to_string(out.join("insertion.pvd")).expect("collection");
+    let first = collection.lines().find(|l| l.starts_with("<DataSet")).expect("a frame");
+    // With gravity, which comes on in the second before the insertion.
+    assert_eq!(first, "<DataSet timestep=\"-1.0000\" file=\"frames/tets_000.vtu\"/>");
+    let grid = monro_case::vtu::decode(&fs::read(out.join("frames/tets_000.vtu")).expect("frame")).expect("a grid");
+    let moved = grid.point_data.iter().find(|d| d.name == "displacement_mm").expect("displacements");
+    assert!(moved.values.iter().all(|v| *v == 0.0));
 }
 
 /// A plan read in the wrong direction, or far off the head, is refused with a hint; nothing is written.

@@ -9,6 +9,13 @@ use monro_geometry::{Frame, Point};
 /// of three degrees of freedom) chance alone does that once in 10^15 times, and once in 3000 where the noise is twice what
 /// was said; with more of them more seldom.
 const FAR: f64 = 5.0;
+/// Residuals this many times what the noise explains may still be those of a hand three times as unsteady as was said: they
+/// are refused only where a mistake explains them far better. On a head, left and right exchanged leave hardly
+/// more than this: mirrored, both sides are much the same.
+const DOUBTFUL: f64 = 2.5;
+/// What "far better" is: residuals this many times smaller. An unsteady hand shows with the mistake undone, too; of hands
+/// three times as unsteady as was said, one in a hundred is refused for it.
+const FAR_BETTER: f64 = 3.0;
 /// A mistake is named when undoing it leaves residuals of at most this many times the noise.
 const NEAR: f64 = 2.0;
 /// Up to so many landmarks all orders are tried; beyond, only exchanges of two.
@@ -39,9 +46,11 @@ pub enum Suspicion {
 impl fmt::Display for Suspicion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Mirrored => f.write_str("one axis of the touched points has the wrong sign (mirrored)"),
+            Self::Mirrored => {
+                f.write_str("one axis of the touched points has the wrong sign (a mirrored, left-handed frame)")
+            }
             Self::Exchanged(names) => write!(f, "the names of {} are exchanged", names.join(", ")),
-            Self::Wrong(name) => write!(f, "'{name}' alone is wrong: touch it again or leave it out"),
+            Self::Wrong(name) => write!(f, "'{name}' alone is wrong (touch it again or leave it out)"),
         }
     }
 }
@@ -57,7 +66,8 @@ impl fmt::Display for Contradiction {
             return f.write_str("are they in mm, in the tracked reference's frame, each under its own name?");
         }
         write!(f, "it would fit if {}", self.suspicions[0])?;
-        self.suspicions[1..].iter().try_for_each(|s| write!(f, ", or if {s}"))
+        self.suspicions[1..].iter().try_for_each(|s| write!(f, ", or if {s}"))?;
+        f.write_str("; set that right, or touch the landmarks again")
     }
 }
 
@@ -67,14 +77,28 @@ impl<To: Frame, From: Frame> LandmarkRegistration<To, From> {
         let excess = self.variance_ratio.sqrt();
         let squares: f64 = self.residuals.iter().map(|r| r.distance * r.distance).sum();
         let residual = (squares / self.residuals.len().max(1) as f64).sqrt();
-        (excess > FAR).then(|| Contradiction { residual, excess, suspicions: suspicions(landmarks) })
+        let suspicions = match excess {
+            e if e > FAR => suspicions(landmarks),
+            // Of orders that move more than two names there are so many that one may fit by chance.
+            e if e > DOUBTFUL => {
+                let most = NEAR.min(e / FAR_BETTER);
+                Some(misnamed(landmarks, most, 2)).filter(|found| !found.is_empty())?
+            }
+            _ => return None,
+        };
+        Some(Contradiction { residual, excess, suspicions })
     }
 }
 
 fn suspicions<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>]) -> Vec<Suspicion> {
-    let mirrored = is_near(&reordered(landmarks, |i| i, true)).then_some(Suspicion::Mirrored);
-    let found: Vec<_> = mirrored.into_iter().chain(exchanged(landmarks)).collect();
+    let found = misnamed(landmarks, NEAR, landmarks.len());
     if found.is_empty() { wrong(landmarks).into_iter().collect() } else { found }
+}
+
+/// Mistakes that concern no place but signs or at most `names` names, and leave residuals of at most `most` times the noise.
+fn misnamed<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], most: f64, names: usize) -> Vec<Suspicion> {
+    let mirrored = is_near(&reordered(landmarks, |i| i, true), most).then_some(Suspicion::Mirrored);
+    mirrored.into_iter().chain(exchanged(landmarks, most, names)).collect()
 }
 
 /// The landmarks with the touch of `of(i)` at each `i`, its first coordinate negated or not.
@@ -90,18 +114,20 @@ fn reordered<To: Frame, From: Frame>(
     landmarks.iter().enumerate().map(one).collect()
 }
 
-fn is_near<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>]) -> bool {
+/// Whether a registration leaves residuals of at most `most` times the noise.
+fn is_near<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], most: f64) -> bool {
     let freedom = 3 * landmarks.len() as i64 - 6;
     let ratio = || Some(chi_square(landmarks, &fit(landmarks).ok()?.0) / freedom as f64);
-    freedom > 0 && ratio().is_some_and(|r| r <= NEAR * NEAR)
+    freedom > 0 && ratio().is_some_and(|r| r <= most * most)
 }
 
 /// The fewest names that were exchanged, if that explains it.
-fn exchanged<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>]) -> Option<Suspicion> {
+fn exchanged<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], most: f64, names: usize) -> Option<Suspicion> {
     let n = landmarks.len();
-    let order = orders(n).into_iter().find(|o| is_near(&reordered(landmarks, |i| o[i], false)))?;
-    let moved = (0..n).filter(|&i| order[i] != i).map(|i| landmarks[i].name.clone());
-    Some(Suspicion::Exchanged(moved.collect()))
+    let fits = |o: &Vec<usize>| moved(o) <= names && is_near(&reordered(landmarks, |i| o[i], false), most);
+    let order = orders(n).into_iter().find(fits)?;
+    let exchanged = (0..n).filter(|&i| order[i] != i).map(|i| landmarks[i].name.clone());
+    Some(Suspicion::Exchanged(exchanged.collect()))
 }
 
 /// Orders of `n` things but their own, those that move the fewest first.
@@ -116,10 +142,14 @@ fn orders(n: usize) -> Vec<Vec<usize>> {
         };
         (0..n).flat_map(|i| (0..i).map(move |j| (i, j))).map(swapped).collect()
     };
-    let moved = |o: &Vec<usize>| o.iter().enumerate().filter(|(i, o)| i != *o).count();
     all.retain(|o| moved(o) > 0);
-    all.sort_by_key(moved);
+    all.sort_by_key(|o| moved(o));
     all
+}
+
+/// How many things an order moves.
+fn moved(order: &[usize]) -> usize {
+    order.iter().enumerate().filter(|(i, o)| i != *o).count()
 }
 
 fn permutations(n: usize) -> Vec<Vec<usize>> {
@@ -140,7 +170,7 @@ fn wrong<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>]) -> Option<Sus
         let others = landmarks.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, l)| l.clone());
         others.collect::<Vec<_>>()
     };
-    let mut alone = (0..landmarks.len()).filter(|&i| is_near(&without(i)));
+    let mut alone = (0..landmarks.len()).filter(|&i| is_near(&without(i), NEAR));
     let first = alone.next()?;
     // When any of several would do, none is the one.
     alone.next().is_none().then(|| Suspicion::Wrong(landmarks[first].name.clone()))

@@ -6,6 +6,9 @@ use crate::error::ScanError;
 use crate::{ReadOptions, check};
 use std::path::Path;
 
+/// So many of the series passed over are named.
+const NAMED: usize = 5;
+
 /// Merits in the order in which they decide; all that is equal is decided by the first series met.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Merit {
@@ -77,15 +80,18 @@ pub(crate) fn best(series: &[Series]) -> (Option<usize>, String) {
         return (None, "no series can be taken".into());
     };
     let reason = match usable.get(1) {
-        None if series.len() == 1 => "the only series".to_owned(),
-        None => "the only series that can be taken".to_owned(),
-        Some(&(second, other)) => {
-            format!(
-                "{} series can be taken; rather than {}, because {}",
-                usable.len(),
-                series[second].id,
-                merit.beats(other)
-            )
+        None if series.len() == 1 => "the only DICOM series".to_owned(),
+        None => "the only DICOM series that can be taken".to_owned(),
+        Some(_) => {
+            let others = usable[1..].iter().take(NAMED);
+            let why: Vec<String> = others
+                .map(|&(n, other)| format!("rather than {}, because {}", series[n].id, merit.beats(other)))
+                .collect();
+            let more = match usable.len() - 1 - why.len() {
+                0 => String::new(),
+                n => format!("; rather than {n} more"),
+            };
+            format!("{} series can be taken; {}{more}", usable.len(), why.join("; "))
         }
     };
     (Some(chosen), reason)

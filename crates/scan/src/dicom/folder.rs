@@ -2,6 +2,7 @@
 
 use super::image::{Found, Identity, Image, describe};
 use crate::error::{Problem, ScanError};
+use crate::shelf::is_volume;
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -58,6 +59,10 @@ impl Survey {
             Some(format!("{} of {} files {what} and were left out (the first: {first})", files.len(), self.files))
         };
         let not_dicom = one(&self.not_dicom, "are not DICOM");
+        // Scans, too, which only the DICOM beside them keeps from being seen.
+        let volumes = self.not_dicom.iter().filter(|file| is_volume(&name(file))).count();
+        let to_name = format!("; {volumes} of them NIfTI, NRRD or MetaImage: give the path of one to take it");
+        let not_dicom = not_dicom.map(|text| if volumes > 0 { text + &to_name } else { text });
         not_dicom.into_iter().chain(one(&self.no_image, "are DICOM objects without an image")).collect()
     }
 
