@@ -11,7 +11,7 @@ const TISSUE_MM: [f64; 3] = [125.0, 105.0, 60.0];
 /// A head is at least as large as a circle of this circumference cut across (a child of three months); a knee is not.
 const CIRCUMFERENCE_MM: f64 = 400.0;
 /// Skin and everything denser.
-const TISSUE_HU: i16 = -300;
+pub(crate) const TISSUE_HU: i16 = -300;
 /// Values of soft tissue with 1024 added, and the most of a head's bone that has them, ml: 40 ml of a skull of 500 ml
 /// have been seen, the brain alone has 1000 ml.
 const LIFTED_HU: core::ops::RangeInclusive<i16> = 1000..=1110;
@@ -25,10 +25,14 @@ const PLANE_MM2: f64 = 500.0;
 /// # Errors
 /// [`ScanError::NotAHead`], [`ScanError::ThinSection`] with the sizes measured.
 pub fn head_extent_check(volume: &Volume<i16>) -> Result<(), ScanError> {
+    extent_check(volume, &profiles(volume))
+}
+
+/// The same, by the volume's [`profiles`].
+pub(crate) fn extent_check(volume: &Volume<i16>, profiles: &[Vec<u64>; 3]) -> Result<(), ScanError> {
     let (dims, spacing) = (volume.grid().dims(), volume.grid().spacing());
     let field = core::array::from_fn(|a| dims[a] as f64 * spacing[a]);
     enough("the field of view", field, FIELD_MM)?;
-    let profiles = profiles(volume);
     let pixel = [spacing[1] * spacing[2], spacing[0] * spacing[2], spacing[0] * spacing[1]];
     let extent = core::array::from_fn(|a| {
         let dense = |&&n: &&u64| n as f64 * pixel[a] >= PLANE_MM2;

@@ -3,12 +3,12 @@
 //! No skin is flat over as much as a palm: a ball of 140 mm radius, the flattest of a head, lies within [`THICK_MM`] on
 //! both sides of a plane over 44 cm2.
 
+use crate::check::TISSUE_HU;
 use monro_geometry::{Patient, Point, Vector, Volume};
 
 /// Cells of the search, mm.
 const CELL_MM: f64 = 3.0;
-/// Skin and everything denser; and what is seen in a cut through brain or muscle.
-const TISSUE_HU: i16 = -300;
+/// What is seen in a cut through brain or muscle.
 const SOFT_HU: core::ops::RangeInclusive<i16> = 0..=100;
 /// The surface lies this near to its plane, mm, and faces this much the same way.
 const THICK_MM: f64 = 2.5;
@@ -92,7 +92,9 @@ fn tilted(out: Vector<Patient>, places: impl Iterator<Item = Vector<Patient>>) -
 /// The volume seen in cells of about [`CELL_MM`].
 struct Cells<'a> {
     volume: &'a Volume<i16>,
+    /// Voxels from cell to cell, and that in mm.
     stride: [usize; 3],
+    size: [f64; 3],
     dims: [usize; 3],
     tissue: Vec<bool>,
 }
@@ -108,7 +110,8 @@ impl<'a> Cells<'a> {
                 tissue.extend((0..all[0]).step_by(stride[0]).map(|i| volume.at(i, j, k) > TISSUE_HU));
             }
         }
-        Self { volume, stride, dims, tissue }
+        let size = core::array::from_fn(|a| spacing[a] * stride[a] as f64);
+        Self { volume, stride, size, dims, tissue }
     }
 
     /// Whether a cell is tissue; `None` beyond the volume.
@@ -140,14 +143,12 @@ impl<'a> Cells<'a> {
         out
     }
 
-    /// The way out of the tissue about a cell, away from the middle of what is tissue. Half of a ball has its middle 3/8 of
-    /// the radius deep; what is much less is no surface.
+    /// The way out of the tissue about a cell: towards air, away from tissue.
     fn place(&self, v: [isize; 3]) -> Option<Place> {
         let own = self.centre(v);
-        let (mut sum, mut count) = (Vector::<Patient>::ZERO, 0f64);
-        let cell: [f64; 3] = core::array::from_fn(|a| self.volume.grid().spacing()[a] * self.stride[a] as f64);
+        let mut sum = Vector::<Patient>::ZERO;
         let side = |a: usize| {
-            let reach = (ABOUT_MM / cell[a]).ceil() as isize;
+            let reach = (ABOUT_MM / self.size[a]).ceil() as isize;
             -reach..=reach
         };
         for d in side(2).flat_map(|k| side(1).flat_map(move |j| side(0).map(move |i| [i, j, k]))) {
@@ -156,19 +157,19 @@ impl<'a> Cells<'a> {
             let way = self.centre(other) - own;
             match self.at(other) {
                 _ if way.norm() > ABOUT_MM => {}
-                Some(true) => (sum, count) = (sum - way, count + 1.0),
-                Some(false) => (sum, count) = (sum + way, count + 1.0),
+                Some(true) => sum -= way,
+                Some(false) => sum += way,
                 None => {}
             }
         }
-        let out = (sum / count.max(1.0)).normalized()?;
+        let out = sum.normalized()?;
         // A plane leaves of each cell that it crosses its cross-section: the most of it along one axis.
         let axes = [0, 1, 2].map(|a| {
             let axis = Vector::<Patient>::from_array(self.volume.grid().patient_from_voxel().linear.column(a));
             (axis.dot(out) / axis.norm()).abs()
         });
         let steepest = (0..3).fold(0, |best, a| if axes[a] > axes[best] { a } else { best });
-        let mm2 = cell.iter().product::<f64>() / cell[steepest] / axes[steepest];
+        let mm2 = self.size.iter().product::<f64>() / self.size[steepest] / axes[steepest];
         Some(Place { at: own, out, mm2 })
     }
 

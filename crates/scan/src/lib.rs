@@ -50,9 +50,10 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
         Some(found) => found.or_else(|why| only_volume(path, why).and_then(|file| file::read(&file)))?,
     };
     if !options.any_size {
-        head_extent_check(&scan.volume)?;
+        let profiles = check::profiles(&scan.volume);
+        check::extent_check(&scan.volume, &profiles)?;
         check::intercept_check(&scan.volume)?;
-        let (volume, said) = padding::cut_off(scan.volume);
+        let (volume, said) = padding::cut_off(scan.volume, &profiles);
         scan.volume = volume;
         scan.warnings.extend(said);
         scan.warnings.extend(flat::finding(&scan.volume));

@@ -3,7 +3,6 @@
 //! Some programs pad a volume to a size. What lies there was never seen; taken for air, the flat end of the head would be
 //! its skin.
 
-use crate::check::profiles;
 use monro_geometry::{Affine, Grid, Patient, Vector, Volume};
 
 /// A plane with less tissue holds none, mm2.
@@ -17,11 +16,11 @@ const DEEP_MM: f64 = 12.0;
 /// Planes in which resampling may have mixed the head with the padding, and the first one that it has not.
 const BLURRED: usize = 2;
 
-/// Leaves out planes without tissue on whose other side the head begins at once in its full size; says so.
-pub(crate) fn cut_off(volume: Volume<i16>) -> (Volume<i16>, Vec<String>) {
+/// Leaves out planes without tissue on whose other side the head begins at once in its full size; says so. `profiles` are
+/// the volume's, of [`crate::check::profiles`].
+pub(crate) fn cut_off(volume: Volume<i16>, profiles: &[Vec<u64>; 3]) -> (Volume<i16>, Vec<String>) {
     let grid = *volume.grid();
     let (dims, spacing) = (grid.dims(), grid.spacing());
-    let profiles = profiles(&volume);
     let (mut low, mut high, mut said) = ([0; 3], dims, Vec::new());
     for axis in 0..3 {
         let pixel = grid.voxel_volume() / spacing[axis];
@@ -90,7 +89,13 @@ fn crop(volume: &Volume<i16>, low: [usize; 3], high: [usize; 3]) -> Volume<i16> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::check::profiles;
     use proptest::prelude::*;
+
+    fn off(volume: Volume<i16>) -> (Volume<i16>, Vec<String>) {
+        let profiles = profiles(&volume);
+        cut_off(volume, &profiles)
+    }
 
     /// An ellipsoid of tissue with semi-axes of 70, 90 and 75 mm about the origin, in a box.
     fn head(dims: [usize; 3], spacing: [f64; 3], origin: [f64; 3]) -> Volume<i16> {
@@ -123,7 +128,7 @@ mod tests {
             let dims = spacing.map(|s| (230.0 / s) as usize);
             let origin = spacing.map(|s| -115.0 + offset * s);
             let volume = head(dims, spacing, origin);
-            let (same, said) = cut_off(volume.clone());
+            let (same, said) = off(volume.clone());
             prop_assert_eq!((same.grid().dims(), said), (dims, Vec::<String>::new()));
         }
 
@@ -136,7 +141,7 @@ mod tests {
             let top = [70.0, 90.0, 75.0][axis] - missing;
             let from = ((top + 115.0) / step) as usize;
             blank(&mut volume, axis, from);
-            let (cut, said) = cut_off(volume.clone());
+            let (cut, said) = off(volume.clone());
             let mut wanted = dims;
             wanted[axis] = from;
             prop_assert_eq!(cut.grid().dims(), wanted);
@@ -154,7 +159,7 @@ mod tests {
         let grid = *volume.grid();
         let in_plate = |n: usize| (10..15).contains(&grid.voxel(n)[0]) && grid.voxel(n)[1] > 30;
         volume.data_mut().iter_mut().enumerate().filter(|(n, _)| in_plate(*n)).for_each(|(_, v)| *v = -100);
-        assert_eq!(cut_off(volume).1, Vec::<String>::new());
+        assert_eq!(off(volume).1, Vec::<String>::new());
     }
 
     #[test]
@@ -162,7 +167,7 @@ mod tests {
         let mut volume = head([77, 77, 77], [3.0; 3], [-115.0; 3]);
         let grid = *volume.grid();
         volume.data_mut().iter_mut().enumerate().filter(|(n, _)| grid.voxel(*n)[2] < 20).for_each(|(_, v)| *v = -1024);
-        let (cut, said) = cut_off(volume);
+        let (cut, said) = off(volume);
         assert_eq!(cut.grid().dims(), [77, 77, 57]);
         assert_eq!(cut.grid().centre(0, 0, 0).to_array(), [-115.0, -115.0, -55.0]);
         assert!(said[0].starts_with("20 plane(s) (60.0 mm) at the inferior end"), "{said:?}");
@@ -171,7 +176,7 @@ mod tests {
     #[test]
     fn a_volume_without_tissue_is_left_as_it_is() {
         let grid = Grid::axis_aligned([4, 5, 6], [1.0; 3], [0.0; 3]).expect("a grid");
-        let (same, said) = cut_off(Volume::filled(grid, -1024));
+        let (same, said) = off(Volume::filled(grid, -1024));
         assert_eq!((same.grid().dims(), said.len()), ([4, 5, 6], 0));
     }
 }

@@ -28,9 +28,8 @@ impl<'a> Surroundings<'a> {
         let fluid = |n: usize| if is(classes.data[n], Structure::is_ventricle) { 1.0 } else { 0.0 };
         // Where the scan ends above the brain there is no skull: as in the segmentation, vaults of several heights are tried.
         let open = cut::open_columns(&inside, &nodata, lattice.step);
-        let depth = cut::depth(&inside, open.as_deref()).map(|d| d * lattice.step as f32);
+        let (depth, vaults) = cut::depths(&inside, open.as_deref(), lattice);
         let like = model::likeness(&inside, (&depth, lattice), fluid);
-        let vaults = cut::vaults(&inside, open.as_deref(), lattice);
         let axes = vaults.iter().filter_map(|depth| Axes::new(depth, lattice, &midsagittal));
         let pose = model::best(&like, lattice, axes).ok_or(LandmarkError::NoBearings("brain"))?;
         Ok(Self { labels, midsagittal, pose })

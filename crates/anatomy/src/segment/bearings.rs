@@ -47,8 +47,8 @@ pub(crate) fn bearings(
     let plane = midplane(&hu, &space, lattice).ok_or_else(none)?;
     let brain = brain_mode(smooth, |n| cavity.data[n]);
     let coarse = Coarse { hu: &hu, space: &space, open: open.as_deref(), lattice, brain };
-    let (pose, blood) = coarse.pose(&plane).ok_or_else(none)?;
-    coarse.upright(pose)?;
+    let (pose, blood, turned) = coarse.pose(&plane).ok_or_else(none)?;
+    upright(pose, turned)?;
     Ok(Bearings { plane, pose, brain, blood })
 }
 
@@ -62,43 +62,25 @@ struct Coarse<'a> {
 }
 
 impl Coarse<'_> {
-    /// The pose by the fluid; with much blood deep in the brain by fluid and blood, where the model fits better so.
-    fn pose(&self, plane: &Plane<Patient>) -> Option<(Pose, Option<Blood>)> {
+    /// The pose by the fluid; with much blood deep in the brain by fluid and blood, where the model fits better so. With it,
+    /// how the head lies if the fluid lies as in one turned about.
+    fn pose(&self, plane: &Plane<Patient>) -> Option<(Pose, Option<Blood>, Option<Turned>)> {
         let (brain, fluid) = (self.brain, self.darkest());
-        let fluidlike = |n: usize| self.fluidlike(n, fluid);
-        let depth = cut::depth(self.space, self.open).map(|d| d * self.lattice.step as f32);
-        let axes: Vec<Axes> = cut::vaults(self.space, self.open, self.lattice)
-            .iter()
-            .filter_map(|d| Axes::new(d, self.lattice, plane))
-            .collect();
-        let by_fluid = self.fit(&axes, &depth, fluidlike)?;
-        let Some(deep_ml) = blood::deep(self.hu, &depth, self.lattice, brain) else { return Some((by_fluid, None)) };
-        let by_both = self.fit(&axes, &depth, |n| fluidlike(n).max(blood::like(self.hu.data[n], brain)))?;
-        let on_course = blood::better(by_both.score, by_fluid.score);
-        Some((if on_course { by_both } else { by_fluid }, Some(Blood { deep_ml, on_course })))
-    }
-
-    /// Refuses a head that lies otherwise than the scan's axes say.
-    fn upright(&self, pose: Pose) -> Result<(), SegmentError> {
-        let fluid = self.darkest();
-        let depth = cut::depth(self.space, self.open).map(|d| d * self.lattice.step as f32);
-        let like = model::likeness(self.space, (&depth, self.lattice), |n| self.fluidlike(n, fluid));
-        let turned = pose.turned(&like, self.lattice);
-        match turned.filter(|t| t.score > WELL && t.score > pose.score + TURNED) {
-            Some(Turned { way, score }) => Err(SegmentError::Turned { way, score, as_told: pose.score }),
-            None => Ok(()),
+        let (depth, vaults) = cut::depths(self.space, self.open, self.lattice);
+        let axes: Vec<Axes> = vaults.iter().filter_map(|d| Axes::new(d, self.lattice, plane)).collect();
+        let like = |of: &dyn Fn(usize) -> f32| model::likeness(self.space, (&depth, self.lattice), of);
+        let fit = |like: &Raster<f32>| model::best(like, self.lattice, axes.iter().copied());
+        let fluidlike = |n: usize| (brain - self.hu.data[n]) / (brain - fluid);
+        let as_fluid = like(&fluidlike);
+        let by_fluid = fit(&as_fluid)?;
+        let (mut pose, mut blood) = (by_fluid, None);
+        if let Some(deep_ml) = blood::deep(self.hu, &depth, self.lattice, brain) {
+            let by_both = fit(&like(&|n| fluidlike(n).max(blood::like(self.hu.data[n], brain))))?;
+            let on_course = blood::better(by_both.score, by_fluid.score);
+            pose = if on_course { by_both } else { by_fluid };
+            blood = Some(Blood { deep_ml, on_course });
         }
-    }
-
-    /// 0 as brain, 1 as fluid.
-    fn fluidlike(&self, n: usize, fluid: f32) -> f32 {
-        (self.brain - self.hu.data[n]) / (self.brain - fluid)
-    }
-
-    /// The best of all axes.
-    fn fit(&self, axes: &[Axes], depth: &Raster<f32>, likeness: impl Fn(usize) -> f32) -> Option<Pose> {
-        let like = model::likeness(self.space, (depth, self.lattice), likeness);
-        model::best(&like, self.lattice, axes.iter().copied())
+        Some((pose, blood, pose.turned(&as_fluid, self.lattice)))
     }
 
     /// Ventricles and cisterns fill some percent of the deep brain: its darkest percent is fluid. What air dims, at a cut,
@@ -107,5 +89,13 @@ impl Coarse<'_> {
         let seen = |(v, s): (&f32, &bool)| (*s && *v > self.brain - DIMMED_BY_AIR).then_some(*v);
         let mut values: Vec<f32> = self.hu.data.iter().zip(&self.space.data).filter_map(seen).collect();
         quantile(&mut values, 0.01).clamp(self.brain - 35.0, self.brain - 12.0)
+    }
+}
+
+/// Refuses a head that lies otherwise than the scan's axes say.
+fn upright(pose: Pose, turned: Option<Turned>) -> Result<(), SegmentError> {
+    match turned.filter(|t| t.score > WELL && t.score > pose.score + TURNED) {
+        Some(Turned { way, score }) => Err(SegmentError::Turned { way, score, as_told: pose.score }),
+        None => Ok(()),
     }
 }

@@ -40,10 +40,16 @@ pub(crate) fn depth(space: &Mask, open: Option<&[bool]>) -> Raster<f32> {
     }
 }
 
-/// Depths (mm) below vaults of several heights imagined over the cut; the one that is seen, without a cut.
-pub(crate) fn vaults(space: &Mask, open: Option<&[bool]>, lattice: Lattice) -> Vec<Raster<f32>> {
+/// Depth (mm) in the space inside the skull, and the depths below vaults of several heights imagined over the cut; without
+/// a cut, that depth alone.
+pub(crate) fn depths(space: &Mask, open: Option<&[bool]>, lattice: Lattice) -> (Raster<f32>, Vec<Raster<f32>>) {
+    let own = depth(space, open).map(|d| d * lattice.step as f32);
+    let vaults = open.map_or_else(|| vec![own.clone()], |open| vaults(space, open, lattice));
+    (own, vaults)
+}
+
+fn vaults(space: &Mask, open: &[bool], lattice: Lattice) -> Vec<Raster<f32>> {
     let in_mm = |mask: &Mask| distance_to_false(mask).map(|d| d * lattice.step as f32);
-    let Some(open) = open else { return vec![in_mm(space)] };
     let most = (RISES[RISES.len() - 1] / lattice.step).ceil() as usize + 1;
     let sheet = space.dims[0] * space.dims[1];
     let mut roomy = space.clone();

@@ -97,7 +97,7 @@ pub(crate) fn best(series: &[Series]) -> (Option<usize>, String) {
     (Some(chosen), reason)
 }
 
-/// The wanted series, or the best one.
+/// The wanted series, or the best one; and why, where others could be taken and none was asked for.
 ///
 /// # Errors
 /// Unknown series, several patients, nothing usable.
@@ -106,7 +106,7 @@ pub(crate) fn choose(
     survey: &Survey,
     mut series: Vec<Series>,
     o: &ReadOptions,
-) -> Result<Series, ScanError> {
+) -> Result<(Series, Option<String>), ScanError> {
     if let Some(wanted) = &o.series_uid {
         let known = series.iter().map(|s| s.id.clone()).collect();
         series.retain(|s| s.uid == *wanted || s.id == *wanted);
@@ -119,14 +119,15 @@ pub(crate) fn choose(
             return Err(ScanError::SeveralPatients { folder: path.to_path_buf(), images });
         }
     }
-    if let (Some(n), _) = best(&series) {
-        return Ok(series.swap_remove(n));
+    if let (Some(n), reason) = best(&series) {
+        let alone = o.series_uid.is_some() || series.iter().filter(|s| s.refusal.is_none()).count() == 1;
+        return Ok((series.swap_remove(n), (!alone).then_some(reason)));
     }
     if series.len() == 1 {
         let s = series.swap_remove(0);
         return match s.refusal {
             Some(problem) => Err(ScanError::Series { series: s.id, problem }),
-            None => Ok(s),
+            None => Ok((s, None)),
         };
     }
     let reason = |s: &Series| s.refusal.as_ref().map(|r| format!("{}: {r}", s.id));

@@ -77,9 +77,7 @@ impl Survey {
         }
         known.into_iter().map(|(_, count)| count).collect()
     }
-}
 
-impl Survey {
     /// Whether images of one patient's id carry different names, other than in their punctuation.
     pub(crate) fn names_differ(&self) -> bool {
         let bare = |name: &str| name.chars().filter(|c| c.is_alphanumeric()).collect::<String>();

@@ -52,14 +52,11 @@ fn select(path: &Path, options: &ReadOptions) -> Result<(Series, Vec<String>), S
     if let Some((file, problem)) = survey.broken.drain(..).next() {
         return Err(ScanError::File { file, problem });
     }
-    let all = series::sort(survey.images.clone());
-    let (usable, reason) = (all.iter().filter(|s| s.refusal.is_none()).count(), choose::best(&all).1);
-    let series = choose::choose(path, &survey, all, options)?;
+    let images = survey.images.clone();
+    let (series, reason) = choose::choose(path, &survey, series::sort(images), options)?;
     let mut warnings = survey.skipped();
     warnings.extend(survey.names_differ().then(|| NAMES_DIFFER.to_owned()));
-    if usable > 1 && options.series_uid.is_none() {
-        warnings.push(format!("series {} was taken: {reason}; --series takes another", series.id));
-    }
+    warnings.extend(reason.map(|reason| format!("series {} was taken: {reason}; --series takes another", series.id)));
     warnings.extend(series.warnings.iter().cloned());
     Ok((series, warnings))
 }
