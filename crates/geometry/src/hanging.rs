@@ -1,6 +1,6 @@
 //! Elements that meet without sharing what they meet in: hanging nodes, and vertices that are doubled but for rounding.
 
-use crate::tetrahedra::FACES;
+use crate::tetrahedra::{FACES, sorted};
 use crate::{Bvh, NO_TET, Patient, Point, TetMesh, TriangleMesh, nearest_on_triangle, tet_neighbours};
 
 /// Vertices within this share of a face's longest edge lie on it.
@@ -110,11 +110,7 @@ impl Boundary {
 
     /// Faces whose corners are in the same places.
     fn loose(&self, place: &[u32]) -> Option<LooseFaces> {
-        let key = |t: &[u32; 3]| {
-            let mut key = t.map(|v| place[v as usize]);
-            key.sort_unstable();
-            key
-        };
+        let key = |t: &[u32; 3]| sorted(t.map(|v| place[v as usize]));
         let mut faces: Vec<([u32; 3], u32)> = self.surface.triangles.iter().map(key).zip(0..).collect();
         faces.sort_unstable();
         let on_others: Vec<_> = faces.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 1).collect();

@@ -45,4 +45,4 @@ pub use tetrahedra::{TetMesh, TetMeshError, TetQuality, tet_signed_volume};
 pub use triangles::{Topology, TriangleMesh, TriangleMeshError};
 pub use vector::{Point, Vector, bounds};
 pub use volume::Volume;
-pub use walls::{PassedThrough, Walls};
+pub use walls::{PassedThrough, Wall, Walls};

@@ -1,7 +1,7 @@
 //! What makes a mesh from elsewhere plainly broken, besides faulty numbers: nothing sensible can be done with such a mesh.
 //! Meshes that are merely odd (open, pinched, badly shaped) pass.
 
-use crate::tetrahedra::FACES;
+use crate::tetrahedra::{FACES, sorted};
 use crate::{TetMesh, TetMeshError, TriangleMesh, TriangleMeshError};
 use std::collections::HashMap;
 
@@ -74,11 +74,6 @@ impl TetMesh {
         let at = self.vertices[vertices[0] as usize].to_array();
         Err(TetMeshError::Torn { tets, vertices, at, faces: 1 + torn.count() })
     }
-}
-
-fn sorted(mut corners: [u32; 3]) -> [u32; 3] {
-    corners.sort_unstable();
-    corners
 }
 
 /// Two triangles with the same corners in any order.

@@ -59,6 +59,11 @@ impl Structure {
         }
     }
 
+    /// The name for people, as in "left lateral ventricle".
+    pub fn words(self) -> String {
+        self.name().replace('_', " ")
+    }
+
     /// Colour on the screen and in files of other programs, told apart by brightness too (red, green, blue).
     pub const fn colour(self) -> [u8; 3] {
         match self {

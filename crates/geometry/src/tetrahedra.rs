@@ -6,6 +6,12 @@ use thiserror::Error;
 /// Faces seen from outside of a positively oriented element.
 pub(crate) const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
+/// Corners in order: the same for all that share them.
+pub(crate) fn sorted<const N: usize>(mut corners: [u32; N]) -> [u32; N] {
+    corners.sort_unstable();
+    corners
+}
+
 /// A tetrahedral mesh in the patient frame (mm) with one label per element. Element `[a, b, c, d]` has positive volume:
 /// `(b - a) x (c - a) . (d - a) > 0`.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -167,9 +173,7 @@ impl TetMesh {
         let mut faces: Vec<([u32; 3], bool, u32)> = Vec::with_capacity(4 * self.tets.len());
         for (t, tet) in (0u32..).zip(&self.tets) {
             for [a, b, c] in FACES.map(|f| f.map(|i| tet[i])) {
-                let mut key = [a, b, c];
-                key.sort_unstable();
-                faces.push((key, (a > b) ^ (b > c) ^ (a > c), t));
+                faces.push((sorted([a, b, c]), (a > b) ^ (b > c) ^ (a > c), t));
             }
         }
         faces.sort_unstable();
@@ -178,11 +182,7 @@ impl TetMesh {
 
     /// The elements around one face: as in [`TetMesh::check_conforming`].
     fn check_face(&self, around: &[([u32; 3], bool, u32)]) -> Result<(), TetMeshError> {
-        let corners = |i: usize| {
-            let mut key = self.tets[around[i].2 as usize];
-            key.sort_unstable();
-            key
-        };
+        let corners = |i: usize| sorted(self.tets[around[i].2 as usize]);
         let tet = |i: usize| around[i].2 as usize;
         for i in 1..around.len() {
             if let Some(j) = (0..i).find(|&j| corners(i) == corners(j)) {
@@ -229,9 +229,7 @@ impl TetMesh {
             if keep(label) {
                 for f in FACES {
                     let face = f.map(|i| t[i]);
-                    let mut key = face;
-                    key.sort_unstable();
-                    faces.push((key, face));
+                    faces.push((sorted(face), face));
                 }
             }
         }

@@ -1,22 +1,31 @@
 //! Walls of a body that pass through each other when it deforms, for nothing keeps its parts from each other.
 
-use crate::tetrahedra::FACES;
+use crate::tetrahedra::{FACES, sorted};
 use crate::{Patient, Point, TetMesh, TriangleMesh};
 
+/// A face at the boundary or between elements of different labels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Wall {
+    /// Its corners, numbered as the vertices of the mesh, seen from outside of `label`.
+    pub corners: [u32; 3],
+    /// The lower label of the two sides.
+    pub label: u16,
+    /// The other one; `None` is the outside.
+    pub behind: Option<u16>,
+}
+
 impl TetMesh {
-    /// Faces at the boundary and between elements of different labels, each once: vertex numbers are those of the mesh.
-    pub fn walls(&self) -> Vec<[u32; 3]> {
+    /// Faces at the boundary and between elements of different labels, each once, in order of their corners' numbers.
+    pub fn walls(&self) -> Vec<Wall> {
         let mut faces: Vec<([u32; 3], u16, [u32; 3])> = Vec::with_capacity(4 * self.tets.len());
         for (tet, &label) in self.tets.iter().zip(&self.labels) {
             for face in FACES.map(|f| f.map(|i| tet[i])) {
-                let mut key = face;
-                key.sort_unstable();
-                faces.push((key, label, face));
+                faces.push((sorted(face), label, face));
             }
         }
         faces.sort_unstable();
-        let sides = faces.chunk_by(|a, b| a.0 == b.0);
-        sides.filter(|of| of.len() != 2 || of[0].1 != of[1].1).map(|of| of[0].2).collect()
+        let sides = faces.chunk_by(|a, b| a.0 == b.0).filter(|of| of.len() != 2 || of[0].1 != of[1].1);
+        sides.map(|of| Wall { corners: of[0].2, label: of[0].1, behind: of.get(1).map(|f| f.1) }).collect()
     }
 }
 
@@ -38,7 +47,8 @@ pub struct PassedThrough {
 impl Walls {
     /// Of a body at rest.
     pub fn new(rest: &TetMesh) -> Self {
-        Self { rest: TriangleMesh { vertices: rest.vertices.clone(), triangles: rest.walls() } }
+        let triangles = rest.walls().iter().map(|wall| wall.corners).collect();
+        Self { rest: TriangleMesh { vertices: rest.vertices.clone(), triangles } }
     }
 
     /// Looks for triangles that cross with the vertices of the mesh where they are now (mm, in their order), and do not at

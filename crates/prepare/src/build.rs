@@ -164,17 +164,12 @@ fn findings(scan: &Scan, segmentation: &Segmentation, planned: &Planned, surface
     let mut all: Vec<String> = scan.warnings.iter().chain(&scan.resampled).cloned().collect();
     all.extend(segmentation.findings.iter().cloned());
     all.extend(planned.findings.iter().cloned());
-    let all_of_them = [
-        ("skin reaches", "was", &surfaces.skin),
-        ("brain reaches", "was", &surfaces.brain),
-        ("ventricles reach", "were", &surfaces.ventricles),
+    let capped = [
+        (&surfaces.skin, "the skin reaches the edge of the scan and was capped flat there (as at every neck)"),
+        (&surfaces.brain, "the brain reaches the edge of the scan and was capped flat there"),
+        (&surfaces.ventricles, "the ventricles reach the edge of the scan and were capped flat there"),
     ];
-    for (reaches, was, s) in all_of_them {
-        if s.open_at_border {
-            let always = if reaches.starts_with("skin") { " (as at every neck)" } else { "" };
-            all.push(format!("the {reaches} the edge of the scan and {was} capped flat there{always}"));
-        }
-    }
+    all.extend(capped.iter().filter(|(s, _)| s.open_at_border).map(|(_, said)| (*said).to_owned()));
     all
 }
 
@@ -182,13 +177,13 @@ fn findings(scan: &Scan, segmentation: &Segmentation, planned: &Planned, surface
 fn of_mesh(mesh: &MeshReport) -> Vec<String> {
     let named = |text: &str| {
         Structure::ALL.iter().fold(text.to_owned(), |text, s| {
-            text.replace(&format!("label {}", s.label()), &format!("the {} (label {})", words(*s), s.label()))
+            text.replace(&format!("label {}", s.label()), &format!("the {} (label {})", s.words(), s.label()))
         })
     };
     let mut all: Vec<String> = mesh.remarks.iter().map(|remark| format!("tetrahedra: {}", named(remark))).collect();
     let differ = mesh.labels.iter().filter(|l| l.surface.differs_at.is_some());
     let known = differ.filter_map(|l| Structure::from_label(u8::try_from(l.label).ok()?));
-    let names: Vec<String> = known.map(words).collect();
+    let names: Vec<String> = known.map(Structure::words).collect();
     if !names.is_empty() {
         all.push(format!(
             "tetrahedra: thin bridges or gaps of the {} are joined or parted otherwise than in the labels; volumes hold, and \
@@ -197,10 +192,6 @@ fn of_mesh(mesh: &MeshReport) -> Vec<String> {
         ));
     }
     all
-}
-
-fn words(structure: Structure) -> String {
-    structure.name().replace('_', " ")
 }
 
 /// Short description of a series: its hashed id and description, where it has them.

@@ -111,7 +111,7 @@ fn doubts(plan: &Plan, labels: &Volume<u8>) -> Option<String> {
     let at = |depth: f64| labels.nearest(plan.at_depth(depth)).and_then(Structure::from_label);
     let steps = (plan.length() / 0.5).ceil() as usize;
     let meets = (0..=steps).any(|i| at((i as f64 * 0.5).min(plan.length())).is_some_and(Structure::is_ventricle));
-    let end = at(plan.length()).map_or("no part of the scan".into(), |s| s.name().replace('_', " "));
+    let end = at(plan.length()).map_or("no part of the scan".into(), Structure::words);
     (!meets).then(|| format!("the path meets no ventricle; it ends in {end}: look at the pictures before using it"))
 }
 

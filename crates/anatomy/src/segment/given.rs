@@ -124,7 +124,7 @@ fn sides(labels: &Volume<u8>, midsagittal: &Plane<Patient>) -> Vec<String> {
         };
         let share = 100.0 * share_across(midsagittal, side, own.map(place));
         (share > ACROSS_PERCENT).then(|| {
-            let (name, wrong) = (s.name().replace('_', " "), if side > 0.0 { "right" } else { "left" });
+            let (name, wrong) = (s.words(), if side > 0.0 { "right" } else { "left" });
             format!("{share:.0} % of the {name} are labelled on the {wrong} side: are left and right exchanged?")
         })
     };

@@ -31,22 +31,9 @@ fn section(out: &mut Vec<u8>, name: &str, body: impl FnOnce(&mut Vec<u8>)) {
 
 /// The triangles of each interface, seen from outside of its lower label.
 fn interfaces(mesh: &TetMesh) -> BTreeMap<Pair, Vec<[u32; 3]>> {
-    const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
-    let mut faces: Vec<([u32; 3], u16, [u32; 3])> = Vec::with_capacity(mesh.tets.len() * 4);
-    for (t, &label) in mesh.tets.iter().zip(&mesh.labels) {
-        for f in FACES.map(|f| f.map(|i| t[i])) {
-            let mut key = f;
-            key.sort_unstable();
-            faces.push((key, label, f));
-        }
-    }
-    faces.sort_unstable();
     let mut out: BTreeMap<Pair, Vec<[u32; 3]>> = BTreeMap::new();
-    for same in faces.chunk_by(|a, b| a.0 == b.0) {
-        let behind = same.get(1).map(|f| f.1);
-        if behind != Some(same[0].1) {
-            out.entry((same[0].1, behind)).or_default().push(same[0].2);
-        }
+    for wall in mesh.walls().into_iter().filter(|wall| wall.behind != Some(wall.label)) {
+        out.entry((wall.label, wall.behind)).or_default().push(wall.corners);
     }
     out
 }

@@ -114,7 +114,7 @@ impl MeshSection<'_> {
 /// A label by its number, or by the structure of a case that it stands for.
 pub(super) fn label_name(label: u16, structures: bool) -> String {
     let known = u8::try_from(label).ok().and_then(Structure::from_label).filter(|_| structures);
-    known.map_or_else(|| format!("label {label}"), |s| s.name().replace('_', " "))
+    known.map_or_else(|| format!("label {label}"), Structure::words)
 }
 
 /// Euler number, number of surfaces, closed, two-manifold.

@@ -1,5 +1,7 @@
 //! Colours that people with any colour vision can tell apart, on screen and in print.
 
+use monro_geometry::Structure;
+
 /// An sRGB colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Colour(pub [u8; 3]);
@@ -42,11 +44,11 @@ impl Colour {
         match label {
             1 => Self([222, 184, 150]),
             2 => Self([230, 226, 205]),
-            3 => Self::SKY,
+            3 => Self(Structure::Csf.colour()),
             4 => Self([216, 168, 168]),
-            5 => Self::GREEN,
-            6 => Self::VERMILION,
-            7 => Self::PURPLE,
+            5 => Self(Structure::LeftLateralVentricle.colour()),
+            6 => Self(Structure::RightLateralVentricle.colour()),
+            7 => Self(Structure::ThirdVentricle.colour()),
             _ => Self::GREY,
         }
     }

@@ -83,7 +83,7 @@ impl ColourBy<'_> {
 
 fn label_name(label: u16) -> String {
     let known = u8::try_from(label).ok().and_then(Structure::from_label);
-    known.map_or_else(|| format!("label {label}"), |s| s.name().replace('_', " "))
+    known.map_or_else(|| format!("label {label}"), Structure::words)
 }
 
 /// The polygons in which the view's plane cuts the elements, coloured, with their edges.

@@ -77,9 +77,9 @@ fn outlines(prepared: &Prepared) -> Vec<Overlay<'_>> {
         outline(&[1, 2, 3, 4, 5, 6, 7], Colour::GREY, "skin"),
         outline(&[3, 4, 5, 6, 7], Colour::SKY, "inside of the skull"),
         outline(&[4, 5, 6, 7], Colour::YELLOW, "brain"),
-        outline(&[5], Colour::GREEN, "left ventricle"),
-        outline(&[6], Colour::VERMILION, "right ventricle"),
-        outline(&[7], Colour::PURPLE, "third ventricle"),
+        outline(&[5], Colour::of_label(5), "left ventricle"),
+        outline(&[6], Colour::of_label(6), "right ventricle"),
+        outline(&[7], Colour::of_label(7), "third ventricle"),
     ]
 }
 
@@ -104,7 +104,7 @@ fn labels_section(prepared: &Prepared) -> Result<Section> {
     let target = prepared.case.plan.target();
     let slices = Orientation::ALL
         .map(|o| labelled_slice(prepared, SliceView::standard(o, target, FIELD_MM, PIXELS), Window::BRAIN, o.name()));
-    let rows = prepared.volumes_ml.iter().map(|(s, ml)| vec![s.name().replace('_', " "), format!("{ml:.1}")]).collect();
+    let rows = prepared.volumes_ml.iter().map(|(s, ml)| vec![s.words(), format!("{ml:.1}")]).collect();
     let mut figures: Vec<Figure> = slices.into_iter().collect::<Result<_>>()?;
     figures.extend(doubtful_slices(prepared)?);
     let confidence = prepared.case.manifest.confidence.iter();

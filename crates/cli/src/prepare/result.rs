@@ -48,7 +48,7 @@ pub(crate) fn summary_text(prepared: &Prepared, out: &Path, stages: &[(String, f
     );
     for (structure, ml) in &prepared.volumes_ml {
         // Writing to a String cannot fail.
-        let _ = writeln!(text, "  {:<26}{ml:>9.1} ml", structure.name().replace('_', " "));
+        let _ = writeln!(text, "  {:<26}{ml:>9.1} ml", structure.words());
     }
     let angle = case.manifest.skull_angle_deg.map_or("unknown".into(), |a| format!("{a:.0} degrees"));
     let _ = write!(

@@ -210,7 +210,7 @@ fn volumes(done: &Run) -> Vec<Series> {
     let of = |i: usize| done.rows.iter().map(|r| [r.frame.time_s, r.change_ml[i]]).collect();
     let name = |s: &Structure| match s {
         Structure::Brain => "brain and the CSF around it".to_owned(),
-        other => other.name().replace('_', " "),
+        other => other.words(),
     };
     let structures = done.volumes.structures().iter().enumerate();
     structures.map(|(i, s)| Series { name: name(s), points: of(i) }).collect()
@@ -218,10 +218,11 @@ fn volumes(done: &Run) -> Vec<Series> {
 
 /// Punctures and the first CSF, to be marked in the plots.
 fn events(done: &Run) -> Vec<(f64, String)> {
-    let name = |l: u16| u8::try_from(l).ok().and_then(Structure::from_label).map_or("tissue", Structure::name);
+    let name =
+        |l: u16| u8::try_from(l).ok().and_then(Structure::from_label).map_or("tissue".to_owned(), Structure::words);
     let mut out = Vec::new();
     for row in &done.rows {
-        out.extend(row.frame.punctures().map(|(_, _, to)| (row.frame.time_s, name(to).replace('_', " "))));
+        out.extend(row.frame.punctures().map(|(_, _, to)| (row.frame.time_s, name(to))));
     }
     out.extend(done.csf().map(|f| (f.time_s, "CSF".to_owned())));
     out

@@ -212,7 +212,7 @@ pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
         head.join("\n"),
         small(last.distance_deformed_mm),
         small(last.distance_rigid_mm),
-        last.at_tip.map_or_else(|| "no simulated tissue".into(), |s| s.name().replace('_', " ")),
+        last.at_tip.map_or_else(|| "no simulated tissue".into(), Structure::words),
         small(last.target_displacement_mm),
         small(done.largest(|f| f.target_displacement_mm)),
         done.rows.len(),

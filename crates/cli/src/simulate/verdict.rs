@@ -78,7 +78,7 @@ fn broken(run: &Run) -> Vec<String> {
             run.rows.len()
         ));
     }
-    let shift = run.rows.iter().map(|r| r.frame.target_displacement_mm).fold(0.0, f64::max);
+    let shift = run.largest(|f| f.target_displacement_mm);
     if shift > MOST_SHIFT_MM {
         out.push(format!(
             "The target moved by up to {shift:.1} mm, more than is believed ({MOST_SHIFT_MM} mm): not a result. {helps}"

@@ -350,7 +350,7 @@ impl<'a> Writer<'a> {
 fn segment(number: usize, s: Structure) -> InMemDicomObject {
     let mut o = InMemDicomObject::new_empty();
     short(&mut o, tags::SEGMENT_NUMBER, number);
-    text(&mut o, tags::SEGMENT_LABEL, VR::LO, &s.name().replace('_', " "));
+    text(&mut o, tags::SEGMENT_LABEL, VR::LO, &s.words());
     text(&mut o, tags::SEGMENT_ALGORITHM_TYPE, VR::CS, "SEMIAUTOMATIC");
     text(&mut o, tags::SEGMENT_ALGORITHM_NAME, VR::LO, "Monro");
     let lab = PrimitiveValue::U16(cie_lab(s.colour()).as_slice().into());
