@@ -2,7 +2,11 @@
 
 use super::vec3::{V3, cross, dot, sub};
 
-/// The smaller of the sine of the worst dihedral angle (small or large alike) and the root of the radius ratio (three
+/// Weight of the radius ratio: a quality of 0.426 stands for a sine of 25.2 degrees and for a radius ratio of 0.203, a little
+/// more than is asked for in each.
+const RATIO_WEIGHT: f64 = 0.895;
+
+/// The smaller of the sine of the worst dihedral angle (small or large alike) and the root of the weighted radius ratio (three
 /// times the inscribed over the circumscribed radius); 0 or less for a flat or inverted element. The sine alone does not
 /// see needles, the radius ratio alone not single bad angles. A regular tetrahedron has 0.943.
 #[inline]
@@ -20,7 +24,7 @@ pub(super) fn quality([a, b, c, d]: [V3; 4]) -> f64 {
     let r: V3 = std::array::from_fn(|i| l[0] * nb[i] - l[1] * nc[i] + l[2] * nd[i]);
     let squares = [dot(na, na), dot(nb, nb), dot(nc, nc), dot(nd, nd)];
     let areas2: f64 = squares.iter().map(|n| n.sqrt()).sum();
-    let ratio = 6.0 * volume6 * volume6 / (areas2 * dot(r, r).sqrt());
+    let ratio = 6.0 * RATIO_WEIGHT * volume6 * volume6 / (areas2 * dot(r, r).sqrt());
     // sin = 3 V l / (2 A1 A2) = 6V l / (2A1 2A2); the faces at edge ab are those opposite c and d, and so on. One division
     // for all six: each is expanded by the two other faces.
     let [na, nb, nc, nd] = squares;
@@ -51,7 +55,7 @@ mod tests {
             let sine = q.min_dihedral.sin().min(q.max_dihedral.sin());
             let found = quality(t);
             prop_assert!(found <= sine + 1e-9);
-            prop_assert!((found - sine.min(q.radius_ratio.sqrt())).abs() < 1e-6);
+            prop_assert!((found - sine.min((RATIO_WEIGHT * q.radius_ratio).sqrt())).abs() < 1e-6);
         }
     }
 }

@@ -95,7 +95,7 @@ impl Work<'_> {
 
     /// The nearest place to `p` where the point `v` may be: on its surface, lifted off it as far as its label's volume
     /// asks, or within the work's tolerance of that.
-    fn constrain(&self, v: u32, freedom: &Freedom, p: V3, edge: f64) -> Option<V3> {
+    pub(super) fn constrain(&self, v: u32, freedom: &Freedom, p: V3, edge: f64) -> Option<V3> {
         let loose = self.loose * edge;
         let place = match *freedom {
             Freedom::Free => return Some(p),
@@ -219,7 +219,7 @@ impl Work<'_> {
     }
 
     /// Volume-weighted mean of the star's centroids (half a step of optimal Delaunay smoothing), and a mean edge.
-    fn middle(&self, v: u32) -> (V3, f64) {
+    pub(super) fn middle(&self, v: u32) -> (V3, f64) {
         let (mut sum, mut weight, mut edge) = ([0.0; 3], 0.0, 0.0);
         let p = self.points[v as usize];
         let star = &self.stars[v as usize];
