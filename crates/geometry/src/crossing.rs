@@ -6,16 +6,17 @@
 //! by one of them. The depth along a direction is how far the triangles would have to be moved to be parted, so a bound on it
 //! keeps rounding from being taken for crossing.
 
-use crate::{Bvh, Patient, Point, TriangleMesh, Vector};
-use core::ops::ControlFlow;
+mod finder;
+
+pub use finder::CrossingFinder;
+
+use crate::{Patient, Point, TriangleMesh, Vector};
 
 /// What is parted by a shift of this share of the larger triangle's extent does not cross: well above what single precision
 /// makes of a clean surface.
 const SHIFT: f64 = 1e-6;
 /// Heights below this share of the longest edge are none: the triangle has no inside.
 const FLAT: f64 = 1e-9;
-/// Pairs after which the search ends.
-const MOST: usize = 1_000_000;
 
 /// Pairs of triangles that cross.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -33,19 +34,7 @@ impl TriangleMesh {
     /// # Panics
     /// When a triangle names a vertex that does not exist: see [`TriangleMesh::validate`].
     pub fn crossings(&self) -> Crossings {
-        let mut out = Crossings::default();
-        let ended = Bvh::new(self).box_pairs(|([s, t], [a, b])| {
-            if triangles_cross(a, b) {
-                if out.pairs.len() == MOST {
-                    return ControlFlow::Break(());
-                }
-                out.pairs.push([s.min(t), s.max(t)]);
-            }
-            ControlFlow::Continue(())
-        });
-        out.cut_short = ended.is_break();
-        out.pairs.sort_unstable();
-        out
+        CrossingFinder::new(self).all()
     }
 
     /// A point that two crossing triangles have in common, mm; between their middles where they do not cross.

@@ -29,7 +29,7 @@ mod walls;
 
 pub use affine::Affine;
 pub use bvh::{Bvh, Hit, Nearest, nearest_on_triangle};
-pub use crossing::{Crossings, triangles_cross};
+pub use crossing::{CrossingFinder, Crossings, triangles_cross};
 pub use embedding::{Binder, BoundChunk, Embedding, EmbeddingError, Located, NearestFace, Overlap, TetLocator};
 pub use frame::{Display, Frame, Patient, Tool, Tracker, Voxel};
 pub use grid::{Grid, GridError};

@@ -170,6 +170,13 @@ fn findings(scan: &Scan, segmentation: &Segmentation, planned: &Planned, surface
         (&surfaces.ventricles, "the ventricles reach the edge of the scan and were capped flat there"),
     ];
     all.extend(capped.iter().filter(|(s, _)| s.open_at_border).map(|(_, said)| (*said).to_owned()));
+    let named = [("skin", &surfaces.skin), ("brain", &surfaces.brain), ("ventricles", &surfaces.ventricles)];
+    all.extend(named.iter().filter(|(_, s)| s.crossings > 0).map(|(name, s)| {
+        format!(
+            "the surface of the {name} passes through itself: {} pair(s) of triangles could not be parted",
+            s.crossings
+        )
+    }));
     all
 }
 

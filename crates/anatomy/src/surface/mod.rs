@@ -7,6 +7,7 @@ pub(crate) mod even;
 mod isosurface;
 mod slices;
 mod smooth;
+mod untangle;
 
 pub use decimate::{decimate, thin, weld};
 pub use isosurface::isosurface;
@@ -20,6 +21,9 @@ const MOST_CELLS: usize = 12_000_000;
 
 /// Volume errors up to this fraction are made good by a shift along the normals.
 const TRUSTED: f64 = 0.1;
+
+/// An error of this part of the volume is let pass where restoring it might bring walls together again.
+const VOLUME_TOLERANCE: f64 = 2e-4;
 
 /// How a surface is made from labels.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -43,6 +47,8 @@ pub struct Surface {
     pub step: f64,
     /// Enclosed volume against that of the voxels, as a fraction (0.01 is 1 % too large).
     pub volume_error: f64,
+    /// Pairs of triangles that pass through each other: none, as far as is known, but where decimation brings some.
+    pub crossings: usize,
 }
 
 /// Why there is no surface.
@@ -68,7 +74,8 @@ pub enum SurfaceError {
 /// of the volume.
 ///
 /// Uneven voxels are first brought to an even grid. A structure that reaches the border of the volume is closed there
-/// by a cap, and `open_at_border` says so.
+/// by a cap, and `open_at_border` says so. Where smoothing moves the walls of a furrow through each other, it is taken back
+/// as far as it takes to part them.
 ///
 /// # Errors
 /// No voxel is kept, or nothing of it survives on the even grid.
@@ -85,17 +92,35 @@ pub fn label_surface<T: Copy + Sync>(
     if mesh.triangles.is_empty() {
         return Err(SurfaceError::TooThin { volume_mm3: even.volume, step_mm: step });
     }
-    smooth(&mut mesh, options.smoothing);
-    // The voxels' volume has no bias; what averaging took from thin parts is given back.
-    if (mesh.signed_volume() / even.volume - 1.0).abs() < TRUSTED {
-        smooth::restore_volume(&mut mesh, even.volume);
-    }
+    let mut crossings = smooth_apart(&mut mesh, options.smoothing, even.volume);
     if let Some(target) = options.target_triangles {
         mesh = decimate(&mesh, target);
+        crossings = mesh.crossings().pairs.len();
     }
     let topology = mesh.topology();
     let volume_error = mesh.signed_volume() / even.volume - 1.0;
-    Ok(Surface { mesh, topology, open_at_border: even.at_border, step, volume_error })
+    Ok(Surface { mesh, topology, open_at_border: even.at_border, step, volume_error, crossings })
+}
+
+/// Smooths the surface of voxels with this volume (mm3) without moving walls through each other; the number of pairs of triangles
+/// that cross all the same.
+fn smooth_apart(mesh: &mut TriangleMesh, smoothing: Smoothing, volume: f64) -> usize {
+    let voxels = mesh.vertices.clone();
+    smooth(mesh, smoothing);
+    let error = |mesh: &TriangleMesh| (mesh.signed_volume() / volume - 1.0).abs();
+    // The voxels' volume has no bias; what averaging took from thin parts is given back.
+    let trusted = error(mesh) < TRUSTED;
+    let mut crossings = 0;
+    for _ in 0..3 {
+        if trusted {
+            smooth::restore_volume(mesh, volume);
+        }
+        crossings = untangle::untangle(mesh, &voxels);
+        if !trusted || error(mesh) < VOLUME_TOLERANCE {
+            break;
+        }
+    }
+    crossings
 }
 
 #[cfg(test)]

@@ -107,6 +107,7 @@ proptest! {
             Ok(s) => {
                 s.mesh.validate().unwrap();
                 prop_assert!(s.topology.is_closed() && s.topology.is_manifold() && s.topology.is_oriented());
+                prop_assert_eq!(s.crossings, 0);
             }
             Err(SurfaceError::Empty { .. } | SurfaceError::TooThin { .. }) => {}
         }

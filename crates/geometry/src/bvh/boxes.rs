@@ -1,51 +1,46 @@
 //! Queries by boxes: triangles whose boxes meet each other or a point's surroundings.
 
-use super::Bvh;
+use super::{Bvh, Node};
 use crate::{Patient, Point};
-use core::ops::ControlFlow;
+use core::ops::{ControlFlow, Range};
 
-type Box3 = [[f64; 3]; 2];
-/// Two triangles: their numbers and their corners.
-pub(crate) type BoxPair<'a> = ([u32; 2], [&'a [Point<Patient>; 3]; 2]);
+/// Lowest and highest corner.
+pub(crate) type Box3 = [[f64; 3]; 2];
 
 impl Bvh {
-    /// Shows each pair of different triangles whose boxes meet once, in an order that depends on the mesh alone, until
-    /// `visit` breaks. Triangles with coordinates that are not finite may be shown or not.
-    pub(crate) fn box_pairs(&self, mut visit: impl FnMut(BoxPair<'_>) -> ControlFlow<()>) -> ControlFlow<()> {
-        let boxes: Vec<Box3> = self.corners.iter().map(of_triangle).collect();
-        let mut stack = if self.nodes.is_empty() { Vec::new() } else { vec![(0u32, 0u32)] };
+    /// The triangles in the order of their slots, near ones near each other: their numbers.
+    pub(crate) fn numbers(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// And their corners.
+    pub(crate) fn slots(&self) -> &[[Point<Patient>; 3]] {
+        &self.corners
+    }
+
+    /// Shows the slots of each pair of a triangle of this hierarchy and one of another whose boxes (by slot) meet, once, in an
+    /// order that depends on the triangles alone, until `visit` breaks; of a hierarchy and itself each pair of different triangles.
+    /// Triangles with coordinates that are not finite may be shown or not.
+    pub(crate) fn box_pairs(
+        &self,
+        other: &Self,
+        boxes: [&[Box3]; 2],
+        mut visit: impl FnMut([usize; 2]) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let same = core::ptr::eq(self, other);
+        let empty = self.nodes.is_empty() || other.nodes.is_empty();
+        let mut stack = if empty { Vec::new() } else { vec![(0u32, 0u32)] };
         while let Some((i, j)) = stack.pop() {
-            let [a, b] = [i, j].map(|n| &self.nodes[n as usize]);
-            if i != j && !meet(&[a.low, a.high], &[b.low, b.high]) {
+            let (a, b) = (&self.nodes[i as usize], &other.nodes[j as usize]);
+            let itself = same && i == j;
+            if !itself && !meet(&[a.low, a.high], &[b.low, b.high]) {
                 continue;
             }
             match (a.count, b.count) {
-                (0, 0) if i == j => stack.extend([(i + 1, a.first), (a.first, a.first), (i + 1, i + 1)]),
-                (0, _) => stack.extend([(a.first, j), (i + 1, j)]),
+                (0, 0) if itself => stack.extend([(i + 1, a.first), (a.first, a.first), (i + 1, i + 1)]),
+                (0, _) if b.count > 0 || extent(a) >= extent(b) => stack.extend([(a.first, j), (i + 1, j)]),
                 (_, 0) => stack.extend([(i, b.first), (i, j + 1)]),
-                _ => self.leaf_pairs(i, j, &boxes, &mut visit)?,
-            }
-        }
-        ControlFlow::Continue(())
-    }
-
-    /// The pairs of two leaves, or of one with itself.
-    fn leaf_pairs(
-        &self,
-        i: u32,
-        j: u32,
-        boxes: &[Box3],
-        visit: &mut impl FnMut(BoxPair<'_>) -> ControlFlow<()>,
-    ) -> ControlFlow<()> {
-        let slots = |n: u32| {
-            let node = &self.nodes[n as usize];
-            node.first as usize..(node.first + node.count) as usize
-        };
-        for p in slots(i) {
-            for q in slots(j).filter(|&q| i != j || p < q) {
-                if meet(&boxes[p], &boxes[q]) {
-                    visit(([self.order[p], self.order[q]], [&self.corners[p], &self.corners[q]]))?;
-                }
+                _ => slot_pairs([slots(a), slots(b)], itself, boxes, &mut visit)?,
             }
         }
         ControlFlow::Continue(())
@@ -65,7 +60,7 @@ impl Bvh {
                 stack.extend([node.first, i + 1]);
                 continue;
             }
-            for slot in node.first as usize..(node.first + node.count) as usize {
+            for slot in slots(node) {
                 if meet(&of_triangle(&self.corners[slot]), &around) {
                     visit(self.order[slot], &self.corners[slot]);
                 }
@@ -74,7 +69,35 @@ impl Bvh {
     }
 }
 
-fn of_triangle([a, b, c]: &[Point<Patient>; 3]) -> Box3 {
+/// The slots of a leaf.
+fn slots(leaf: &Node) -> Range<usize> {
+    leaf.first as usize..(leaf.first + leaf.count) as usize
+}
+
+/// The pairs of two leaves, or of one with itself.
+fn slot_pairs(
+    [of, with]: [Range<usize>; 2],
+    itself: bool,
+    boxes: [&[Box3]; 2],
+    visit: &mut impl FnMut([usize; 2]) -> ControlFlow<()>,
+) -> ControlFlow<()> {
+    for p in of {
+        for q in with.clone().filter(|&q| !itself || p < q) {
+            if meet(&boxes[0][p], &boxes[1][q]) {
+                visit([p, q])?;
+            }
+        }
+    }
+    ControlFlow::Continue(())
+}
+
+/// The longest side of a node's box, mm.
+fn extent(node: &Node) -> f64 {
+    (0..3).map(|a| node.high[a] - node.low[a]).fold(0.0, f64::max)
+}
+
+/// The box of a triangle.
+pub(crate) fn of_triangle([a, b, c]: &[Point<Patient>; 3]) -> Box3 {
     let [a, b, c] = [a, b, c].map(|p| p.to_array());
     [core::array::from_fn(|k| a[k].min(b[k]).min(c[k])), core::array::from_fn(|k| a[k].max(b[k]).max(c[k]))]
 }

@@ -1,3 +1,4 @@
+use super::finder::MOST;
 use super::*;
 use crate::triangles::tests::octahedron;
 use proptest::prelude::*;
@@ -160,6 +161,31 @@ fn triangles_without_an_inside_cross_nothing() {
     assert!(triangles_cross(&flat, &needle([2., 1., 0.])));
     for c in [[1., 1., 0.], [1., 1., 1.], [f64::NAN, 1., 0.], [f64::INFINITY, 1., 0.]] {
         assert!(!triangles_cross(&flat, &needle(c)) && !triangles_cross(&needle(c), &flat), "{c:?}");
+    }
+}
+
+proptest! {
+    /// The quick tests of the search against all pairs by the full test, before and after some triangles have moved.
+    #[test]
+    fn no_pair_is_lost_by_what_makes_the_search_quick(
+        soup in proptest::collection::vec(proptest::array::uniform3(0..60u32), 30..60),
+        places in proptest::collection::vec(corner(), 60),
+        moved in proptest::collection::vec((0..60usize, corner()), 1..6),
+    ) {
+        let at = |c: [i64; 3]| Point::from_array(c.map(|x| x as f64 * 1.5));
+        let mut mesh = TriangleMesh { vertices: places.into_iter().map(at).collect(), triangles: soup };
+        let all = |mesh: &TriangleMesh, any: &dyn Fn(u32) -> bool| {
+            let n = mesh.triangles.len() as u32;
+            let pairs = (0..n).flat_map(|s| (s + 1..n).map(move |t| [s, t])).filter(|p| p.iter().any(|&t| any(t)));
+            let cross = |p: &[u32; 2]| triangles_cross(&mesh.corners(p[0] as usize), &mesh.corners(p[1] as usize));
+            pairs.filter(cross).collect::<Vec<_>>()
+        };
+        let finder = CrossingFinder::new(&mesh);
+        prop_assert_eq!(finder.all().pairs, all(&mesh, &|_| true));
+        moved.iter().for_each(|&(v, place)| mesh.vertices[v] = at(place));
+        let touched = |t: u32| mesh.triangles[t as usize].iter().any(|&v| moved.iter().any(|m| m.0 == v as usize));
+        let which: Vec<u32> = (0..mesh.triangles.len() as u32).filter(|&t| touched(t)).collect();
+        prop_assert_eq!(finder.among(&mesh, &which).pairs, all(&mesh, &touched));
     }
 }
 
