@@ -1,7 +1,7 @@
 //! Bringing points back to the surfaces that they have left for the sake of a bad element.
 
 use super::super::vec3::{add, distance, scale, sub};
-use super::RESORT;
+use super::volume::GOOD;
 use super::work::Work;
 
 /// Rounds over all points: one that gives way makes room for the next.
@@ -12,7 +12,7 @@ const NEAR: f64 = 0.02;
 const WAYS: [f64; 4] = [1.0, 0.5, 0.25, 0.12];
 
 impl Work<'_> {
-    /// Moves the points of surfaces towards these as far as elements stay above the bar of the last resorts, or as bad as they
+    /// Moves the points of surfaces towards these as far as elements stay good, or as bad as they
     /// were. What a point was let off for has often been mended since, by others.
     pub(super) fn tighten(&mut self) {
         for _ in 0..ROUNDS {
@@ -31,7 +31,7 @@ impl Work<'_> {
         if distance(place, from) < NEAR * edge {
             return;
         }
-        let floor = RESORT.min(self.worst_around(v)) - 1e-9;
+        let floor = GOOD.min(self.worst_around(v)) - 1e-9;
         for part in WAYS {
             if self.try_move(v, add(from, scale(sub(place, from), part)), floor) {
                 return;
