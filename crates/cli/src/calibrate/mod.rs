@@ -23,7 +23,7 @@ const ALIGNMENT_PX: f64 = 10.0;
 /// Runs one of the calibrations.
 pub(crate) fn run(command: &CalibrateCommand, console: &Console) -> Result<()> {
     let result = match command {
-        CalibrateCommand::Pivot(args) => pivot(&poses(args, console)?)?,
+        CalibrateCommand::Pivot(args) => pivot(&poses(args, console)?, console)?,
         CalibrateCommand::Axis { poses: args, tip } => axis(&poses(args, console)?, point(tip)?)?,
         CalibrateCommand::Camera { corners, size } => camera(corners, size)?,
         CalibrateCommand::Display { alignments } => display(alignments)?,
@@ -37,6 +37,8 @@ fn words(result: &Value) -> String {
     let mut told = result.clone();
     if let Some(all) = told.as_object_mut() {
         all.remove("covariance_mm2");
+        // On stderr already.
+        all.remove("remark");
     }
     format!("{}\nWith --json: all digits, for a live session.", columns::lines(&told))
 }
@@ -77,13 +79,15 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
     Ok(all)
 }
 
-fn pivot(poses: &[Rigid<Tracker, Tool>]) -> Result<Value> {
+fn pivot(poses: &[Rigid<Tracker, Tool>], console: &Console) -> Result<Value> {
     let found = calibrate_pivot(poses, &PivotOptions::default())?;
+    let remark = found.remark();
+    remark.iter().for_each(|r| console.warn(r));
     Ok(json!({
         "tip_mm": found.tip.to_array(), "tip_sigma_mm": found.covariance.rms(),
         "covariance_mm2": found.covariance.matrix().rows, "residual_mm": found.residual,
         "tilt_deg": found.tilt.to_degrees(), "poses": poses.len(), "used": found.used.iter().filter(|u| **u).count(),
-        "divot_mm": found.divot.to_array(),
+        "divot_mm": found.divot.to_array(), "remark": remark,
     }))
 }
 
