@@ -10,7 +10,8 @@ use monro_cli::track::TrackOptions;
 use monro_geometry::{Point, Rigid, Tool, Tracker};
 use monro_guidance::calibration::{PivotOptions, calibrate_axis, calibrate_pivot};
 use monro_guidance::optics::{CameraOptions, Correspondence, calibrate_camera, calibrate_display};
-use monro_tracking::{Clock, TrackerUrl, open, tool_name};
+use monro_tracking::{Clock, TrackerUrl, never_seen, open, tool_name};
+use monro_wire::Quality;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -48,6 +49,7 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
     let url: TrackerUrl = args.url.parse()?;
     let mut source = open(&url, Clock::new(), None)?;
     let (begun, mut all, mut others) = (Instant::now(), Vec::new(), std::collections::BTreeSet::new());
+    let mut missing = None;
     let patience = TrackOptions::default().patience;
     let mut last = Instant::now();
     let replayed = matches!(url, TrackerUrl::Replay(_));
@@ -61,11 +63,16 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
             bail!("{}", source.diagnosis(&[args.tool.as_str()]));
         }
         for pose in batch.poses {
-            match pose.tracker_from_tool {
-                Some(p) if pose.name == args.tool || tool_name(&pose.name) == args.tool => all.push(p),
+            let is_it = pose.name == args.tool || tool_name(&pose.name) == args.tool;
+            match (pose.tracker_from_tool, pose.quality) {
+                (Some(p), _) if is_it => all.push(p),
+                (_, Quality::Missing(why)) if is_it => missing = Some(why),
                 _ => drop(others.insert(pose.name)),
             }
         }
+    }
+    if let (true, Some(why)) = (all.is_empty(), missing) {
+        bail!("{}", never_seen(&args.tool, why, ""));
     }
     if all.is_empty() {
         let others: Vec<_> = others.into_iter().collect();
