@@ -100,7 +100,7 @@ export interface Registration {
 
 export interface Calibration {
   phase: Guidance["phase"];
-  tip: { tip_mm: Point; tip_sigma_mm: number; residual_mm: number; tilt_deg: number; poses: number; used: number } | null;
+  tip: { tip_mm: Point; tip_sigma_mm: number; residual_mm: number; tilt_deg: number; poses: number; used: number; remark: string | null } | null;
   axis: { axis: Point; wobble_deg: number; axis_sigma_deg: number } | null;
 }
 

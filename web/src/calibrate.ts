@@ -15,6 +15,7 @@ function facts({ tip, axis }: Calibration): Row[] {
     rows.push(["Tip, in the tool's frame", `${tip.tip_mm.map((v) => v.toFixed(1)).join(", ")} mm`]);
     rows.push(["Known to (one sigma)", `${tip.tip_sigma_mm.toFixed(2)} mm`], ["Residual of one pose, RMS", `${tip.residual_mm.toFixed(2)} mm`]);
     rows.push(["Covered: tilt about the stiffest axis, RMS", `${tip.tilt_deg.toFixed(0)}°`], ["Poses used", `${tip.used} of ${tip.poses}`]);
+    if (tip.remark) rows.push(["⚠ Look", tip.remark]);
   }
   if (axis) rows.push(["Axis known to (one sigma)", `${axis.axis_sigma_deg.toFixed(2)}°`], ["Wobble, RMS", `${axis.wobble_deg.toFixed(2)}°`]);
   return rows;

@@ -200,6 +200,14 @@ const SIMULATE_FIELDS: &str = "\
 In --json and summary.json:
   reliable        false where the end is not a result: elements turned inside out, or walls through each other, at the
                   end (on the way: a remark), frames held, a target more than 20 mm off, drained volume missed by more than 10 %
+  reached_ventricle
+                  whether the tip was in a ventricle at any time: CSF came
+  csf             when it first was: time_s, depth_mm under the skin, structure; null where it never was
+  ends_in_ventricle, at_tip
+                  whether it is in one at the end, and what the tip lies in then; a tip that left it again is a remark
+  tip_error_mm    at the end, from the tip to the target's tissue, where that is now; tip_error_rigid_mm: to the planned
+                  point, as if nothing had moved
+  target_shift_mm how far the target's tissue has moved at the end; max_target_shift_mm: at most on the way
   remarks         why, and whatever else is to be said; also on stderr and at the head of report.html
   inverted_most, inverted_at_end
                   turned elements: most in a frame, and in the last one

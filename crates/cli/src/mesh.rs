@@ -42,6 +42,10 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
     if args.report.as_ref() == Some(&args.out) {
         bail!("--report and --out name the same file, {}", args.out.display());
     }
+    if let Some(other) = args.report.as_ref().filter(|f| !f.extension().is_some_and(|e| e.eq_ignore_ascii_case("html")))
+    {
+        bail!("--report {}: the report is a page, give it a name that ends in .html", other.display());
+    }
     let format = Format::to_write(&args.out)?;
     if args.labels.is_file() && Format::of(&args.labels).is_some() {
         import::check_options(args)?;
@@ -54,6 +58,7 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
     let (mesh, mut report) =
         console.stage("mesh", || tetra::mesh_observed(&input.labels, &options, |s| parts.done(s)))?;
     report.remarks.extend(of_fine(&input));
+    report.remarks.extend(of_size(&mesh.vertices));
     let of_mesh = json!({ "bounds_mm": bounds(&mesh.vertices), "report": args.report });
     let mesh = AnyMesh::Tetrahedra(mesh);
     let Encoded { bytes, remark } = format.encode(&mesh)?;
@@ -181,6 +186,18 @@ pub(crate) fn merged(mut head: Value, body: Value) -> Value {
         head.extend(body);
     }
     head
+}
+
+/// Longest sides that labels of a body have, mm: from a specimen to a whole human.
+const SIDE_MM: std::ops::RangeInclusive<f64> = 1.0..=2500.0;
+
+/// A size that no body has.
+fn of_size(vertices: &[Point<Patient>]) -> Option<String> {
+    let [low, high] = bounds(vertices);
+    let side = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max);
+    (!SIDE_MM.contains(&side)).then(|| {
+        format!("the labels are {side:.4} mm long: is the header's unit right? voxels are in mm, and so is the mesh")
+    })
 }
 
 fn as_json(report: &MeshReport, out: &Path, stages: &[(String, f64)], parts: &Parts) -> Value {

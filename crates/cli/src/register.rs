@@ -9,27 +9,94 @@ use monro_case::{Case, markups};
 use monro_geometry::{Patient, Point, Rigid, Tool};
 use monro_guidance::Covariance;
 use monro_guidance::registration::{
-    Landmark, LandmarkRegistration, LandmarkResidual, RefineOptions, Refined, Surface, SurfaceSample, recheck,
-    refine_on_surface, register_landmarks,
+    Agreement, Landmark, LandmarkRegistration, LandmarkResidual, RefineOptions, Refined, Surface, SurfaceSample,
+    recheck, refine_on_surface, register_landmarks,
 };
 use serde_json::{Value, json};
+use std::path::Path;
 
 /// Part of the traced points that must fit the skin: a careful hand loses one in twenty.
 const LEAST_USED: f64 = 0.8;
 
+/// An even offset of the trace is told from so many mm on, when it is also so many times its standard deviation.
+const TOLD_OFFSET: (f64, f64) = (0.5, 3.0);
+
 /// A registration by landmarks, and by the surface where it was traced.
 struct Found {
     landmarks: LandmarkRegistration<Patient, Tool>,
-    surface: Option<Refined<Tool>>,
+    surface: Option<OnSkin>,
+    /// How far each landmark is off under the pose that is given, mm.
+    residuals: Vec<f64>,
+}
+
+/// The registration refined on the skin, beside that by landmarks alone.
+struct OnSkin {
+    refined: Refined<Tool>,
+    agreement: Agreement<Tool>,
+    /// Part of the traced points that fit the skin.
+    used: usize,
 }
 
 impl Found {
     fn patient_from_reference(&self) -> Rigid<Patient, Tool> {
-        self.surface.as_ref().map_or(self.landmarks.to_from, |s| s.patient_from)
+        self.surface.as_ref().map_or(self.landmarks.to_from, |s| s.refined.patient_from)
     }
 
     fn tre(&self, at: Point<Patient>) -> Covariance<Patient> {
-        self.surface.as_ref().map_or_else(|| self.landmarks.tre(at), |s| s.tre(at))
+        self.surface.as_ref().map_or_else(|| self.landmarks.tre(at), |s| s.agreement.widened(s.refined.tre(at), at))
+    }
+}
+
+impl OnSkin {
+    /// Whether so many traced points had to be left out that those kept may be wrong, too.
+    fn lost_many(&self) -> bool {
+        (self.used as f64) < LEAST_USED * self.refined.residuals.len() as f64
+    }
+
+    /// The even offset of the trace, mm, where it is one.
+    fn offset(&self) -> Option<f64> {
+        let (r, (least, sigmas)) = (&self.refined, TOLD_OFFSET);
+        (r.offset.abs() > least && r.offset.abs() > sigmas * r.offset_sigma).then_some(r.offset)
+    }
+
+    fn words(&self, target: Point<Patient>) -> String {
+        let mut out = format!("Skin: {} of {} traced points used.\n", self.used, self.refined.residuals.len());
+        if let Some(offset) = self.offset() {
+            let side = if offset > 0.0 { "outside" } else { "inside" };
+            out += &format!(
+                "The trace lies {:.1} mm {side} the skin evenly (hair, thickness of the tip, tracing in the air?); that is taken into account.\n",
+                offset.abs()
+            );
+        }
+        if self.lost_many() {
+            out += "Many traced points lie off the skin: trace again, for the error may be larger than said.\n";
+        }
+        if self.agreement.is_doubtful() {
+            out +=
+                &format!("{}; the expected error includes this. Touch and trace again.\n", self.disagreement(target));
+        }
+        out
+    }
+
+    fn disagreement(&self, target: Point<Patient>) -> String {
+        format!(
+            "landmarks and skin disagree: they put the target {:.1} mm apart, {:.1} times what the noise explains \
+             (was the reference moved between touching and tracing, or traced over hair?)",
+            self.agreement.apart(target).norm(),
+            self.agreement.excess
+        )
+    }
+
+    fn json(&self, target: Point<Patient>) -> Value {
+        let used = self.refined.residuals.iter().filter(|r| r.used);
+        let squares: f64 = used.map(|r| r.distance * r.distance).sum();
+        json!({
+            "points": self.refined.residuals.len(), "used": self.used,
+            "doubtful": self.lost_many() || self.agreement.is_doubtful(), "iterations": self.refined.iterations,
+            "residual_mm": (squares / self.used.max(1) as f64).sqrt(), "variance_ratio": self.refined.variance_ratio,
+            "offset_mm": self.refined.offset, "offset_sigma_mm": self.refined.offset_sigma,
+            "disagreement": self.agreement.excess, "disagreement_at_target_mm": self.agreement.apart(target).norm(),
+        })
     }
 }
 
@@ -40,7 +107,7 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
     let by_landmarks = register_landmarks(&landmarks)?;
     // Before the skin is looked at: a pose that is mirrored fits no skin, and that would be all that is said.
     if let Some(contradiction) = by_landmarks.contradiction(&landmarks) {
-        bail!("{}: {contradiction}\n{}", args.landmarks.display(), residual_lines(&by_landmarks));
+        bail!("{}: {contradiction}\n{}", args.landmarks.display(), residual_lines(&by_landmarks, None));
     }
     let found = refine(args, &case, &landmarks, by_landmarks)?;
     let check = args.check.as_deref().map(|c| check(c, args, &landmarks, &found)).transpose()?;
@@ -50,9 +117,9 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
         "event": "registered", "quaternion_wxyz": pose.quaternion_wxyz(), "translation_mm": pose.translation().to_array(),
         "predicted_tre_mm": found.tre(target).rms(), "predicted_tre_95_mm": found.tre(target).percentile_95(),
         "predicted_tre_entry_mm": found.tre(entry).rms(),
-        "landmarks": residuals(&found), "surface": found.surface.as_ref().map(surface_json), "check": check,
+        "landmarks": residuals(&found), "surface": found.surface.as_ref().map(|s| s.json(target)), "check": check,
     });
-    console.result(&result, &words(&result, &found));
+    console.result(&result, &words(&result, &found, target));
     match result["check"]["holds"] == false {
         true => bail!("the check does not hold: register again"),
         false => Ok(()),
@@ -60,7 +127,7 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
 }
 
 /// What is expected at the target, what does not fit, and the pose.
-fn words(result: &Value, found: &Found) -> String {
+fn words(result: &Value, found: &Found, target: Point<Patient>) -> String {
     let number = |key: &str| result[key].as_f64().unwrap_or(f64::NAN);
     let mut out = format!(
         "Expected error (RMS): {:.2} mm at the target (95 % below {:.2} mm), {:.2} mm at the entry.\n",
@@ -68,18 +135,16 @@ fn words(result: &Value, found: &Found) -> String {
         number("predicted_tre_95_mm"),
         number("predicted_tre_entry_mm")
     );
-    out += "Landmark: residual, and how far it lies from where the others put it (expected), mm. Neither is the accuracy.\n";
-    out += &residual_lines(&found.landmarks);
+    let alone = if found.surface.is_some() { "by landmarks and skin, by the landmarks alone" } else { "by this pose" };
+    out += &format!(
+        "Landmark: residual {alone}, and how far it lies from where the others put it (expected), mm. None is the accuracy.\n"
+    );
+    out += &residual_lines(&found.landmarks, found.surface.as_ref().map(|_| found.residuals.as_slice()));
     if let Some(r) = found.landmarks.outlier.and_then(|i| found.landmarks.residuals.get(i)) {
         let kept = if found.surface.is_some() { "; it was left out beside the skin" } else { "" };
         out += &format!("'{}' does not fit: touch it again or leave it out{kept}.\n", r.name);
     }
-    if let Some(surface) = &found.surface {
-        out += &format!("Skin: {} of {} traced points used.\n", used(surface), surface.residuals.len());
-        if is_doubtful(surface) {
-            out += "Many traced points lie off the skin: trace again, for the error may be larger than said.\n";
-        }
-    }
+    out += &found.surface.as_ref().map_or_else(String::new, |s| s.words(target));
     if let (Some(name), Some(distance)) = (result["check"]["name"].as_str(), result["check"]["distance_mm"].as_f64()) {
         let limit = result["check"]["limit_mm"].as_f64().unwrap_or(f64::NAN);
         let verdict = if result["check"]["holds"] == true { "holds" } else { "does not hold: register again" };
@@ -93,12 +158,14 @@ fn words(result: &Value, found: &Found) -> String {
     )
 }
 
-fn residual_lines(landmarks: &LandmarkRegistration<Patient, Tool>) -> String {
-    let line = |r: &LandmarkResidual| {
+/// A line for each landmark, that under the final pose first where that is another.
+fn residual_lines(landmarks: &LandmarkRegistration<Patient, Tool>, last: Option<&[f64]>) -> String {
+    let line = |(i, r): (usize, &LandmarkResidual)| {
         let others = r.left_out.zip(r.expected).map_or_else(String::new, |(d, e)| format!(", {d:.2} ({e:.2})"));
-        format!("  {}: {:.2}{others}\n", r.name, r.distance)
+        let last = last.map_or_else(String::new, |l| format!("{:.2}, ", l[i]));
+        format!("  {}: {last}{:.2}{others}\n", r.name, r.distance)
     };
-    landmarks.residuals.iter().map(line).collect()
+    landmarks.residuals.iter().enumerate().map(line).collect()
 }
 
 /// The touched points beside their marks of the same name.
@@ -133,7 +200,34 @@ fn refine(
     landmarks: &[Landmark<Patient, Tool>],
     by_landmarks: LandmarkRegistration<Patient, Tool>,
 ) -> Result<Found> {
-    let Some(path) = &args.surface else { return Ok(Found { landmarks: by_landmarks, surface: None }) };
+    let surface = args.surface.as_deref().map(|p| on_skin(p, args, case, landmarks, &by_landmarks)).transpose()?;
+    let mut found = Found { landmarks: by_landmarks, surface, residuals: Vec::new() };
+    let pose = found.patient_from_reference();
+    found.residuals = landmarks.iter().map(|l| pose.point(l.touched).distance(l.marked)).collect();
+    match &found.surface {
+        Some(s) if s.agreement.is_contradiction() => bail!(refusal(s, &found, case.plan.target())),
+        _ => Ok(found),
+    }
+}
+
+/// The skin contradicts the landmarks: what is known, and the ways out.
+fn refusal(on_skin: &OnSkin, found: &Found, target: Point<Patient>) -> String {
+    format!(
+        "{}. Touch and trace again, or leave out --surface (expected error by the landmarks alone {:.2} mm).\n\
+         Landmark: residual by landmarks and skin, by the landmarks alone, mm.\n{}",
+        on_skin.disagreement(target),
+        found.landmarks.tre(target).rms(),
+        residual_lines(&found.landmarks, Some(&found.residuals)).trim_end()
+    )
+}
+
+fn on_skin(
+    path: &Path,
+    args: &RegisterArgs,
+    case: &Case,
+    landmarks: &[Landmark<Patient, Tool>],
+    by_landmarks: &LandmarkRegistration<Patient, Tool>,
+) -> Result<OnSkin> {
     let noise = Covariance::isotropic(args.trace_sigma);
     let sample = |p| SurfaceSample { point: Point::from_array(p), noise };
     let samples: Vec<_> = rows::<3>(path, "x y z")?.into_iter().map(sample).collect();
@@ -141,9 +235,14 @@ fn refine(
     // A landmark that the others contradict would pull the surface along, and is not in the noise that is predicted from.
     let kept: Vec<_> =
         (0..landmarks.len()).filter(|&i| by_landmarks.outlier != Some(i)).map(|i| landmarks[i].clone()).collect();
-    let start = if kept.len() < landmarks.len() { register_landmarks(&kept)?.to_from } else { by_landmarks.to_from };
-    let refined = refine_on_surface(&start, &samples, &kept, &skin, &RefineOptions::default())?;
-    Ok(Found { landmarks: by_landmarks, surface: Some(refined) })
+    let start = register_landmarks(&kept)?;
+    let options = RefineOptions::default();
+    let refined = refine_on_surface(&start.to_from, &samples, &kept, &skin, &options)?;
+    // A patch that slides by itself has no pose of its own to tell anything by.
+    let by_skin = refine_on_surface(&refined.patient_from, &samples, &[], &skin, &options).ok();
+    let agreement = Agreement::new(&kept, &start, &refined, by_skin.as_ref());
+    let used = refined.residuals.iter().filter(|r| r.used).count();
+    Ok(OnSkin { refined, agreement, used })
 }
 
 /// `NAME,X,Y,Z`: a landmark touched again.
@@ -163,28 +262,9 @@ fn check(text: &str, args: &RegisterArgs, landmarks: &[Landmark<Patient, Tool>],
 fn residuals(found: &Found) -> Value {
     let one = |(i, r): (usize, &LandmarkResidual)| {
         json!({
-            "name": r.name, "residual_mm": r.distance, "left_out_mm": r.left_out, "expected_mm": r.expected,
+            "name": r.name, "residual_mm": found.residuals[i], "residual_by_landmarks_mm": r.distance, "left_out_mm": r.left_out, "expected_mm": r.expected,
             "outlier": found.landmarks.outlier == Some(i),
         })
     };
     found.landmarks.residuals.iter().enumerate().map(one).collect()
-}
-
-/// Traced points that fit the skin.
-fn used(surface: &Refined<Tool>) -> usize {
-    surface.residuals.iter().filter(|r| r.used).count()
-}
-
-/// Whether so many traced points had to be left out that those kept may be wrong, too.
-fn is_doubtful(surface: &Refined<Tool>) -> bool {
-    (used(surface) as f64) < LEAST_USED * surface.residuals.len() as f64
-}
-
-fn surface_json(refined: &Refined<Tool>) -> Value {
-    let used: Vec<_> = refined.residuals.iter().filter(|r| r.used).collect();
-    let squares: f64 = used.iter().map(|r| r.distance * r.distance).sum();
-    json!({
-        "points": refined.residuals.len(), "used": used.len(), "doubtful": is_doubtful(refined), "iterations": refined.iterations,
-        "residual_mm": (squares / used.len().max(1) as f64).sqrt(), "variance_ratio": refined.variance_ratio,
-    })
 }

@@ -29,8 +29,16 @@ pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
             written = writeln!(out, "{guidance}");
         }
     };
-    let done = console
-        .stage("replay", || monro_server::replay(&args.recording, args.case.as_deref(), soft_body::known, each))?;
+    let mut told = 0;
+    let progress = |share: f64| {
+        let percent = (100.0 * share) as u32;
+        if percent > told {
+            told = percent;
+            console.progress(format!("replay: {percent} %"));
+        }
+    };
+    let play = || monro_server::replay(&args.recording, args.case.as_deref(), soft_body::known, each, progress);
+    let done = console.stage("replay", play)?;
     written.context("cannot write the numbers (disk full?)")?;
     out.map_or(Ok(()), |mut out| out.flush()).context("cannot write the numbers (disk full?)")?;
     let result = json!({

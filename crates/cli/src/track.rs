@@ -61,8 +61,8 @@ pub fn track(
     notes: &mut dyn Write,
 ) -> Result<u64> {
     let mut printer = Printer { options, seen: BTreeMap::new(), out };
-    let (mut frames, mut last, mut told) = (0, Instant::now(), false);
-    while !stop.load(Ordering::Relaxed) && options.frames.is_none_or(|n| frames < n) {
+    let (mut frames, mut last, mut told) = (Frames::default(), Instant::now(), false);
+    while !stop.load(Ordering::Relaxed) && options.frames.is_none_or(|n| !frames.are_complete(n)) {
         let Some(batch) = source.next(Duration::from_millis(100))? else {
             let end = source.diagnosis(&[]);
             if !end.well {
@@ -70,9 +70,13 @@ pub fn track(
             }
             break;
         };
+        if options.frames.is_some_and(|n| frames.is_beyond(n, &batch)) {
+            break;
+        }
         printer.frame(&batch, source.now())?;
         if !batch.poses.is_empty() {
-            (frames, last, told) = (frames + 1, Instant::now(), false);
+            frames.add(&batch);
+            (last, told) = (Instant::now(), false);
         } else if last.elapsed() >= options.patience {
             bail!("{}", source.diagnosis(&[]));
         } else if !told && last.elapsed() >= SILENCE {
@@ -80,7 +84,31 @@ pub fn track(
             writeln!(notes, "waiting: {}", source.diagnosis(&[]))?;
         }
     }
-    Ok(frames)
+    Ok(frames.most())
+}
+
+/// Frames of each tool: a source may send each tool in a message, and so in a batch, of its own.
+#[derive(Debug, Default)]
+struct Frames(BTreeMap<String, u64>);
+
+impl Frames {
+    fn add(&mut self, batch: &Batch) {
+        batch.poses.iter().for_each(|p| *self.0.entry(p.name.clone()).or_default() += 1);
+    }
+
+    fn most(&self) -> u64 {
+        self.0.values().copied().max().unwrap_or(0)
+    }
+
+    /// Whether all tools told of so far had `n` frames.
+    fn are_complete(&self, n: u64) -> bool {
+        !self.0.is_empty() && self.0.values().all(|&f| f >= n)
+    }
+
+    /// Whether a batch begins another frame after `n`.
+    fn is_beyond(&self, n: u64, batch: &Batch) -> bool {
+        batch.poses.iter().any(|p| self.0.get(&p.name).is_some_and(|&f| f >= n))
+    }
 }
 
 impl Printer<'_> {

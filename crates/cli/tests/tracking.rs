@@ -80,6 +80,46 @@ fn track_prints_one_json_object_a_pose() {
     assert_eq!(lines.iter().filter(|l| l["position_mm"].is_null()).count(), 24);
 }
 
+/// Two tools, each in a batch of its own.
+struct OneByOne(u64);
+
+impl Source for OneByOne {
+    fn next(&mut self, _: Duration) -> Result<Option<Batch>, TrackingError> {
+        self.0 += 1;
+        std::thread::sleep(Duration::from_millis(5));
+        let pose = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(1.0, 2.0, 3.0)).expect("pose");
+        let name = TOOLS[self.0 as usize % 2];
+        Ok(Some(Batch { poses: vec![TimedPose::new(name, None, self.now(), Ok((pose, None)))], clock: None }))
+    }
+
+    fn now(&self) -> f64 {
+        1.7e9 + self.0 as f64 / 200.0
+    }
+
+    fn diagnosis(&self, _: &[&str]) -> Health {
+        Health::well("well")
+    }
+
+    fn facts(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+/// A server that sends tools one by one had twice its rate, and `--frames` ended after half of them.
+#[test]
+fn messages_of_single_tools_were_counted_as_frames() {
+    let (mut out, never) = (Vec::new(), AtomicBool::new(false));
+    let options = TrackOptions { frames: Some(4), ..TrackOptions::default() };
+    assert_eq!(track(&mut OneByOne(0), &options, &never, &mut out, &mut std::io::sink()).expect("track"), 4);
+    let text = String::from_utf8(out).expect("text");
+    assert_eq!([0, 1].map(|i| text.lines().filter(|l| l.starts_with(TOOLS[i])).count()), [4, 4], "{text}");
+    let mut source = OneByOne(0);
+    let found = monro_tracking::doctor(&mut source, &[], Duration::from_millis(400)).expect("doctor");
+    let said = found.facts.iter().find_map(|f| f.strip_suffix(" frames a second")).expect("told");
+    let messages = source.0 as f64 / 0.4;
+    assert!((said.parse::<f64>().expect("number") / messages - 0.5).abs() < 0.1, "{said} of {messages}");
+}
+
 #[test]
 fn silence_ends_with_the_reason() {
     let (mut out, never) = (Vec::new(), AtomicBool::new(false));

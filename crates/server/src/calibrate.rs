@@ -132,6 +132,7 @@ fn describe(shared: &Shared) -> Value {
         "tip": tip.map(|t| json!({
             "tip_mm": t.tip.to_array(), "tip_sigma_mm": t.covariance.rms(), "residual_mm": t.residual,
             "tilt_deg": t.tilt.to_degrees(), "poses": t.used.len(), "used": t.used.iter().filter(|u| **u).count(),
+            "remark": t.remark(),
         })),
         "axis": axis.map(|a| json!({
             "axis": a.axis.to_array(), "wobble_deg": a.wobble.to_degrees(), "axis_sigma_deg": a.sigma.to_degrees(),

@@ -72,6 +72,9 @@ pub enum ServeError {
     /// The recording was made with a soft body that is not known.
     #[error("the recording was made with the soft body \"{0}\", which this version does not know")]
     Settings(String),
+    /// The case is not where the recording says.
+    #[error("the case of this recording cannot be opened: {0}; if it lies elsewhere now, give its folder with --case")]
+    CaseGone(CaseError),
     /// The case has changed.
     #[error("{0} is not the case of this recording, or has changed since; give the folder with --case")]
     OtherCase(PathBuf),

@@ -9,7 +9,7 @@ use monro_session::ModelSettings;
 use monro_session::live::Playback;
 use monro_session::live::log::{Entry, Opened, read};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// What a replay found.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,7 +35,7 @@ pub struct Replayed {
 }
 
 /// Plays a recording. `settings` knows the soft body by the name that was recorded; `case_dir` is used instead of the
-/// folder that the recording tells, seen from its own; `each` gets the JSON of each snapshot.
+/// folder that the recording tells, seen from its own; `each` gets the JSON of each snapshot, `progress` the share done.
 ///
 /// # Errors
 /// A file that is no recording, a case that is missing or another one, a log that does not follow from it.
@@ -44,6 +44,7 @@ pub fn replay(
     case_dir: Option<&Path>,
     settings: impl Fn(&str) -> Option<ModelSettings>,
     mut each: impl FnMut(&serde_json::Value),
+    mut progress: impl FnMut(f64),
 ) -> Result<Replayed, ServeError> {
     let named = |error| ServeError::Recording { path: recording.to_owned(), error };
     let file = std::fs::read(recording).map_err(named)?;
@@ -52,14 +53,14 @@ pub fn replay(
     }
     let (entries, cut_off) = read(&file)?;
     let Some(Entry::Opened(opened)) = entries.first() else { return Err(ServeError::NoOpening) };
-    let dir = case_dir.map_or_else(|| case_of(recording, &opened.case_dir), Path::to_owned);
-    let case = open_case(opened, dir)?;
+    let case = open_case(opened, recording, case_dir)?;
     let settings = settings(&opened.settings).ok_or_else(|| ServeError::Settings(opened.settings.clone()))?;
     let mut taken = BTreeMap::new();
     let mut playback = Playback::new(&case, &settings)?;
     let mut out = Replayed::begin(opened, cut_off);
     let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
-    for entry in &entries {
+    for (i, entry) in entries.iter().enumerate() {
+        progress(i as f64 / entries.len() as f64);
         let snapshot = playback.take(entry)?;
         if let Some(time) = out.count(entry) {
             (first, last) = (first.min(time), last.max(time));
@@ -112,7 +113,13 @@ impl Replayed {
 }
 
 /// The case of a recording; another one, or a changed one, is refused.
-fn open_case(opened: &Opened, dir: PathBuf) -> Result<Case, ServeError> {
-    let case = Case::open(&dir)?;
+fn open_case(opened: &Opened, recording: &Path, case_dir: Option<&Path>) -> Result<Case, ServeError> {
+    let (case, dir) = match case_dir {
+        Some(dir) => (Case::open(dir)?, dir.to_owned()),
+        None => {
+            let dir = case_of(recording, &opened.case_dir);
+            (Case::open(&dir).map_err(ServeError::CaseGone)?, dir)
+        }
+    };
     if identity(&case) == opened.identity { Ok(case) } else { Err(ServeError::OtherCase(dir)) }
 }

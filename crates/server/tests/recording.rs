@@ -41,7 +41,7 @@ fn read_again(guidance: &Value) -> Value {
 fn played(file: &Path, case: Option<&Path>) -> Result<(Replayed, Vec<Value>), ServeError> {
     let mut shown = Vec::new();
     let known = |name: &str| MODES.contains(&name).then(|| model(name));
-    let done = replay(file, case, known, |g| shown.push(read_again(g)))?;
+    let done = replay(file, case, known, |g| shown.push(read_again(g)), |_| {})?;
     Ok((done, shown))
 }
 

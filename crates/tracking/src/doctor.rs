@@ -21,10 +21,9 @@ pub struct Findings {
 /// When the source cannot go on.
 pub fn doctor(source: &mut dyn Source, wanted: &[&str], listen: Duration) -> Result<Findings, TrackingError> {
     let begun = Instant::now();
-    let (mut frames, mut tools) = (0u64, BTreeMap::<String, Seen>::new());
+    let mut tools = BTreeMap::<String, Seen>::new();
     while begun.elapsed() < listen {
         let Some(batch) = source.next(Duration::from_millis(50))? else { break };
-        frames += u64::from(!batch.poses.is_empty());
         for pose in batch.poses {
             let tool = tools.entry(pose.name).or_default();
             tool.frames += 1;
@@ -34,6 +33,8 @@ pub fn doctor(source: &mut dyn Source, wanted: &[&str], listen: Duration) -> Res
             }
         }
     }
+    // Of one tool: a source may send each in a message, and so in a batch, of its own.
+    let frames = tools.values().map(|t| t.frames).max().unwrap_or(0);
     let mut facts = source.facts();
     facts.push(format!("{:.1} frames a second", frames as f64 / begun.elapsed().as_secs_f64().max(1e-3)));
     facts.extend(tools.iter().map(|(name, tool)| format!("{name}: {tool}")));
@@ -61,7 +62,17 @@ fn unseen(tools: &BTreeMap<String, Seen>, wanted: &[&str]) -> Option<Health> {
     let wanted_dark = dark.iter().find(|(name, _)| wanted.iter().any(|w| name == w || tool_name(name) == *w));
     let all_dark = dark.first().filter(|_| dark.len() == tools.len());
     let (name, tool) = wanted_dark.or(all_dark)?;
-    let why = tool.missing.map_or("not tracked", Missing::name);
-    let more = if wanted_dark.is_none() && tools.len() > 1 { ", and so are the others" } else { "" };
-    Some(Health::ill(format!("'{name}' is sent, but was never seen ({why}){more}: is it in the cameras' view?")))
+    let more = if wanted_dark.is_none() && tools.len() > 1 { ", nor were the others" } else { "" };
+    Some(Health::ill(never_seen(name, tool.missing.unwrap_or(Missing::NotTracked), more)))
+}
+
+/// That a tool is told of but has never had a pose, why, and what to do; `more` goes between.
+pub fn never_seen(name: &str, why: Missing, more: &str) -> String {
+    let advice = match why {
+        Missing::NotRigid => {
+            "what is sent is scaled, sheared, mirrored or not finite: let the server send rotation and translation alone, right-handed"
+        }
+        _ => "is it in the cameras' view?",
+    };
+    format!("'{name}' is sent, but was never seen ({}){more}: {advice}", why.name())
 }

@@ -20,7 +20,7 @@ mod source;
 mod url;
 
 pub use clock::Clock;
-pub use doctor::{Findings, doctor};
+pub use doctor::{Findings, doctor, never_seen};
 pub use error::{TrackerUrlError, TrackingError};
 pub use fake_igtl::{IgtlFake, run_fake_igtl};
 pub use fake_natnet::{NatNetFake, run_fake_natnet};

@@ -96,7 +96,7 @@ pub enum MeshError {
         at: [f64; 3],
     },
     /// Elements are of bad shape.
-    #[error("{} element(s) miss the bounds of shape (dihedral angles {:.1} to {:.1} degrees, {LEAST_DIHEDRAL:.0} to {LARGEST_DIHEDRAL:.0} wanted; radius ratio {:.3}, {LEAST_RADIUS_RATIO} wanted), the worst at {}; smooth the labels there, merge thin ones with what lies around them, or ask for more elements", bad.count, dihedral[0], dihedral[1], radius_ratio, place(bad.worst_at))]
+    #[error("{} element(s) miss the bounds of shape (dihedral angles {:.1} to {:.1} degrees, bad is below {LEAST_DIHEDRAL:.0} or above {LARGEST_DIHEDRAL:.0}; radius ratio {:.3}, bad is below {LEAST_RADIUS_RATIO}), the worst at {}; smooth the labels there, merge thin ones with what lies around them, or ask for more elements", bad.count, dihedral[0], dihedral[1], radius_ratio, place(bad.worst_at))]
     Shape {
         /// How many, and where the worst is.
         bad: BadShapes,

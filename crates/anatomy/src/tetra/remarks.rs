@@ -184,7 +184,7 @@ fn of_pinch(which: Boundary, s: &SurfaceReport) -> Option<String> {
 fn of_shapes(report: &MeshReport) -> Option<String> {
     let bad = report.bad_shapes?;
     Some(format!(
-        "{} element(s) of bad shape: dihedral angles {:.1} to {:.1} degrees ({LEAST_DIHEDRAL:.0} to {LARGEST_DIHEDRAL:.0} wanted), radius ratio {:.3} ({LEAST_RADIUS_RATIO}); the worst at {}",
+        "{} element(s) of bad shape: dihedral angles {:.1} to {:.1} degrees (bad is below {LEAST_DIHEDRAL:.0} or above {LARGEST_DIHEDRAL:.0}), radius ratio {:.3} (bad is below {LEAST_RADIUS_RATIO}); the worst at {}",
         bad.count,
         report.dihedral_min,
         report.dihedral_max,

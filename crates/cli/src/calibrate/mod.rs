@@ -10,7 +10,8 @@ use monro_cli::track::TrackOptions;
 use monro_geometry::{Point, Rigid, Tool, Tracker};
 use monro_guidance::calibration::{PivotOptions, calibrate_axis, calibrate_pivot};
 use monro_guidance::optics::{CameraOptions, Correspondence, calibrate_camera, calibrate_display};
-use monro_tracking::{Clock, TrackerUrl, open, tool_name};
+use monro_tracking::{Clock, TrackerUrl, never_seen, open, tool_name};
+use monro_wire::Quality;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -23,7 +24,7 @@ const ALIGNMENT_PX: f64 = 10.0;
 /// Runs one of the calibrations.
 pub(crate) fn run(command: &CalibrateCommand, console: &Console) -> Result<()> {
     let result = match command {
-        CalibrateCommand::Pivot(args) => pivot(&poses(args, console)?)?,
+        CalibrateCommand::Pivot(args) => pivot(&poses(args, console)?, console)?,
         CalibrateCommand::Axis { poses: args, tip } => axis(&poses(args, console)?, point(tip)?)?,
         CalibrateCommand::Camera { corners, size } => camera(corners, size)?,
         CalibrateCommand::Display { alignments } => display(alignments)?,
@@ -37,6 +38,8 @@ fn words(result: &Value) -> String {
     let mut told = result.clone();
     if let Some(all) = told.as_object_mut() {
         all.remove("covariance_mm2");
+        // On stderr already.
+        all.remove("remark");
     }
     format!("{}\nWith --json: all digits, for a live session.", columns::lines(&told))
 }
@@ -46,6 +49,7 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
     let url: TrackerUrl = args.url.parse()?;
     let mut source = open(&url, Clock::new(), None)?;
     let (begun, mut all, mut others) = (Instant::now(), Vec::new(), std::collections::BTreeSet::new());
+    let mut missing = None;
     let patience = TrackOptions::default().patience;
     let mut last = Instant::now();
     let replayed = matches!(url, TrackerUrl::Replay(_));
@@ -59,11 +63,16 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
             bail!("{}", source.diagnosis(&[args.tool.as_str()]));
         }
         for pose in batch.poses {
-            match pose.tracker_from_tool {
-                Some(p) if pose.name == args.tool || tool_name(&pose.name) == args.tool => all.push(p),
+            let is_it = pose.name == args.tool || tool_name(&pose.name) == args.tool;
+            match (pose.tracker_from_tool, pose.quality) {
+                (Some(p), _) if is_it => all.push(p),
+                (_, Quality::Missing(why)) if is_it => missing = Some(why),
                 _ => drop(others.insert(pose.name)),
             }
         }
+    }
+    if let (true, Some(why)) = (all.is_empty(), missing) {
+        bail!("{}", never_seen(&args.tool, why, ""));
     }
     if all.is_empty() {
         let others: Vec<_> = others.into_iter().collect();
@@ -77,13 +86,15 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
     Ok(all)
 }
 
-fn pivot(poses: &[Rigid<Tracker, Tool>]) -> Result<Value> {
+fn pivot(poses: &[Rigid<Tracker, Tool>], console: &Console) -> Result<Value> {
     let found = calibrate_pivot(poses, &PivotOptions::default())?;
+    let remark = found.remark();
+    remark.iter().for_each(|r| console.warn(r));
     Ok(json!({
         "tip_mm": found.tip.to_array(), "tip_sigma_mm": found.covariance.rms(),
         "covariance_mm2": found.covariance.matrix().rows, "residual_mm": found.residual,
         "tilt_deg": found.tilt.to_degrees(), "poses": poses.len(), "used": found.used.iter().filter(|u| **u).count(),
-        "divot_mm": found.divot.to_array(),
+        "divot_mm": found.divot.to_array(), "remark": remark,
     }))
 }
 

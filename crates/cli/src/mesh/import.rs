@@ -95,7 +95,7 @@ fn box_words([low, high]: [[f64; 3]; 2]) -> String {
 fn of_shapes(shapes: &ShapeSummary) -> Option<String> {
     let bad = shapes.bad?;
     Some(format!(
-        "{} element(s) of bad shape: dihedral angles {:.2} to {:.2} degrees ({LEAST_DIHEDRAL:.0} to {LARGEST_DIHEDRAL:.0} wanted), radius ratio {:.4} ({LEAST_RADIUS_RATIO}); the worst at {} mm",
+        "{} element(s) of bad shape: dihedral angles {:.2} to {:.2} degrees (bad is below {LEAST_DIHEDRAL:.0} or above {LARGEST_DIHEDRAL:.0}), radius ratio {:.4} (bad is below {LEAST_RADIUS_RATIO}); the worst at {} mm",
         bad.count,
         shapes.dihedral_min,
         shapes.dihedral_max,

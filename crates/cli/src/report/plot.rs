@@ -117,7 +117,9 @@ fn event(x: &Scale, at: f64, name: &str, i: usize) -> String {
     let Some(px) = x.at(at) else { return String::new() };
     let line = [[px, Y_PIXELS[0]], [px, Y_PIXELS[1] - 4.0]];
     let data = path_data([(&line[..], false)]);
-    let (anchor, shift) = if px > WIDTH * 0.75 { ("end", -4.0) } else { ("start", 4.0) };
+    // As wide as a sans-serif's letters are on average, so that no name leaves the figure.
+    let wide = 0.56 * 11.5 * name.chars().count() as f64;
+    let (anchor, shift) = if px + 4.0 + wide > WIDTH { ("end", -4.0) } else { ("start", 4.0) };
     let y = MARGIN[2] + 8.0 + 13.0 * (i % 3) as f64;
     stroked(&data, &Stroke::dashed(Colour([90, 90, 90]), 1.2)) + &text([px + shift, y], 11.5, anchor, "#444", name)
 }
@@ -226,6 +228,15 @@ mod tests {
         // Area: x from 76 to 438, y from 206 (0) up to 20 (100).
         assert!(figure.content.contains("d=\"M76.0 206.0L257.0 113.0L438.0 20.0\""), "{}", figure.content);
         assert!(figure.content.contains(">CSF<") && figure.content.contains(">depth, mm<"));
+    }
+
+    /// "right lateral ventricl" stood at the right edge.
+    #[test]
+    fn long_names_of_events_are_not_cut_off_at_the_right() {
+        let x = Scale::exact(0.0, 10.0, X_PIXELS);
+        let anchor =
+            |at: f64| if event(&x, at, "right lateral ventricle", 0).contains("\"end\"") { "end" } else { "start" };
+        assert_eq!([1.0, 6.7, 9.0].map(anchor), ["start", "end", "end"]);
     }
 
     #[test]

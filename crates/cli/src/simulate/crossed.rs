@@ -10,13 +10,13 @@ pub(super) fn at_end(snapshots: &[Snapshot]) -> Option<String> {
     Some(format!("At the end {}", soft_body::passed_through(&found)))
 }
 
-/// That they did before, the last time, and do no more at the end.
-pub(super) fn on_the_way(snapshots: &[Snapshot]) -> Option<String> {
+/// That they did before, the last time, and do no more at the end; `so` is what follows from it.
+pub(super) fn on_the_way(snapshots: &[Snapshot], so: &str) -> Option<String> {
     let (last, before) = snapshots.split_last()?;
     let (time_s, found) = before.iter().rev().find_map(|s| Some((s.time_s, s.self_crossing?)))?;
     last.self_crossing.is_none().then(|| {
         let what = soft_body::passed_through(&found);
-        format!("At {time_s:.2} s {what}; at the end none do, so the end can be relied on.")
+        format!("At {time_s:.2} s {what}; at the end none do{so}.")
     })
 }
 
@@ -47,7 +47,7 @@ mod tests {
             let run = run([false, way, true]);
             let said = at_end(&run).expect("told");
             assert!(said.contains("7 pair(s)") && said.contains("(1.00, 2.00, 3.00) mm"), "{said}");
-            assert_eq!((on_the_way(&run), json(&run)["pairs"].as_u64()), (None, Some(7)));
+            assert_eq!((on_the_way(&run, ""), json(&run)["pairs"].as_u64()), (None, Some(7)));
         }
     }
 
@@ -56,14 +56,15 @@ mod tests {
         let run = run([true, true, false]);
         assert_eq!((at_end(&run), json(&run)), (None, Value::Null));
         assert!(
-            on_the_way(&run).is_some_and(|said| said.starts_with("At 0.20 s the surface") && said.contains("7 pair"))
+            on_the_way(&run, "")
+                .is_some_and(|said| said.starts_with("At 0.20 s the surface") && said.contains("7 pair"))
         );
     }
 
     #[test]
     fn nothing_is_told_where_walls_stay_apart_or_nothing_was_written() {
         for snapshots in [run([false; 3]), Vec::new()] {
-            assert_eq!((at_end(&snapshots), on_the_way(&snapshots), json(&snapshots)), (None, None, Value::Null));
+            assert_eq!((at_end(&snapshots), on_the_way(&snapshots, ""), json(&snapshots)), (None, None, Value::Null));
         }
     }
 }

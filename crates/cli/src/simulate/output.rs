@@ -129,7 +129,8 @@ fn numbers(done: &Run) -> Value {
     let last = done.last();
     json!({
         "notice": NOTICE,
-        "reached_ventricle": last.is_some_and(monro_session::Frame::in_ventricle),
+        "reached_ventricle": done.csf().is_some(),
+        "ends_in_ventricle": last.is_some_and(monro_session::Frame::in_ventricle),
         "csf": csf,
         "csf_pressure_change_mmhg": last.map(|f| f.step.csf_kpa / KPA_PER_MMHG),
         "csf_volume_change_ml": last.map(|f| f.step.csf_change_ml),
@@ -188,9 +189,12 @@ pub(crate) fn summary_json(done: &Run, out: &Path) -> Value {
 
 /// The summary for people.
 pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
-    let csf = match done.csf() {
-        Some(f) => format!("CSF at a depth of {:.1} mm under the skin", f.depth_mm),
-        None => "the tip never entered a ventricle".into(),
+    let csf = match (done.csf(), done.left_ventricle()) {
+        (Some(f), None) => format!("CSF at a depth of {:.1} mm under the skin", f.depth_mm),
+        (Some(f), Some(how)) => {
+            format!("CSF at a depth of {:.1} mm under the skin, but none at the end ({how})", f.depth_mm)
+        }
+        (None, _) => "the tip never entered a ventricle".into(),
     };
     let Some(last) = done.last() else { return "nothing was simulated".into() };
     let mut head = vec![format!("{}; {} side", asked::headline(done), done.plan.side().name())];

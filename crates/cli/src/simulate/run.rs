@@ -67,6 +67,17 @@ impl Run {
         self.rows.iter().map(|r| &r.frame).find(|f| f.in_ventricle())
     }
 
+    /// How the tip, in a ventricle on the way, came out of it again; `None` where it never was in one, or is at the end.
+    pub(crate) fn left_ventricle(&self) -> Option<String> {
+        let last = self.last().filter(|f| !f.in_ventricle())?;
+        let within = self.rows.iter().rev().map(|r| &r.frame).find(|f| f.in_ventricle())?;
+        let further = last.depth_mm - within.depth_mm;
+        Some(match further > 0.05 {
+            true => format!("it went {further:.1} mm further, through the far wall"),
+            false => "the wall of the ventricle moved over it".into(),
+        })
+    }
+
     /// Whether forces are in mN: only in physical mode.
     pub(crate) fn has_units(&self) -> bool {
         matches!(self.settings.model.mode, Mode::Physical(_))

@@ -1,6 +1,7 @@
 //! Whether an insertion can be believed, and what there is to say against it: the same words in the report, in JSON and on
 //! the console.
 
+use super::output::small;
 use super::{KPA_PER_MMHG, Run, crossed};
 use crate::soft_body;
 use monro_cli::report::{Finding, Severity};
@@ -98,11 +99,24 @@ fn undrained(run: &Run) -> Option<String> {
     })
 }
 
+/// What follows from trouble that is over at the end: nothing where the end is not to be relied on for another reason.
+fn so(run: &Run) -> &'static str {
+    if run.reliable() { ", so the end can be relied on" } else { "" }
+}
+
 /// What makes it worth less.
 fn doubts(run: &Run) -> Vec<String> {
     let (trouble, mut out) = (run.trouble(), Vec::new());
     if run.csf().is_none() {
         out.push("The tip never entered a ventricle: look at the plan and the labels of the case.".into());
+    }
+    if let Some((further, last)) = run.left_ventricle().zip(run.last()) {
+        let tissue = last.at_tip.map_or("no simulated tissue".into(), Structure::words);
+        let target = small(last.distance_deformed_mm);
+        out.push(format!(
+            "The tip was in a ventricle on the way but is not at the end: {further}, and ended in {tissue}, {target} mm from the \
+             target's tissue. No CSF would drip."
+        ));
     }
     if trouble.rollbacks > 0 {
         let n = trouble.rollbacks;
@@ -110,11 +124,12 @@ fn doubts(run: &Run) -> Vec<String> {
         out.push(format!("The solver took back {them} with smaller ones."));
     }
     if trouble.inverted > 0 {
-        let end = if trouble.inverted_at_end == 0 { "; at the end none was, so the end can be relied on" } else { "" };
+        let end =
+            if trouble.inverted_at_end == 0 { format!("; at the end none was{}", so(run)) } else { String::new() };
         let (n, all) = (trouble.inverted, run.rest.tets.len());
         out.push(format!("On the way up to {n} of {all} tetrahedra were turned inside out in a frame{end}."));
     }
-    out.extend(crossed::on_the_way(&run.snapshots));
+    out.extend(crossed::on_the_way(&run.snapshots, so(run)));
     out.extend(squeezed(run));
     out.extend(soft_body::remarks(&run.settings.model));
     out

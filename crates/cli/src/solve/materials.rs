@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 /// Poisson's ratios that the solver takes.
 const POISSON: core::ops::Range<f64> = 0.0..0.4999;
 
-/// Young's moduli (kPa) that some material has.
-const YOUNG_KPA: core::ops::RangeInclusive<f64> = 1e-3..=1e9;
+/// Young's moduli (kPa) that some material has: what is below 10 Pa was most likely meant in kPa.
+const YOUNG_KPA: core::ops::RangeInclusive<f64> = 1e-2..=1e9;
 
 /// Remarks on moduli that no material has.
 pub(super) fn odd(materials: &BTreeMap<u16, Material>) -> Vec<String> {

@@ -1,5 +1,6 @@
 //! `monro solve`: a static scene (JSON and meshes in SI) to its equilibrium.
 
+mod held;
 mod limits;
 mod materials;
 mod outcome;

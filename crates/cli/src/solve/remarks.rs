@@ -87,6 +87,9 @@ pub(super) fn nothing_to_find(nodes: usize, problem: &StaticProblem) -> Option<S
     let moves = first.iter().flatten().any(|v| *v != 0.0);
     let loaded = problem.body_force_mn_mm3 != [0.0; 3] || problem.pressures.iter().any(|p| p.kpa != 0.0);
     let alone = !loaded && problem.contacts.is_empty() && problem.rods.is_empty();
+    if alone && problem.supports.iter().all(|s| s.displacement_mm.iter().flatten().all(|v| *v == 0.0)) {
+        return Some("nothing is moved and nothing acts: the body stays as it is, with 0 mm everywhere; give a \"value\" other than 0, a body_force, a pressure, a contact or a rod".into());
+    }
     (same && moves && alone).then(|| {
         format!(
             "all that is held moves by the same {:?} mm and nothing else acts: the body is only carried along; hold another \

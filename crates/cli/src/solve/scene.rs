@@ -1,6 +1,6 @@
 //! Scenes of static problems: a JSON file beside its meshes, all in SI. What is read is in mm, mN and kPa.
 
-use super::{materials, remarks, units};
+use super::{held, materials, remarks, units};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use monro_case::vtu::{self, DataArray, UnstructuredGrid};
 use monro_geometry::{Patient, Point, TetMesh, Vector, tet_signed_volume};
@@ -71,7 +71,9 @@ fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Resu
     let mut remarks = remarks::all(case, &problem, &sets);
     remarks.extend(materials::odd(&materials));
     remarks.extend(remarks::nothing_to_find(tets.vertices.len(), &problem));
+    remarks.extend(held::free(&tets, &problem));
     remarks.extend(units::check(&tets, &problem, &sets).with_context(in_case)?);
+    remarks.extend(units::weighed(&tets, &problem, &materials).with_context(in_case)?);
     Ok(Scene { grid, mesh: tets, materials, problem, sets, remarks, sources: Vec::new() })
 }
 

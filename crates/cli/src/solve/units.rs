@@ -2,7 +2,8 @@
 
 use anyhow::{Result, bail};
 use monro_geometry::{Patient, Point, TetMesh};
-use monro_tissue::StaticProblem;
+use monro_tissue::{Material, StaticProblem};
+use std::collections::BTreeMap;
 
 /// What is longer than this many diagonals of the body is odd.
 const ODD: f64 = 10.0;
@@ -12,6 +13,37 @@ const THIN: f64 = 1e-3;
 
 /// Sizes of a body, mm, beyond which its mesh is odd.
 const BODY_MM: core::ops::RangeInclusive<f64> = 0.1..=10_000.0;
+
+/// A load so many times the modulus bends a body, held somewhere, by more than its own size.
+const HEAVY: f64 = 20.0;
+
+/// A remark on a body that its own weight (the body force times its length) would flatten, by its softest material.
+///
+/// # Errors
+/// When its size is odd too: then it is the unit of the mesh, and the solver would follow it for long.
+pub(super) fn weighed(
+    mesh: &TetMesh,
+    problem: &StaticProblem,
+    materials: &BTreeMap<u16, Material>,
+) -> Result<Option<String>> {
+    let force = problem.body_force_mn_mm3.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let softest = materials.values().map(|m| m.young_kpa).fold(f64::INFINITY, f64::min);
+    let (diagonal, pa) = (diagonal(mesh), 1e3 * softest);
+    let share = force * diagonal / softest;
+    if share.is_nan() || share <= HEAVY {
+        return Ok(None);
+    }
+    let told = format!(
+        "the body force on {:.4} m of body (its diagonal) is {:.3e} Pa, {share:.0} times Young's modulus of the softest \
+         material ({pa:.3e} Pa): it would be moved by more than its own size",
+        1e-3 * diagonal,
+        1e3 * force * diagonal
+    );
+    if !BODY_MM.contains(&diagonal) {
+        bail!("{told}; points of a mesh are in metres, so if they are in mm, divide them by 1000");
+    }
+    Ok(Some(format!("{told}; body_force is in N/m3, moduli in Pa")))
+}
 
 /// Remarks on lengths that are odd.
 ///
@@ -55,7 +87,7 @@ pub(super) fn check(mesh: &TetMesh, problem: &StaticProblem, sets: &[(String, Ve
 
 /// Sets that the whole body follows further than it is long.
 fn carried(diagonal: f64, problem: &StaticProblem, sets: &[(String, Vec<u32>)]) -> Vec<String> {
-    let mut furthest = std::collections::BTreeMap::<u32, f64>::new();
+    let mut furthest = BTreeMap::<u32, f64>::new();
     for s in &problem.supports {
         let mm = s.displacement_mm.iter().flatten().fold(0.0, |m: f64, v| m.max(v.abs()));
         furthest.entry(s.set).and_modify(|f| *f = f.max(mm)).or_insert(mm);
@@ -130,6 +162,24 @@ mod tests {
     use super::*;
     use monro_geometry::Vector;
     use monro_tissue::EmbeddedRod;
+
+    /// A head in millimetres under its weight was solved for 22 s, to a displacement of 599 m.
+    #[test]
+    fn a_mesh_in_millimetres_under_body_force_is_refused() {
+        let of = |scale: f64, newton: f64| {
+            let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+            let vertices = corners.map(|c| Point::from_array(c.map(|v| v * scale))).to_vec();
+            let mesh = TetMesh { vertices, tets: vec![[0, 1, 2, 3]], labels: vec![1] };
+            let problem = StaticProblem { body_force_mn_mm3: [0.0, newton * 1e-6, 0.0], ..StaticProblem::default() };
+            let material = Material { young_kpa: 3.0, ..Material::BRAIN };
+            weighed(&mesh, &problem, &BTreeMap::from([(1, material)]))
+        };
+        let refused = of(100_000.0, 1000.0).expect_err("100 m").to_string();
+        assert!(refused.contains("173.2051 m") || refused.contains("141.4214 m"), "{refused}");
+        assert!(refused.contains("divide them by 1000"), "{refused}");
+        assert!(of(100.0, 1000.0).expect("a head").is_none());
+        assert!(of(100.0, 1e6).expect("odd at most").is_some_and(|r| r.contains("N/m3")));
+    }
 
     #[test]
     fn a_rod_too_thin_for_any_mesh_is_remarked_upon_with_both_numbers() {

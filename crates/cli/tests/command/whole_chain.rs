@@ -33,7 +33,7 @@ fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
     confidence_is_kept(&case);
     plans_of_another_head(&phantom, &case, dir.path());
     let done = json(&["simulate", text(&case), "--out", text(&out), "--speed", "40"]);
-    assert_eq!(done["reached_ventricle"], true, "{done}");
+    assert_eq!((&done["reached_ventricle"], &done["ends_in_ventricle"]), (&true.into(), &true.into()), "{done}");
     assert!(done["frames"].as_u64().expect("frames") > 60);
     assert!(done["max_whole_volume_change_percent"].as_f64().expect("volume") < 1.0, "{done}");
     let csv = fs::read_to_string(out.join("insertion.csv")).expect("series");

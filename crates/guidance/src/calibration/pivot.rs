@@ -32,6 +32,16 @@ pub enum PivotError {
         /// Needed, degrees.
         needed: f64,
     },
+    /// Tool and tracker are as small as if the poses were in metres.
+    #[error(
+        "the tip would lie {tip:.4} mm from the origin of the tool, and no pose further than {farthest:.4} mm from that of the tracker: are the poses in metres? they must be in mm"
+    )]
+    Unit {
+        /// Distance of the tip from the tool's origin, as if in mm.
+        tip: f64,
+        /// Largest distance of the tool from the tracker's origin, as if in mm.
+        farthest: f64,
+    },
     /// The tip did not stay in one place.
     #[error("only {inliers} of {total} poses agree on one tip: did the tip leave the divot?")]
     NotPivoting {
@@ -106,6 +116,25 @@ pub struct PivotCalibration {
     pub used: Vec<bool>,
 }
 
+/// Poses of which all lie within this of the tracker's origin, with a tip within `OWN_ORIGIN` of the tool's, are no millimetres,
+/// mm: no tracker sees so near.
+const TOO_NEAR: f64 = 10.0;
+/// A tip this near to the origin of its tool's frame is that origin, mm.
+const OWN_ORIGIN: f64 = 1.0;
+
+impl PivotCalibration {
+    /// What is to be said of a tip that need not be wrong.
+    pub fn remark(&self) -> Option<String> {
+        let length = self.tip.distance(Point::ORIGIN);
+        (length < OWN_ORIGIN).then(|| {
+            format!(
+                "the tip found is the origin of the tool's own frame ({length:.2} mm from it): right where the tracker's own \
+                 software has put that at the tip; otherwise the tool was turned in place instead of about its tip"
+            )
+        })
+    }
+}
+
 struct Pose {
     r: Matrix3<f64>,
     p: Vector3<f64>,
@@ -148,6 +177,7 @@ pub fn calibrate_pivot(
     let tilt = require_tilt_of(&inliers, options)?;
     let solution =
         solve(&inliers).ok_or(PivotError::TooLittleMotion { found: 0.0, needed: options.tilt.to_degrees() })?;
+    require_millimetres(&solution, &poses)?;
     let squares: f64 = inliers.iter().map(|p| solution.residual(p).norm_squared()).sum();
     let residual = (squares / inliers.len() as f64).sqrt();
     if residual > options.residual {
@@ -164,6 +194,11 @@ pub fn calibrate_pivot(
 
 fn require_tilt(poses: &[Pose], options: &PivotOptions) -> Result<f64, PivotError> {
     require_tilt_of(&poses.iter().collect::<Vec<_>>(), options)
+}
+
+fn require_millimetres(solution: &Solution, poses: &[Pose]) -> Result<(), PivotError> {
+    let (tip, farthest) = (solution.tip.norm(), poses.iter().map(|p| p.p.norm()).fold(0.0, f64::max));
+    if tip < OWN_ORIGIN && farthest < TOO_NEAR { Err(PivotError::Unit { tip, farthest }) } else { Ok(()) }
 }
 
 /// The mean rotation shrinks every direction that was tilted; the one that it shrinks least was tilted least.
@@ -287,6 +322,22 @@ mod tests {
             calibrate_pivot(&still[..10], &PivotOptions::default()),
             Err(PivotError::TooFew { found: 10, needed: 50 })
         ));
+    }
+
+    /// A tracker in metres gave a tip 0.15 mm long, without a word.
+    #[test]
+    fn poses_in_metres_and_tools_turned_in_place_are_told() {
+        let poses = swing(60, 0.6, &mut Random::new(6));
+        let metres: Vec<_> = poses
+            .iter()
+            .map(|p| Rigid::from_quaternion(p.quaternion_wxyz(), p.translation() / 1000.0).expect("pose"))
+            .collect();
+        let e = calibrate_pivot(&metres, &PivotOptions::default()).expect_err("metres");
+        assert!(matches!(e, PivotError::Unit { .. }) && e.to_string().contains("in metres"), "{e}");
+        let own = crate::simulation::swing(60, 0.6, Point::ORIGIN, Point::new(50.0, 60.0, 70.0), &mut Random::new(7));
+        let turned = calibrate_pivot(&own, &PivotOptions::default()).expect("it may be the tip");
+        assert!(turned.remark().is_some_and(|r| r.contains("turned in place")));
+        assert_eq!(calibrate_pivot(&poses, &PivotOptions::default()).expect("pivot").remark(), None);
     }
 
     #[test]

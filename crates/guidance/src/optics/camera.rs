@@ -12,7 +12,7 @@ use thiserror::Error;
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum CameraError {
     /// Too few corners.
-    #[error("{found} corners; at least {needed} are needed")]
+    #[error("{found} points; at least {needed} are needed")]
     TooFew {
         /// Corners given.
         found: usize,
@@ -20,13 +20,13 @@ pub enum CameraError {
         needed: usize,
     },
     /// A corner is not finite.
-    #[error("corner {0} is not finite")]
+    #[error("point {0} is not finite")]
     NotFinite(usize),
     /// The points are not in mm.
     #[error("the points span {0:.3} mm in all: are they in metres? they must be in mm")]
     Unit(f64),
     /// A corner lies outside of the picture.
-    #[error("corner {corner} at pixel ({x:.0}, {y:.0}) lies outside of a picture of {width} x {height}")]
+    #[error("point {} at pixel ({x:.0}, {y:.0}) lies outside of a picture of {width} x {height}", corner + 1)]
     Outside {
         /// Its index.
         corner: usize,
@@ -56,12 +56,12 @@ pub enum CameraError {
     },
     /// The corners lie on a plane, or in some other way do not determine a camera.
     #[error(
-        "the corners do not determine the camera: they lie on one plane; move the board nearer and farther, and tilt it"
+        "the points do not determine the view: they lie on one plane, or nearly; take points nearer and farther (a board: also tilted)"
     )]
     Undetermined,
     /// The corners fill too little of the picture.
     #[error(
-        "the corners cover {found:.0} % of the picture, at least {needed:.0} % are needed: move the board to the edges"
+        "the points cover {found:.0} % of the picture, at least {needed:.0} % are needed: take points up to its edges"
     )]
     Coverage {
         /// Covered, percent of an 8 by 6 raster.
@@ -71,9 +71,14 @@ pub enum CameraError {
     },
     /// The camera does not explain the corners.
     #[error(
-        "the corners are off by {found:.1} pixels (root mean square), {allowed:.1} are allowed: are they in the right order?"
+        "the pixels are off by {found:.1} (root mean square), {allowed:.1} are allowed; the worst is point {} of the list, by {worst_by:.1}: is it a mistake, or does each point stand beside another's pixel?",
+        worst + 1
     )]
     Residual {
+        /// Index of the point that is off most.
+        worst: usize,
+        /// By how many pixels.
+        worst_by: f64,
         /// Root mean square reprojection error, pixels.
         found: f64,
         /// Allowed, pixels.
@@ -177,7 +182,8 @@ pub fn calibrate_camera<F: Frame>(
     let fit = minimise(start, &residuals).ok_or(CameraError::Undetermined)?;
     let residual = (fit.cost / pairs.len() as f64).sqrt();
     if residual > options.residual {
-        return Err(CameraError::Residual { found: residual, allowed: options.residual });
+        let off = residuals(&fit.x).unwrap_or_else(|| DVector::zeros(0));
+        return Err(CameraError::residual(off.as_slice(), options.residual));
     }
     let (lens, r, t) = unpack(&fit.x);
     let camera_from = rigid_of(&r, &t).ok_or(CameraError::Undetermined)?;
@@ -217,11 +223,36 @@ fn inside<F: Frame>(corners: &[Correspondence<F>], [width, height]: [u32; 2]) ->
     })
 }
 
+impl CameraError {
+    /// Of differences of columns and rows in turns, pixels.
+    pub(super) fn residual(off: &[f64], allowed: f64) -> Self {
+        let lengths: Vec<f64> = off.as_chunks::<2>().0.iter().map(|[u, v]| u.hypot(*v)).collect();
+        let worst = (0..lengths.len()).fold(0, |w, i| if lengths[i] > lengths[w] { i } else { w });
+        let found = (lengths.iter().map(|l| l * l).sum::<f64>() / lengths.len().max(1) as f64).sqrt();
+        Self::Residual { worst, worst_by: lengths.get(worst).copied().unwrap_or(f64::NAN), found, allowed }
+    }
+}
+
+/// A linear projection that misses its points by so many pixels (root mean square) is no mirrored picture but none at all: no
+/// lens bends a picture by more.
+const NO_PICTURE: f64 = 50.0;
+
 /// Refuses a projection that sees most of its points behind it: its picture is mirrored.
 pub(super) fn in_front(p: &super::dlt::Projection, pairs: &[Pair]) -> Result<(), CameraError> {
     let (_, r, t) = split(p).ok_or(CameraError::Undetermined)?;
     let behind = pairs.iter().filter(|(x, _)| (r * x + t).z <= 0.0).count();
-    if 2 * behind > pairs.len() { Err(CameraError::Behind) } else { Ok(()) }
+    if 2 * behind <= pairs.len() {
+        return Ok(());
+    }
+    let off = pairs.iter().flat_map(|(x, pixel)| {
+        let seen = super::dlt::apply(p, x).unwrap_or([f64::INFINITY; 2]);
+        [seen[0] - pixel[0], seen[1] - pixel[1]]
+    });
+    let off: Vec<f64> = off.collect();
+    match CameraError::residual(&off, NO_PICTURE) {
+        e @ CameraError::Residual { found, .. } if found > NO_PICTURE => Err(e),
+        _ => Err(CameraError::Behind),
+    }
 }
 
 /// The part of an 8 by 6 raster over the picture that has a corner.

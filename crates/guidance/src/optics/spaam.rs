@@ -43,7 +43,11 @@ pub fn calibrate_display<F: Frame>(
     let (projection, cost) = fit(&pairs).ok_or(CameraError::Undetermined)?;
     let residual = (cost / pairs.len() as f64).sqrt();
     if residual > allowed {
-        return Err(CameraError::Residual { found: residual, allowed });
+        let of = |(point, pixel): &Pair| {
+            let seen = apply(&projection, point).unwrap_or([f64::INFINITY; 2]);
+            [seen[0] - pixel[0], seen[1] - pixel[1]]
+        };
+        return Err(CameraError::residual(&pairs.iter().flat_map(of).collect::<Vec<_>>(), allowed));
     }
     in_front(&projection, &pairs)?;
     let (k, r, t) = split(&projection).ok_or(CameraError::Undetermined)?;

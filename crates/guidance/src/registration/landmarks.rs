@@ -203,7 +203,7 @@ pub(super) fn fit<To: Frame, From: Frame>(
     let radius = landmarks.iter().map(|l| (vec3(l.marked.to_array()) - centre).norm()).sum::<f64>() / n;
     for _ in 0..30 {
         let normal = equations(landmarks, &pose, centre);
-        let (motion, size) = normal.solve::<To>(radius).ok_or(RegistrationError::NotSettled)?;
+        let (motion, size, _) = normal.solve::<To>(radius).ok_or(RegistrationError::NotSettled)?;
         pose = motion.after(&pose);
         if size < 1e-9 {
             break;

@@ -1,5 +1,6 @@
 //! From the tracker to the patient: landmarks, surface, and how wrong the result is expected to be.
 
+mod agreement;
 mod contradiction;
 mod landmarks;
 mod normal;
@@ -9,6 +10,7 @@ mod surface;
 mod tests;
 mod tre;
 
+pub use agreement::Agreement;
 pub use contradiction::{Contradiction, Suspicion};
 pub use landmarks::{
     Landmark, LandmarkRegistration, LandmarkResidual, Pair, RegistrationError, register_landmarks, rigid_from_pairs,

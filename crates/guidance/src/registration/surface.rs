@@ -78,20 +78,23 @@ pub struct RefineOptions {
     pub reject: f64,
     /// Standard deviation of the surface itself (segmentation, skin pressed by the tip), mm.
     pub surface_sigma: f64,
+    /// How far all of a trace may lie off the surface evenly (hair, thickness of the tip, where the skin was found), mm,
+    /// standard deviation. It is estimated along; 0 takes none for granted.
+    pub offset_sigma: f64,
     /// Most iterations.
     pub iterations: usize,
 }
 
 impl Default for RefineOptions {
     fn default() -> Self {
-        Self { keep: 0.8, reject: 3.5, surface_sigma: 0.3, iterations: 150 }
+        Self { keep: 0.8, reject: 3.5, surface_sigma: 0.3, offset_sigma: 1.0, iterations: 150 }
     }
 }
 
 /// One traced point after refinement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfaceResidual {
-    /// Signed distance from the surface along its normal, mm.
+    /// Signed distance from the surface along its normal, less the even offset, mm.
     pub distance: f64,
     /// The same over its standard deviation.
     pub normalized: f64,
@@ -110,10 +113,16 @@ pub struct Refined<From: Frame> {
     pub uncertainty: PoseUncertainty<Patient>,
     /// Sum of squared normalized residuals over their expectation: near 1 when the noise given is the real one.
     pub variance_ratio: f64,
+    /// How far all of the trace lies off the surface evenly, mm, positive outside; the registration has taken it out.
+    pub offset: f64,
+    /// Standard deviation of `offset`, mm.
+    pub offset_sigma: f64,
     /// Iterations done.
     pub iterations: usize,
     /// How far the last iteration still moved the points, mm.
     pub last_step: f64,
+    /// Normalized residual from which points were left out.
+    reject: f64,
 }
 
 impl<From: Frame> Refined<From> {
@@ -121,6 +130,18 @@ impl<From: Frame> Refined<From> {
     pub fn tre(&self, target: Point<Patient>) -> Covariance<Patient> {
         self.uncertainty.scaled(self.variance_ratio.max(1.0)).at(target)
     }
+
+    /// Sum of squared normalized residuals, of those left out what is just not.
+    pub(super) fn chi_square(&self) -> f64 {
+        self.residuals.iter().map(|r| r.normalized.abs().min(self.reject).powi(2)).sum()
+    }
+}
+
+/// What is refined.
+struct Fit<From: Frame> {
+    pose: Rigid<Patient, From>,
+    /// Even distance of the trace from the surface, mm.
+    offset: f64,
 }
 
 /// A traced point against the surface, for one pose.
@@ -149,16 +170,16 @@ pub fn refine_on_surface<From: Frame>(
         return Err(SurfaceError::NotFinite(i));
     }
     let problem = Problem { samples, landmarks, surface, options };
-    let (mut pose, mut iterations, mut last_step) = (*start, 0, f64::INFINITY);
+    let (mut fit, mut iterations, mut last_step) = (Fit { pose: *start, offset: 0.0 }, 0, f64::INFINITY);
     while iterations < options.iterations && last_step > 1e-4 {
-        let rows = problem.rows(&pose);
+        let rows = problem.rows(&fit);
         let extra = spread(&rows);
-        let (normal, radius) = problem.equations(&pose, &rows, extra, problem.cut(&rows, extra));
-        let (motion, size) = normal.solve::<Patient>(radius).ok_or(SurfaceError::Slides)?;
-        pose = motion.after(&pose);
-        (iterations, last_step) = (iterations + 1, size);
+        let (normal, radius) = problem.equations(&fit, &rows, extra, problem.cut(&rows, extra));
+        let (motion, size, further) = normal.solve::<Patient>(radius).ok_or(SurfaceError::Slides)?;
+        fit = Fit { pose: motion.after(&fit.pose), offset: fit.offset + further };
+        (iterations, last_step) = (iterations + 1, size.max(further.abs()));
     }
-    problem.finish(pose, iterations, last_step)
+    problem.finish(&fit, iterations, last_step)
 }
 
 struct Problem<'a, From: Frame> {
@@ -169,14 +190,14 @@ struct Problem<'a, From: Frame> {
 }
 
 impl<From: Frame> Problem<'_, From> {
-    fn rows(&self, pose: &Rigid<Patient, From>) -> Vec<Row> {
+    fn rows(&self, fit: &Fit<From>) -> Vec<Row> {
         let row = |s: &SurfaceSample<From>| {
-            let y = pose.point(s.point);
+            let y = fit.pose.point(s.point);
             let near = self.surface.bvh.nearest(y)?;
             let n = self.surface.normals[near.triangle];
-            let along = s.noise.seen_from(pose).sigma_along(n);
+            let along = s.noise.seen_from(&fit.pose).sigma_along(n);
             let sigma = along.hypot(self.options.surface_sigma);
-            let distance = (y - near.point).dot(n);
+            let distance = (y - near.point).dot(n) - fit.offset;
             Some(Row { y: vec3(y.to_array()), normal: vec3(n.to_array()), distance, sigma })
         };
         self.samples.iter().filter_map(row).collect()
@@ -190,11 +211,11 @@ impl<From: Frame> Problem<'_, From> {
         z.get(at).copied().unwrap_or(0.0).max(self.options.reject)
     }
 
-    fn equations(&self, pose: &Rigid<Patient, From>, rows: &[Row], extra: f64, cut: f64) -> (Normal, f64) {
+    fn equations(&self, fit: &Fit<From>, rows: &[Row], extra: f64, cut: f64) -> (Normal, f64) {
         let n = rows.len() as f64;
         let centre = rows.iter().map(|r| r.y).sum::<Vector3<f64>>() / n;
         let radius = (rows.iter().map(|r| (r.y - centre).norm_squared()).sum::<f64>() / n).sqrt().max(1.0);
-        let mut normal = Normal::new(centre);
+        let mut normal = Normal::with_offset(centre, fit.offset, self.options.offset_sigma);
         for r in rows {
             let sigma = r.sigma.hypot(extra);
             if r.distance.abs() <= cut * sigma {
@@ -202,21 +223,16 @@ impl<From: Frame> Problem<'_, From> {
             }
         }
         for l in self.landmarks {
-            let y = pose.point(l.touched);
-            if let Some(w) = l.noise.seen_from(pose).inner().try_inverse() {
+            let y = fit.pose.point(l.touched);
+            if let Some(w) = l.noise.seen_from(&fit.pose).inner().try_inverse() {
                 normal.add_point(&vec3(y.to_array()), &vec3((y - l.marked).to_array()), &w);
             }
         }
         (normal, radius)
     }
 
-    fn finish(
-        &self,
-        pose: Rigid<Patient, From>,
-        iterations: usize,
-        last_step: f64,
-    ) -> Result<Refined<From>, SurfaceError> {
-        let rows = self.rows(&pose);
+    fn finish(&self, fit: &Fit<From>, iterations: usize, last_step: f64) -> Result<Refined<From>, SurfaceError> {
+        let rows = self.rows(fit);
         let reject = self.options.reject;
         let residuals: Vec<SurfaceResidual> = rows
             .iter()
@@ -229,12 +245,24 @@ impl<From: Frame> Problem<'_, From> {
         if used < 20 || 2 * used < self.samples.len() {
             return Err(SurfaceError::Rejected { used, total: self.samples.len() });
         }
-        let (normal, radius) = self.equations(&pose, &rows, 0.0, reject);
+        let (normal, radius) = self.equations(fit, &rows, 0.0, reject);
         let uncertainty = normal.uncertainty(radius).ok_or(SurfaceError::Slides)?;
+        let offset_sigma = normal.offset_sigma(radius).ok_or(SurfaceError::Slides)?;
         let chi: f64 = residuals.iter().filter(|r| r.used).map(|r| r.normalized.powi(2)).sum();
         let freedom = if self.landmarks.len() >= 2 { used } else { used - 6 };
         let variance_ratio = chi / freedom as f64;
-        Ok(Refined { patient_from: pose, residuals, uncertainty, variance_ratio, iterations, last_step })
+        let (patient_from, offset) = (fit.pose, fit.offset);
+        Ok(Refined {
+            patient_from,
+            residuals,
+            uncertainty,
+            variance_ratio,
+            offset,
+            offset_sigma,
+            iterations,
+            last_step,
+            reject,
+        })
     }
 }
 
