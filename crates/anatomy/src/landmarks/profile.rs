@@ -12,9 +12,10 @@ const STEP: f64 = 0.5;
 const NASION: [f64; 3] = [-45.0, -26.0, -7.0];
 /// Degrees over which forehead and nose stand up beside the nasion.
 const BESIDE: f64 = 25.0;
-/// Least dip in voxels of a millimetre or less, mm, and more in larger ones in proportion: less is noise of the scan's steps.
-/// Heads with a nose dip by 5 to 10 mm.
-const LEAST_DIP: f64 = 0.4;
+/// A dip is sure from here on, mm, and in large voxels from this part of their size on: less is noise of the scan's steps, or
+/// the rim of a dip at which the scan ends. Heads with a nose dip by 5 to 10 mm.
+const SURE_DIP: f64 = 1.0;
+const SURE_PART: f64 = 0.4;
 /// A dip from here on is taken, but said to be uncertain; in proportion likewise, mm.
 const FAINT_DIP: f64 = 0.15;
 /// So far from the usual place, degrees, a dip counts half a millimetre less, and with the square of the distance.
@@ -118,7 +119,7 @@ impl Profile {
     /// is skin but no dip. A finding where it is not sure.
     pub(crate) fn nasion(&self, findings: &mut Vec<String>) -> Result<f64, LandmarkError> {
         let index = |angle: f64| ((angle - FIRST) / STEP) as usize;
-        let (least, faint) = (LEAST_DIP * self.coarse, FAINT_DIP * self.coarse);
+        let (least, faint) = (SURE_DIP.max(SURE_PART * self.coarse), FAINT_DIP * self.coarse);
         let dips = (index(NASION[0])..=index(NASION[2])).map(|n| (n, self.dip(n))).filter(|(_, dip)| *dip >= faint);
         let best = dips.map(|(n, dip)| (worth(dip, n), n, dip)).max_by(|a, b| a.0.total_cmp(&b.0));
         if let Some((worth, at, _)) = best
@@ -302,7 +303,7 @@ mod tests {
             findings.iter().any(|f| f.contains("nasion uncertain"))
         };
         assert!(!told(6.0, -26.0, 3.0) && !told(6.0, -12.0, 5.0));
-        assert!(!told(1.0, -26.0, 1.0) && told(1.0, -26.0, 3.0));
-        assert!(told(1.0, -10.0, 1.0));
+        assert!(!told(1.1, -26.0, 1.0) && told(1.1, -26.0, 3.0));
+        assert!(told(1.1, -10.0, 1.0));
     }
 }
