@@ -88,6 +88,21 @@ impl Grid {
         [0, 1, 2].map(|a| Vector::<Patient>::from_array(self.patient_from_voxel.linear.column(a)).norm())
     }
 
+    /// The end of the patient's body that an index axis points to most, forwards or backwards: "superior", "inferior",
+    /// "anterior", "posterior", "left" or "right".
+    pub fn end(&self, axis: usize, forwards: bool) -> &'static str {
+        let along = self.patient_from_voxel.linear.column(axis);
+        let most = (0..3).fold(2, |best, a| if along[a].abs() > along[best].abs() { a } else { best });
+        match (most, (along[most] > 0.0) == forwards) {
+            (0, true) => "left",
+            (0, false) => "right",
+            (1, true) => "posterior",
+            (1, false) => "anterior",
+            (_, true) => "superior",
+            (_, false) => "inferior",
+        }
+    }
+
     /// Volume of one voxel, mm3.
     pub fn voxel_volume(&self) -> f64 {
         self.patient_from_voxel.linear.determinant().abs()

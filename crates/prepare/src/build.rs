@@ -164,8 +164,10 @@ fn findings(scan: &Scan, segmentation: &Segmentation, planned: &Planned, surface
     let mut all: Vec<String> = scan.warnings.iter().chain(&scan.resampled).cloned().collect();
     all.extend(segmentation.findings.iter().cloned());
     all.extend(planned.findings.iter().cloned());
+    if surfaces.skin.open_at_border {
+        all.push(cut_skin(&segmentation.labels));
+    }
     let capped = [
-        (&surfaces.skin, "the skin reaches the edge of the scan and was capped flat there (as at every neck)"),
         (&surfaces.brain, "the brain reaches the edge of the scan and was capped flat there"),
         (&surfaces.ventricles, "the ventricles reach the edge of the scan and were capped flat there"),
     ];
@@ -178,6 +180,38 @@ fn findings(scan: &Scan, segmentation: &Segmentation, planned: &Planned, surface
         )
     }));
     all
+}
+
+/// Where the head reaches the ends of the scan: at the neck every head does, elsewhere it is cut.
+fn cut_skin(labels: &Volume<u8>) -> String {
+    let (neck, cut): (Vec<_>, Vec<_>) = head_at_ends(labels).into_iter().partition(|(end, _)| *end == "inferior");
+    if cut.is_empty() {
+        let told = "the skin reaches the edge of the scan and was capped flat there (as at every neck)";
+        return if neck.is_empty() { told.replace(" (as at every neck)", "") } else { told.into() };
+    }
+    let said: Vec<String> = cut.iter().map(|(end, cm2)| format!("at the {end} end over {cm2:.0} cm2")).collect();
+    let neck = if neck.is_empty() { "" } else { "; at the inferior end, too, as at every neck" };
+    format!("the head is cut by the edge of the scan {} and was capped flat there{neck}", said.join(", "))
+}
+
+/// The ends of the scan that the labelled head reaches over at least 1 cm2, with that area, cm2.
+fn head_at_ends(labels: &Volume<u8>) -> Vec<(&'static str, f64)> {
+    let grid = labels.grid();
+    let (dims, spacing) = (grid.dims(), grid.spacing());
+    let mut counts = [[0usize; 2]; 3];
+    for (n, _) in labels.data().iter().enumerate().filter(|(_, l)| **l != 0) {
+        let voxel = grid.voxel(n);
+        for a in 0..3 {
+            counts[a][0] += usize::from(voxel[a] == 0);
+            counts[a][1] += usize::from(voxel[a] + 1 == dims[a]);
+        }
+    }
+    let ends = (0..3).flat_map(|a| [(a, 0), (a, 1)]);
+    let of = |(a, side): (usize, usize)| {
+        let cm2 = counts[a][side] as f64 * grid.voxel_volume() / spacing[a] / 100.0;
+        (cm2 >= 1.0).then(|| (grid.end(a, side == 1), cm2))
+    };
+    ends.filter_map(of).collect()
 }
 
 /// What to know of the tetrahedra: structures by their names, and of handles and pieces that there are such, not each.
@@ -238,5 +272,27 @@ fn manifest(scan: &Scan, segmentation: &Segmentation, planned: &Planned, finding
         confidence: confidence(&segmentation.confidence),
         doubts: spots(segmentation),
         files: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_geometry::Grid;
+
+    /// A box of head in a scan of 100 x 100 x 100 mm.
+    fn head(low: [usize; 3], high: [usize; 3]) -> Volume<u8> {
+        let grid = Grid::axis_aligned([50; 3], [2.0; 3], [0.0; 3]).expect("a grid");
+        let inside = |n: usize| (0..3).all(|a| (low[a]..high[a]).contains(&grid.voxel(n)[a]));
+        Volume::new(grid, (0..grid.len()).map(|n| u8::from(inside(n))).collect()).expect("values")
+    }
+
+    #[test]
+    fn a_head_cut_at_its_side_was_said_to_end_as_at_every_neck() {
+        let whole = cut_skin(&head([5, 5, 0], [45, 45, 45]));
+        assert!(whole.contains("as at every neck") && !whole.contains("cut"), "{whole}");
+        let cut = cut_skin(&head([5, 5, 0], [50, 45, 50]));
+        assert!(cut.contains("at the left end over 80 cm2, at the superior end over 72 cm2"), "{cut}");
+        assert!(cut.starts_with("the head is cut") && cut.contains("at the inferior end, too"), "{cut}");
     }
 }

@@ -51,7 +51,7 @@ pub enum PrepareError {
     Target([f64; 3]),
     /// The given entry is not near the head.
     #[error(
-        "the entry {entry:.1?} (LPS mm) of --plan is {off:.0} mm from the skin, at most {most:.0} mm are taken; {HINT}"
+        "the entry {entry:.1?} (LPS mm) of --plan is {off:.1} mm from the skin, at most {most:.1} mm are taken; {HINT}"
     )]
     Entry {
         /// The entry.

@@ -11,6 +11,8 @@ use monro_guidance::{Plan, Side, skull_angle};
 const ENTRY_OFF_SKIN_MM: f64 = 30.0;
 /// Beyond this an entry is remarked upon; other burr holes in use (Keen, Dandy, Frazier) are further away than that.
 const FAR_FROM_KOCHER_MM: f64 = 40.0;
+/// A target in no ventricle further than this from the foramen is remarked upon: of one nearer, labels and landmark decide.
+const FAR_FROM_MONRO_MM: f64 = 8.0;
 
 /// The path, its angle to the skull, and the landmarks it came from.
 #[derive(Debug)]
@@ -52,6 +54,7 @@ pub(crate) fn plan(
     let landmarks = match &found {
         Ok(marks) => {
             findings.extend(far_from_kocher(&plan, marks));
+            findings.extend(far_from_monro(&plan, marks, &segmentation.labels));
             findings.extend(marks.findings.iter().cloned());
             named(marks)
         }
@@ -64,10 +67,7 @@ pub(crate) fn plan(
 }
 
 fn automatic(marks: &Landmarks, side: Side) -> Result<Plan, PrepareError> {
-    let (entry, target) = match side {
-        Side::Left => (marks.kocher_left, marks.monro_left),
-        Side::Right => (marks.kocher_right, marks.monro_right),
-    };
+    let (_, entry, target) = of_side(side, marks);
     Ok(Plan::new(side, entry, target)?)
 }
 
@@ -115,15 +115,34 @@ fn doubts(plan: &Plan, labels: &Volume<u8>) -> Option<String> {
     (!meets).then(|| format!("the path meets no ventricle; it ends in {end}: look at the pictures before using it"))
 }
 
+/// The name of a side, Kocher's point and the foramen of Monro there.
+fn of_side(side: Side, marks: &Landmarks) -> (&'static str, Point<Patient>, Point<Patient>) {
+    match side {
+        Side::Left => ("left", marks.kocher_left, marks.monro_left),
+        Side::Right => ("right", marks.kocher_right, marks.monro_right),
+    }
+}
+
 /// A remark when the entry is not where external ventricular drains go in.
 fn far_from_kocher(plan: &Plan, marks: &Landmarks) -> Option<String> {
-    let (kocher, side) = match plan.side() {
-        Side::Left => (marks.kocher_left, "left"),
-        Side::Right => (marks.kocher_right, "right"),
-    };
+    let (side, kocher, _) = of_side(plan.side(), marks);
     let off = plan.entry().distance(kocher);
     (off > FAR_FROM_KOCHER_MM).then(|| {
         format!("the entry is {off:.0} mm from the {side} Kocher's point: check its coordinate system (RAS or LPS)")
+    })
+}
+
+/// A remark when the target is not where external ventricular drains end.
+fn far_from_monro(plan: &Plan, marks: &Landmarks, labels: &Volume<u8>) -> Option<String> {
+    let (side, _, monro) = of_side(plan.side(), marks);
+    let off = plan.target().distance(monro);
+    let within = labels.nearest(plan.target()).and_then(Structure::from_label).filter(|s| !s.is_ventricle())?;
+    (off > FAR_FROM_MONRO_MM).then(|| {
+        format!(
+            "the target lies in no ventricle but in {}, {off:.0} mm from the {side} foramen of Monro: is it meant, or its \
+             coordinate system (RAS or LPS) wrong?",
+            within.words()
+        )
     })
 }
 
@@ -137,4 +156,52 @@ fn skull_normal(plan: &Plan, skull: &TriangleMesh) -> Option<Vector<Patient>> {
     let facing = |n: &Vector<Patient>| n.dot(plan.direction()) < 0.0;
     let sum = (0..skull.triangles.len()).filter(near).map(|t| skull.area_vector(t)).filter(facing);
     sum.fold(Vector::ZERO, |a, b| a + b).normalized()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_geometry::Grid;
+
+    /// Brain all over, but for a ventricle at x of 40 mm and more.
+    fn labels() -> Volume<u8> {
+        let grid = Grid::axis_aligned([100, 20, 20], [1.0; 3], [0.0; 3]).expect("a grid");
+        let label = |n: usize| {
+            let s = if grid.voxel(n)[0] < 40 { Structure::Brain } else { Structure::LeftLateralVentricle };
+            s.label()
+        };
+        Volume::new(grid, (0..grid.len()).map(label).collect()).expect("values")
+    }
+
+    fn marks(monro_left: Point<Patient>) -> Landmarks {
+        let far = Point::new(90.0, 10.0, 10.0);
+        Landmarks {
+            nasion: far,
+            midline_110mm: far,
+            kocher_left: far,
+            kocher_right: far,
+            monro_left,
+            monro_right: far,
+            findings: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_target_in_brain_beyond_the_ventricle_drew_no_remark() {
+        let (labels, marks) = (labels(), marks(Point::new(42.0, 10.0, 10.0)));
+        let told = |x: f64| {
+            let plan = Plan::new(Side::Left, Point::new(99.0, 10.0, 10.0), Point::new(x, 10.0, 10.0)).expect("a plan");
+            far_from_monro(&plan, &marks, &labels)
+        };
+        let said = told(2.0).expect("a remark");
+        assert!(said.contains("in no ventricle but in brain, 40 mm from the left foramen"), "{said}");
+        // Deep in the ventricle, and beside the foramen.
+        assert_eq!((told(80.0), told(36.0)), (None, None));
+    }
+
+    #[test]
+    fn an_entry_too_far_off_was_said_to_be_as_far_as_is_taken() {
+        let said = PrepareError::Entry { entry: [0.0; 3], off: 30.2, most: ENTRY_OFF_SKIN_MM }.to_string();
+        assert!(said.contains("30.2 mm from the skin, at most 30.0 mm"), "{said}");
+    }
 }

@@ -8,6 +8,8 @@ use monro_geometry::{Patient, Vector, Volume};
 const FIELD_MM: [f64; 3] = [130.0, 130.0, 60.0];
 /// Least tissue, mm.
 const TISSUE_MM: [f64; 3] = [125.0, 105.0, 60.0];
+/// Most tissue, mm: a large adult from head to foot with arms and table.
+const BODY_MM: [f64; 3] = [2300.0, 900.0, 700.0];
 /// A head is at least as large as a circle of this circumference cut across (a child of three months); a knee is not.
 const CIRCUMFERENCE_MM: f64 = 400.0;
 /// Skin and everything denser.
@@ -19,11 +21,11 @@ const MOST_LIFTED_ML: f64 = 400.0;
 /// A plane with less tissue shows noise, or the head rest, mm2.
 const PLANE_MM2: f64 = 500.0;
 
-/// Refuses a volume whose field of view or tissue is too small for a head. Says nothing about large volumes: a head with
-/// neck and shoulders is a head.
+/// Refuses a volume whose field of view or tissue is too small for a head, or too large for a body. Says nothing about
+/// volumes between: a head with neck and shoulders is a head.
 ///
 /// # Errors
-/// [`ScanError::NotAHead`], [`ScanError::ThinSection`] with the sizes measured.
+/// [`ScanError::NotAHead`], [`ScanError::ThinSection`], [`ScanError::TooLarge`] with the sizes measured.
 pub fn head_extent_check(volume: &Volume<i16>) -> Result<(), ScanError> {
     extent_check(volume, &profiles(volume))
 }
@@ -41,6 +43,7 @@ pub(crate) fn extent_check(volume: &Volume<i16>, profiles: &[Vec<u64>; 3]) -> Re
         last.saturating_sub(first) as f64 * spacing[a]
     });
     enough("the tissue in it", extent, TISSUE_MM)?;
+    no_more_than_a_body(extent, spacing)?;
     let axis = towards_head(volume);
     let area = profiles[axis].iter().max().map_or(0.0, |&n| n as f64 * pixel[axis]);
     let needed = CIRCUMFERENCE_MM * CIRCUMFERENCE_MM / (4.0 * core::f64::consts::PI);
@@ -61,6 +64,14 @@ pub(crate) fn intercept_check(volume: &Volume<i16>) -> Result<(), ScanError> {
 pub(crate) fn foresee(source: &Source) -> Option<ScanError> {
     let extent = |a: usize| source.native_dims[a] as f64 * source.native_spacing_mm[a];
     enough("the field of view", [extent(0), extent(1), extent(2)], FIELD_MM).err()
+}
+
+fn no_more_than_a_body(mut extent_mm: [f64; 3], spacing_mm: [f64; 3]) -> Result<(), ScanError> {
+    extent_mm.sort_by(|a, b| b.total_cmp(a));
+    if extent_mm.iter().zip(&BODY_MM).any(|(e, most)| e > most) {
+        return Err(ScanError::TooLarge { extent_mm, most_mm: BODY_MM, spacing_mm });
+    }
+    Ok(())
 }
 
 fn enough(what: &'static str, mut extent_mm: [f64; 3], needed_mm: [f64; 3]) -> Result<(), ScanError> {

@@ -33,13 +33,16 @@ pub enum Problem {
         problem: String,
     },
     /// Fewer bytes of voxels than the header promises.
-    #[error("is truncated: the header promises {expected} bytes of voxels, {found} are there")]
+    #[error("is cut short: the header promises {expected} bytes of voxels, {found} are there; copy it again")]
     Truncated {
         /// Bytes promised.
         expected: u64,
         /// Bytes found.
         found: u64,
     },
+    /// A compressed stream without its end.
+    #[error("is cut short: its compressed pixel data end early; copy it again")]
+    EndsEarly,
     /// The compressed stream is damaged.
     #[error("its compressed data are damaged: {0}")]
     Corrupt(String),
@@ -242,9 +245,33 @@ pub enum ScanError {
         /// Each series with the reason.
         reasons: Vec<String>,
     },
+    /// Several files of a series end before their pixel data do.
+    #[error("{files} files of the series are cut short (the first: {first}); copy them again")]
+    CutShort {
+        /// How many.
+        files: usize,
+        /// Name of the first.
+        first: String,
+    },
+    /// The tissue is larger than a body.
+    #[error(
+        "the tissue in it measures {:.0} x {:.0} x {:.0} mm, more than the {:.0} x {:.0} x {:.0} mm of a whole body: is the \
+         spacing of {:.3} x {:.3} x {:.3} mm in the header right? Correct it, or convert the scan again",
+        extent_mm[0], extent_mm[1], extent_mm[2], most_mm[0], most_mm[1], most_mm[2],
+        spacing_mm[0], spacing_mm[1], spacing_mm[2]
+    )]
+    TooLarge {
+        /// Size of the tissue, largest first, mm.
+        extent_mm: [f64; 3],
+        /// The most that a body measures, largest first, mm.
+        most_mm: [f64; 3],
+        /// The spacing of the voxels, mm.
+        spacing_mm: [f64; 3],
+    },
     /// The volume is too small for a head.
     #[error(
-        "not a head: {what} measures {:.0} x {:.0} x {:.0} mm, a head needs at least {:.0} x {:.0} x {:.0} mm",
+        "not a head: {what} measures {:.0} x {:.0} x {:.0} mm, a head needs at least {:.0} x {:.0} x {:.0} mm; if it shows \
+         one, the spacing in the header is wrong",
         extent_mm[0], extent_mm[1], extent_mm[2], needed_mm[0], needed_mm[1], needed_mm[2]
     )]
     NotAHead {
@@ -279,6 +306,16 @@ pub enum ScanError {
 }
 
 impl ScanError {
+    /// The same sentence with no more of a file's path than its name, for what is listed under a path that was given.
+    pub(crate) fn by_name(&self) -> String {
+        match self {
+            Self::File { file, problem } => {
+                format!("{}: {problem}", file.file_name().unwrap_or_default().to_string_lossy())
+            }
+            other => other.to_string(),
+        }
+    }
+
     /// A problem of one file.
     pub(crate) fn file(file: &Path, problem: Problem) -> Self {
         Self::File { file: file.to_path_buf(), problem }

@@ -4,7 +4,7 @@ use crate::error::{Problem, ScanError, unsupported};
 use crate::raster::Raster;
 use crate::resample::{self, Stack};
 use crate::types::{Format, Inspection, Scan, SeriesSummary, Source};
-use crate::{check, hash, metaimage, nifti, nrrd};
+use crate::{hash, metaimage, nifti, nrrd};
 use monro_geometry::Volume;
 use std::path::Path;
 
@@ -50,19 +50,14 @@ pub(crate) fn inspect(path: &Path) -> Result<Inspection, ScanError> {
     with_raster(path, |format, raster| {
         let source = Source::of_grid(format, &raster.layout.grid);
         let stack = Stack::of_grid(&raster.layout.grid);
-        let foreseen = resample::foresee(&stack);
-        let refusal = foreseen.as_ref().err().map(ToString::to_string);
+        let refusal = resample::foresee(&stack).err().map(|problem| problem.to_string());
         let step = source.native_spacing_mm[2] * source.tilt_deg.to_radians().cos();
-        let mut warnings = raster.warnings.clone();
-        warnings.extend(foreseen.ok().flatten().map(|s| format!("will be {s}")));
-        warnings.extend(check::foresee(&source).map(|s| format!("will be refused: {s}")));
-        warnings.extend(raster.check().err().map(|e| format!("will be refused: {e}")));
         let images = source.native_dims[2];
         Ok(Inspection {
             chosen: refusal.is_none().then_some(0),
             reason: refusal.clone().unwrap_or_else(|| format!("the one volume of a {} file", format.name())),
             series: vec![SeriesSummary { source, images, step_mm: [step, step], refusal }],
-            warnings,
+            warnings: raster.warnings,
         })
     })
 }

@@ -61,16 +61,32 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
     Ok(scan)
 }
 
-/// Says what a scan is, all series of a folder, and which one [`read`] would take and why. Images that end early are
-/// told; the pixels of DICOM files are not decoded otherwise.
+/// Says what a scan is, all series of a folder, and which one [`read`] would take and why. That one is read, so that all
+/// that reading remarks on or refuses is told beforehand.
 ///
 /// # Errors
 /// When nothing can be listed: an unreadable path, an unknown format, a damaged header.
 pub fn inspect(path: &Path) -> Result<Inspection, ScanError> {
-    match dicom::is_dicom(path).then(|| dicom::inspect(path)) {
+    let mut found = match dicom::is_dicom(path).then(|| dicom::inspect(path)) {
         None => file::inspect(path),
         Some(found) => found.or_else(|why| only_volume(path, why).and_then(|file| file::inspect(&file))),
-    }
+    }?;
+    let said = foretold(path, &found);
+    found.warnings.extend(said);
+    Ok(found)
+}
+
+/// What [`read`] will say of the series that it will take and the listing does not yet.
+fn foretold(path: &Path, found: &Inspection) -> Vec<String> {
+    let Some(chosen) = found.chosen.and_then(|n| found.series.get(n)) else { return Vec::new() };
+    let id = &chosen.source.series;
+    let options = ReadOptions { series_uid: (!id.is_empty()).then(|| id.clone()), any_size: false };
+    let mut said = match read(path, &options) {
+        Ok(scan) => scan.warnings.into_iter().chain(scan.resampled.map(|s| format!("will be {s}"))).collect(),
+        Err(error) => vec![format!("will be refused: {}", error.by_name())],
+    };
+    said.retain(|sentence| !found.warnings.contains(sentence));
+    said
 }
 
 /// The one volume of another format in a folder that was refused for want of DICOM images.

@@ -3,7 +3,7 @@
 //! Some programs pad a volume to a size. What lies there was never seen; taken for air, the flat end of the head would be
 //! its skin.
 
-use monro_geometry::{Affine, Grid, Patient, Vector, Volume};
+use monro_geometry::{Affine, Grid, Volume};
 
 /// A plane with less tissue holds none, mm2.
 const NOTHING_MM2: f64 = 100.0;
@@ -30,7 +30,7 @@ pub(crate) fn cut_off(volume: Volume<i16>, profiles: &[Vec<u64>; 3]) -> (Volume<
         (low[axis], high[axis]) = (before, dims[axis] - after);
         for (planes, sign) in [(before, -1.0), (after, 1.0)] {
             if planes > 0 {
-                said.push(sentence(planes, spacing[axis], end(&grid, axis, sign)));
+                said.push(sentence(planes, spacing[axis], grid.end(axis, sign > 0.0)));
             }
         }
     }
@@ -55,22 +55,6 @@ fn sentence(planes: usize, spacing: f64, end: &str) -> String {
          cut: they were left out as padding",
         planes as f64 * spacing
     )
-}
-
-/// The end of the body that an index axis points to most, forwards (`sign` 1) or backwards.
-fn end(grid: &Grid, axis: usize, sign: f64) -> &'static str {
-    let way = Vector::<Patient>::from_array(grid.patient_from_voxel().linear.column(axis)) * sign;
-    let [x, y, z] = way.to_array();
-    let most = x.abs().max(y.abs()).max(z.abs());
-    if z.abs() == most {
-        if z > 0.0 { "superior" } else { "inferior" }
-    } else if y.abs() == most {
-        if y > 0.0 { "posterior" } else { "anterior" }
-    } else if x > 0.0 {
-        "left"
-    } else {
-        "right"
-    }
 }
 
 /// The voxels `low..high`, where they were.

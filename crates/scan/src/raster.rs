@@ -143,14 +143,6 @@ impl<'a> Raster<'a> {
         Ok((Volume::new(self.layout.grid, data)?, notes))
     }
 
-    /// Streams all voxels without keeping them.
-    ///
-    /// # Errors
-    /// Truncated or damaged data.
-    pub(crate) fn check(mut self) -> Result<(), Problem> {
-        self.each_value(|_| Ok(()))
-    }
-
     /// The values as labels.
     ///
     /// # Errors

@@ -99,14 +99,13 @@ impl Stack {
     }
 }
 
-/// What [`onto_even_grid`] would say, without the voxels.
-pub(crate) fn foresee(stack: &Stack) -> Result<Option<String>, Problem> {
+/// Whether [`onto_even_grid`] would refuse, without the voxels.
+pub(crate) fn foresee(stack: &Stack) -> Result<(), Problem> {
     stack.check_right_angle()?;
     if stack.origins.len() < 2 || stack.even_step().is_some() {
-        return Ok(None);
+        return Ok(());
     }
-    let target = Target::of(stack);
-    Ok(Some(target.sentence(stack, &target.grid(stack)?)))
+    Target::of(stack).grid(stack).map(|_| ())
 }
 
 /// Keeps an even stack as it is; otherwise resamples it and says so. `data` holds the slices in the stack's order.

@@ -7,7 +7,7 @@ use common::{grid, sampled};
 use dicom_core::value::PrimitiveValue;
 use dicom_core::{DataElement, Tag, VR};
 use dicom_dictionary_std::tags;
-use monro_geometry::{Grid, Volume};
+use monro_geometry::{Affine, Grid, Matrix3, Volume};
 use monro_scan::dicom::{SeriesMeta, write_series};
 use monro_scan::{ReadOptions, head_extent_check, inspect, nifti, nrrd, read, read_labels};
 use std::fs;
@@ -76,8 +76,9 @@ fn inspection_was_silent_about_a_compressed_file_that_ends_early() {
     for (name, bytes) in [("a.nii.gz", nifti::encode_i16(&volume)), ("b.nrrd", nrrd::encode_i16(&volume))] {
         let path = f.path().join(name);
         fs::write(&path, &bytes[..bytes.len() * 3 / 4]).expect("written");
-        refused(&path, &[name, "truncated"]);
-        foretold(&path, "truncated");
+        let said = "is cut short: the header promises";
+        refused(&path, &[name, said]);
+        foretold(&path, &format!("{name}: {said}"));
     }
 }
 
@@ -103,8 +104,16 @@ fn truncated_slices() {
     let files = series(f.path(), &SeriesMeta::default());
     let whole = fs::read(&files[2]).expect("there");
     fs::write(&files[2], &whole[..whole.len() - 7]).expect("written");
-    refused(f.path(), &["0003.dcm", "truncated", "40 bytes", "33 are there"]);
-    foretold(f.path(), "0003.dcm is cut short");
+    // In the same words by both.
+    let said = "0003.dcm: is cut short: the header promises 40 bytes of voxels, 33 are there; copy it again";
+    refused(f.path(), &[said]);
+    foretold(f.path(), said);
+    let other = fs::read(&files[4]).expect("there");
+    fs::write(&files[4], &other[..other.len() - 1]).expect("written");
+    let said = "2 files of the series are cut short (the first: 0003.dcm); copy them again";
+    refused(f.path(), &[said]);
+    foretold(f.path(), said);
+    fs::write(&files[4], other).expect("written");
     fs::write(&files[2], &whole[..400]).expect("written");
     refused(f.path(), &["0003.dcm", "truncated"]);
     let listed = inspect(f.path()).expect("still a listing");
@@ -248,6 +257,62 @@ fn values_1024_too_high_were_refused_for_want_of_contrast() {
     head.data_mut().iter_mut().for_each(|v| *v -= 1024);
     fs::write(&path, nrrd::encode_i16(&head)).expect("written");
     assert!(read(&path, &ReadOptions::default()).is_ok());
+}
+
+#[test]
+fn inspection_was_silent_about_what_reading_says_of_the_voxels() {
+    let f = folder();
+    let head = cylinder(90.0, 150);
+    let write = |name: &str, volume: &Volume<i16>| {
+        let path = f.path().join(name);
+        fs::write(&path, nrrd::encode_i16(volume)).expect("written");
+        path
+    };
+    foretold(&write("lifted.nrrd", &head.map(|v| v + 1024)), "subtract 1024");
+    for volume in [head.map(|v| (v / 8).clamp(0, 255)), head.map(|v| if v < 0 { -2048 } else { v })] {
+        let path = write("odd.nrrd", &volume);
+        let read = read(&path, &ReadOptions::default()).expect("a scan").warnings;
+        assert!(!read.is_empty());
+        assert_eq!(inspect(&path).expect("a listing").warnings, read);
+    }
+    let series = f.path().join("series");
+    write_series(&head.map(|v| if v < 0 { -2048 } else { v }), &series, &SeriesMeta::default()).expect("written");
+    let listed = inspect(&series).expect("a listing").warnings;
+    assert!(listed.iter().any(|w| w.contains("below -1024 HU")), "{listed:?}");
+}
+
+#[test]
+fn a_spacing_ten_times_too_large_was_called_hu_plus_1024() {
+    let f = folder();
+    let head = cylinder(90.0, 150);
+    let linear = head.grid().patient_from_voxel().linear;
+    let tenfold = Affine::new(Matrix3 { rows: linear.rows.map(|row| row.map(|v| v * 10.0)) }, [0.0; 3]);
+    let grid = Grid::new(head.grid().dims(), tenfold).expect("a grid");
+    let path = f.path().join("head.nrrd");
+    fs::write(&path, nrrd::encode_i16(&Volume::new(grid, head.data().to_vec()).expect("values"))).expect("written");
+    let message = read(&path, &ReadOptions::default()).expect_err("a refusal").to_string();
+    assert!(message.contains("3000 x 1820 x 1820 mm") && message.contains("spacing of 20.000"), "{message}");
+    foretold(&path, "spacing of 20.000");
+}
+
+#[test]
+fn a_contrast_agent_in_the_header_was_passed_over() {
+    let told = |tag: Tag, vr: VR, value: &str| {
+        let f = folder();
+        series(f.path(), &SeriesMeta::default()).iter().for_each(|file| edit(file, tag, vr, value));
+        let read = read(f.path(), &any_size()).expect("a scan").warnings;
+        let about = |all: &[String]| all.iter().find(|w| w.contains("contrast agent")).cloned();
+        assert_eq!(about(&read), about(&inspect(f.path()).expect("a listing").warnings));
+        about(&read)
+    };
+    let said = told(tags::CONTRAST_BOLUS_AGENT, VR::LO, "OMNIPAQUE").expect("a warning");
+    assert!(said.contains("ContrastBolusAgent \"OMNIPAQUE\", in 6 of 6 slices"), "{said}");
+    assert!(told(tags::CONTRAST_BOLUS_ROUTE, VR::LO, "IV").is_some());
+    assert!(told(tags::CONTRAST_BOLUS_VOLUME, VR::DS, "80").is_some());
+    for nothing in ["", "NONE", "no"] {
+        assert_eq!(told(tags::CONTRAST_BOLUS_AGENT, VR::LO, nothing), None);
+    }
+    assert_eq!(told(tags::CONTRAST_BOLUS_VOLUME, VR::DS, "0"), None);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Anatomical landmarks for planning: nasion, Kocher's points and the foramina of Monro.
 //!
-//! All come from the labels alone, so that labels corrected by hand move them.
+//! All come from the labels, so that labels corrected by hand move them; the scan only refines the skin between voxels.
 
 mod error;
 mod foramina;
@@ -42,7 +42,8 @@ pub struct Landmarks {
     pub findings: Vec<String>,
 }
 
-/// Finds the landmarks of a segmented scan (on the grid of its labels; `ct` only tells where the scan ends).
+/// Finds the landmarks of a segmented scan (on the grid of its labels; `ct` tells where the scan ends, and between
+/// which voxels the skin lies).
 ///
 /// # Errors
 /// [`LandmarkError`]: no skin in the labels, nasion or vertex cut off, no intracranial space.
@@ -50,7 +51,7 @@ pub fn find(ct: &Volume<i16>, segmentation: &Segmentation) -> Result<Landmarks, 
     let surroundings = Surroundings::new(&segmentation.labels, segmentation.midsagittal)?;
     let mut findings = Vec::new();
     let [monro_left, monro_right] = foramina::find(&surroundings, &mut findings);
-    let skin = Skin::new(ct.grid(), &segmentation.labels)?;
+    let skin = Skin::new(ct, &segmentation.labels)?;
     let profile = Profile::new(&skin, &surroundings);
     let nasion = profile.nasion(&mut findings)?;
     let left = segmentation.midsagittal.normal;

@@ -2,7 +2,7 @@
 
 use super::LandmarkError;
 use super::surroundings::Surroundings;
-use monro_geometry::{Grid, Patient, Point, Structure, Vector, Volume};
+use monro_geometry::{Patient, Point, Structure, Vector, Volume};
 
 /// The profile's angles (degrees above the forward direction of the model, seen from the foramina) and their step.
 const FIRST: f64 = -60.0;
@@ -12,31 +12,38 @@ const STEP: f64 = 0.5;
 const NASION: [f64; 3] = [-45.0, -26.0, -7.0];
 /// Degrees over which forehead and nose stand up beside the nasion.
 const BESIDE: f64 = 25.0;
-/// Least dip, mm: less is noise of the scan's steps.
-const LEAST_DIP: f64 = 0.4;
-/// A dip from here on is taken, but said to be uncertain, mm.
+/// A dip is sure from here on, mm, and in large voxels from this part of their size on: less is noise of the scan's steps, or
+/// the rim of a dip at which the scan ends. Heads with a nose dip by 5 to 10 mm.
+const SURE_DIP: f64 = 1.0;
+const SURE_PART: f64 = 0.4;
+/// A dip from here on is taken, but said to be uncertain; in proportion likewise, mm.
 const FAINT_DIP: f64 = 0.15;
+/// So far from the usual place, degrees, a dip counts half a millimetre less, and with the square of the distance.
+const UNUSUAL: f64 = 12.0;
 /// Longest ray, mm, and the step along it.
 const FAR: f64 = 190.0;
 const FINE: f64 = 0.25;
+/// Air beyond the ends of the scan, and half way from it to skin, HU.
+const AIR_HU: f64 = -1000.0;
+const SKIN_HU: f64 = -480.0;
 /// Rays across start this far below the skin: about the vault's radius.
 const VAULT: f64 = 75.0;
 
 /// The labelled head as seen from outside.
 pub(crate) struct Skin<'a> {
-    grid: &'a Grid,
+    ct: &'a Volume<i16>,
     labels: &'a Volume<u8>,
 }
 
 impl<'a> Skin<'a> {
     /// The skin of labels that have a scalp.
-    pub(crate) fn new(grid: &'a Grid, labels: &'a Volume<u8>) -> Result<Self, LandmarkError> {
+    pub(crate) fn new(ct: &'a Volume<i16>, labels: &'a Volume<u8>) -> Result<Self, LandmarkError> {
         // A few stray voxels in cavities of the skull base are no scalp: a scalp has hundreds of mL.
         let scalp = labels.data().iter().filter(|&&l| l == Structure::Scalp.label()).count() as f64;
         if scalp * labels.grid().voxel_volume() < 50_000.0 {
             return Err(LandmarkError::NoSkin);
         }
-        Ok(Self { grid, labels })
+        Ok(Self { ct, labels })
     }
 
     /// Distance along a ray at which the head is left for good; `None` where the scan ends first.
@@ -46,8 +53,23 @@ impl<'a> Skin<'a> {
         let last = (0..steps).rev().find(|&n| self.labels.nearest(at(n)).is_some_and(|l| l != 0))?;
         // Just beyond the skin there must be labelled air, or the scan is cut here.
         let beyond = at(last + (1.5 / FINE) as usize);
-        self.grid.containing(beyond)?;
-        Some((last as f64 + 0.5) * FINE)
+        self.ct.grid().containing(beyond)?;
+        Some(self.between_voxels(from, direction, (last as f64 + 0.5) * FINE))
+    }
+
+    /// The place along a ray nearest to a border of the labels where the scan itself passes from skin to air. Labels end in
+    /// whole voxels, whose steps would be dips as deep as they are large. The border where the scan shows no such place
+    /// within two voxels, as for labels drawn otherwise.
+    fn between_voxels(&self, from: Point<Patient>, direction: Vector<Patient>, border: f64) -> f64 {
+        let voxel = 1.0 / self.ct.grid().voxel_from_patient().vector(direction).norm();
+        let reach = (2.0 * voxel).max(1.0);
+        let count = (2.0 * reach / FINE).ceil() as usize;
+        let along = |n: usize| border - reach + n as f64 * FINE;
+        let values: Vec<f64> =
+            (0..=count).map(|n| self.ct.trilinear(from + direction * along(n)).unwrap_or(AIR_HU)).collect();
+        let leaves = (0..count).filter(|&n| values[n] >= SKIN_HU && values[n + 1] < SKIN_HU);
+        let exact = |n: usize| along(n) + FINE * (values[n] - SKIN_HU) / (values[n] - values[n + 1]);
+        leaves.map(exact).min_by(|a, b| (a - border).abs().total_cmp(&(b - border).abs())).unwrap_or(border)
     }
 }
 
@@ -56,6 +78,8 @@ pub(crate) struct Profile {
     origin: Point<Patient>,
     forward: Vector<Patient>,
     up: Vector<Patient>,
+    /// How much larger than a millimetre the voxels are in their longest direction; 1 for smaller ones.
+    coarse: f64,
     /// Radius at each angle, smoothed; `None` where the scan ends.
     radius: Vec<Option<f64>>,
 }
@@ -66,7 +90,8 @@ impl Profile {
         let origin = plane.project(surroundings.pose.place([0.0; 3]));
         let forward = surroundings.pose.direction([0.0, -1.0, 0.0]);
         let up = surroundings.pose.direction([0.0, 0.0, 1.0]);
-        let mut out = Self { origin, forward, up, radius: Vec::new() };
+        let coarse = skin.ct.grid().spacing().into_iter().fold(1.0, f64::max);
+        let mut out = Self { origin, forward, up, coarse, radius: Vec::new() };
         let count = ((LAST - FIRST) / STEP) as usize + 1;
         let raw: Vec<Option<f64>> = (0..count).map(|n| skin.leave(origin, out.direction(n as f64))).collect();
         out.radius = smoothed(&raw, 3);
@@ -90,27 +115,23 @@ impl Profile {
         self.origin + self.direction(at) * (here + (next - here) * (at - n as f64))
     }
 
-    /// Sample of the nasion: the deepest dip of the profile below the chord from forehead to nose; its usual place, with a
-    /// finding, where there is skin but no dip.
+    /// Sample of the nasion: the deepest dip of the profile below the chord from forehead to nose; its usual place where there
+    /// is skin but no dip. A finding where it is not sure.
     pub(crate) fn nasion(&self, findings: &mut Vec<String>) -> Result<f64, LandmarkError> {
         let index = |angle: f64| ((angle - FIRST) / STEP) as usize;
-        let mut best = (f64::NEG_INFINITY, 0usize, 0.0);
-        for n in index(NASION[0])..=index(NASION[2]) {
-            let dip = self.dip(n);
-            // Half a millimetre per 12 degrees squared from the usual place decides between dips of like depth.
-            let value = dip - 0.5 * ((Self::angle(n as f64) - NASION[1]) / 12.0).powi(2);
-            if dip >= FAINT_DIP && value > best.0 {
-                best = (value, n, dip);
-            }
-        }
-        let (_, at, depth_mm) = best;
-        if depth_mm >= LEAST_DIP {
+        let (least, faint) = (SURE_DIP.max(SURE_PART * self.coarse), FAINT_DIP * self.coarse);
+        let dips = (index(NASION[0])..=index(NASION[2])).map(|n| (n, self.dip(n))).filter(|(_, dip)| *dip >= faint);
+        let best = dips.map(|(n, dip)| (worth(dip, n), n, dip)).max_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((worth, at, _)) = best
+            && worth >= least
+        {
             return Ok(at as f64);
         }
         let usual = index(NASION[1]);
-        let (at, place) = if depth_mm > 0.0 { (at, "that dip") } else { (usual, "its usual place") };
+        let (at, place) = best.map_or((usual, "its usual place"), |(_, at, _)| (at, "that dip"));
+        let depth_mm = best.map_or(0.0, |(_, _, dip)| dip);
         if self.radius[at].is_none() {
-            return Err(LandmarkError::NoNasion { depth_mm, needed_mm: LEAST_DIP });
+            return Err(LandmarkError::NoNasion { depth_mm, needed_mm: least });
         }
         findings.push(format!(
             "nasion uncertain (the midline skin dips by only {depth_mm:.1} mm where it should lie): {place} was taken, so entry \
@@ -170,6 +191,11 @@ impl Profile {
     }
 }
 
+/// What a dip of so many mm at a sample is worth: less, the further it is from where the pose of the head lets it be expected.
+fn worth(dip: f64, sample: usize) -> f64 {
+    dip - 0.5 * ((Profile::angle(sample as f64) - NASION[1]) / UNUSUAL).powi(2)
+}
+
 /// Moving mean over `half` samples either side, over those that exist; a missing sample stays missing.
 fn smoothed(raw: &[Option<f64>], half: usize) -> Vec<Option<f64>> {
     (0..raw.len())
@@ -208,4 +234,76 @@ pub(crate) fn across(
         left -= step;
     }
     Err(LandmarkError::SkinCut { from: "the midline", reached_mm: way - left, needed_mm: way })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_geometry::Grid;
+
+    /// A ball of tissue of 80 mm radius in voxels of `step` mm, whose values show the part of each that is tissue; its labels.
+    fn ball(step: f64) -> (Volume<i16>, Volume<u8>) {
+        let count = (200.0 / step) as usize;
+        let grid = Grid::axis_aligned([count; 3], [step; 3], [-100.0 + 0.3 * step; 3]).expect("a grid");
+        let part = |n: usize| {
+            let [i, j, k] = grid.voxel(n);
+            let r = grid.centre(i, j, k).to_array().iter().map(|c| c * c).sum::<f64>().sqrt();
+            ((80.0 - r) / step + 0.5).clamp(0.0, 1.0)
+        };
+        let ct = (0..grid.len()).map(|n| (-1000.0 + 1040.0 * part(n)) as i16).collect();
+        let labels = (0..grid.len()).map(|n| u8::from(part(n) > 0.5)).collect();
+        (Volume::new(grid, ct).expect("values"), Volume::new(grid, labels).expect("values"))
+    }
+
+    #[test]
+    fn steps_of_coarse_voxels_were_dips_and_the_deepest_the_nasion() {
+        for step in [0.9, 3.0] {
+            let (ct, labels) = ball(step);
+            let skin = Skin::new(&ct, &labels).expect("a skin");
+            for degrees in -60..60 {
+                let (s, c) = f64::from(degrees).to_radians().sin_cos();
+                let found = skin.leave(Point::new(0.0, 0.0, 0.0), Vector::new(0.1, -c, s)).expect("left") * 1.005;
+                assert!((found - 80.0).abs() < 0.15 * step + 0.1, "{step} {degrees}: {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn labels_drawn_otherwise_than_the_scan_keep_their_own_border() {
+        let (ct, labels) = ball(1.0);
+        let scalp = labels.map(|_| Structure::Scalp.label());
+        let skin = Skin { ct: &ct.map(|_| 40), labels: &scalp };
+        assert!(skin.leave(Point::new(0.0, 0.0, 0.0), Vector::new(0.0, -1.0, 0.0)).is_none());
+        let air = ct.map(|_| -1000);
+        let skin = Skin { ct: &air, labels: &labels };
+        let found = skin.leave(Point::new(0.0, 0.0, 0.0), Vector::new(0.0, -1.0, 0.0)).expect("left");
+        assert!((found - 80.0).abs() < 1.0, "{found}");
+    }
+
+    /// A round forehead and face of 80 mm radius with a dip of this depth (mm) at an angle.
+    fn profile(depth: f64, angle: f64, coarse: f64) -> Profile {
+        let count = ((LAST - FIRST) / STEP) as usize + 1;
+        // A chord from 20 degrees above to 20 below, less the dip.
+        let radius = |n: usize| {
+            let off = (Profile::angle(n as f64) - angle).abs();
+            let flat = if off < 20.0 { 80.0 * 20f64.to_radians().cos() / off.to_radians().cos() } else { 80.0 };
+            Some(flat - depth * (1.0 - off / 6.0).max(0.0))
+        };
+        let (forward, up) = (Vector::new(0.0, -1.0, 0.0), Vector::new(0.0, 0.0, 1.0));
+        let origin = Point::new(0.0, 0.0, 0.0);
+        Profile { origin, forward, up, coarse, radius: (0..count).map(radius).collect() }
+    }
+
+    #[test]
+    fn a_dip_within_the_steps_of_coarse_voxels_or_in_an_odd_place_was_taken_without_a_word() {
+        let told = |depth, angle, coarse| {
+            let mut findings = Vec::new();
+            let at = profile(depth, angle, coarse).nasion(&mut findings).expect("skin");
+            assert!((Profile::angle(at) - angle).abs() < 3.0, "{}", Profile::angle(at));
+            findings.iter().any(|f| f.contains("nasion uncertain"))
+        };
+        assert!(!told(6.0, -26.0, 3.0) && !told(6.0, -12.0, 5.0));
+        assert!(!told(1.1, -26.0, 1.0) && told(1.1, -26.0, 3.0));
+        assert!(told(1.1, -10.0, 1.0));
+    }
 }

@@ -4,7 +4,7 @@ use super::lattice::Lattice;
 use crate::image::{Mask, Raster, distance_to_false};
 
 /// Smoothing across the end of the data makes the last layers look like air; bone with skin on it is thicker, voxels.
-const LAST_LAYERS: usize = 2;
+pub(crate) const LAST_LAYERS: usize = 2;
 /// A smaller opening (mm2) hardly changes depths.
 const LEAST_OPENING: f64 = 2000.0;
 /// How high the missing vault may rise over the cut, mm: at the most as much as half a large head.

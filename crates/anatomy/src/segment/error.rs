@@ -31,6 +31,34 @@ pub enum SegmentError {
         /// Volume needed, mL.
         needed_ml: f64,
     },
+    /// More space inside the skull than any head has.
+    #[error(
+        "the space inside the skull has {ml:.0} ml and measures {:.0} x {:.0} x {:.0} mm (width, length, height), at most \
+         {most_ml:.0} ml are possible: is the spacing in the header right? Correct it, or convert the scan again",
+        extent_mm[0], extent_mm[1], extent_mm[2]
+    )]
+    TooLarge {
+        /// Volume found, mL.
+        ml: f64,
+        /// The most that a head has, mL.
+        most_ml: f64,
+        /// Width, length and height, mm.
+        extent_mm: [f64; 3],
+    },
+    /// A side of the head is missing.
+    #[error(
+        "the head is cut at the patient's {side}: the brain reaches that end of the scan over {area_cm2:.0} cm2 (at most \
+         {most_cm2:.0} cm2 are taken), so midline, landmarks and the sides of the ventricles cannot be known. Take a scan of \
+         the whole head, or give labels and path with --labels FILE and --plan FILE.mrk.json"
+    )]
+    SideCut {
+        /// "left" or "right" (the patient's).
+        side: &'static str,
+        /// Area of brain at the end of the scan, cm2.
+        area_cm2: f64,
+        /// The most that is taken, cm2.
+        most_cm2: f64,
+    },
     /// The ventricles lie as in a head that is turned about.
     #[error(
         "the head seems to lie {way} in the scan's own axes: so the ventricles fit their usual course by {score:.2} of 1, as \

@@ -7,8 +7,9 @@ use super::lattice::Lattice;
 use super::midplane::midplane;
 use super::regrid::onto_grid;
 use super::remarks::{share_across, volumes_ml};
+use super::size::Size;
 use super::working::{AIR, Working, any_in_block, block_mean, working};
-use crate::image::{Raster, distance_to, fill_holes, largest};
+use crate::image::{Mask, Raster, distance_to, fill_holes, largest};
 use monro_geometry::{Patient, Plane, Structure, Volume};
 
 /// A voxel further than this from the head is outside it, mm; smoothed and coarse labels stand out by less.
@@ -23,8 +24,8 @@ const ACROSS_PERCENT: f64 = 60.0;
 /// finding says so.
 ///
 /// # Errors
-/// [`SegmentError::LabelsElsewhere`], [`SegmentError::UnknownLabel`], [`SegmentError::EmptyStructure`] (brain, skull or a
-/// lateral ventricle without a voxel; scalp, fluid and third ventricle may be missing and become findings).
+/// [`SegmentError::LabelsElsewhere`], [`SegmentError::UnknownLabel`], [`SegmentError::TooLarge`], [`SegmentError::EmptyStructure`]
+/// (brain, skull or a lateral ventricle without a voxel; scalp, fluid and third ventricle may be missing and become findings).
 pub fn from_labels(ct: &Volume<i16>, labels: Volume<u8>) -> Result<Segmentation, SegmentError> {
     let (labels, resampled) = onto_grid(ct.grid(), labels)?;
     let mut findings: Vec<String> = resampled.into_iter().collect();
@@ -36,7 +37,12 @@ pub fn from_labels(ct: &Volume<i16>, labels: Volume<u8>) -> Result<Segmentation,
         findings.extend(in_air(ct, &labels));
     }
     findings.extend(outside);
-    let midsagittal = plane_of(&working, &labels)?;
+    let space = space_of(&working, &labels);
+    let size = Size::of(&space, working.lattice.step);
+    size.check()?;
+    // What is left out of labels may be so on purpose.
+    findings.extend(size.finding(false));
+    let midsagittal = plane_of(&working, &space)?;
     findings.extend(sides(&labels, &midsagittal));
     // Nothing is known about how they were made.
     Ok(Segmentation { labels, midsagittal, findings, confidence: Vec::new(), doubts: Vec::new() })
@@ -132,15 +138,20 @@ fn sides(labels: &Volume<u8>, midsagittal: &Plane<Patient>) -> Vec<String> {
     pair.into_iter().filter_map(|(s, side)| across(s, side)).collect()
 }
 
-/// The midplane from the labelled intracranial space.
-fn plane_of(working: &Working, labels: &Volume<u8>) -> Result<Plane<Patient>, SegmentError> {
+/// The labelled space inside the skull on the working raster.
+fn space_of(working: &Working, labels: &Volume<u8>) -> Mask {
     let lattice: Lattice = working.lattice;
     let mut space = working.nodata.map(|_| false);
     for n in 0..space.data.len() {
         let l = labels.nearest(lattice.point(space.voxel(n).map(|c| c as f64)));
         space.data[n] = l.and_then(Structure::from_label).is_some_and(Structure::is_intracranial);
     }
-    let space = any_in_block(&fill_holes(&space), 2);
-    midplane(&block_mean(&working.hu, 2), &space, lattice.coarser(2))
+    fill_holes(&space)
+}
+
+/// The midplane of that space.
+fn plane_of(working: &Working, space: &Mask) -> Result<Plane<Patient>, SegmentError> {
+    let space = any_in_block(space, 2);
+    midplane(&block_mean(&working.hu, 2), &space, working.lattice.coarser(2))
         .ok_or(SegmentError::EmptyStructure { name: Structure::Brain.name(), label: Structure::Brain.label() })
 }

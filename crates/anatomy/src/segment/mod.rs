@@ -12,6 +12,7 @@ mod cavity;
 mod confidence;
 mod csf;
 pub(crate) mod cut;
+mod ends;
 mod error;
 mod fit;
 mod given;
@@ -25,6 +26,7 @@ mod part;
 mod regrid;
 mod remarks;
 mod samples;
+mod size;
 mod tissue;
 mod ventricles;
 mod working;
@@ -38,8 +40,10 @@ pub use regrid::{Geometry, onto_grid};
 use crate::image::gaussian;
 use bearings::{Bearings, bearings};
 use cut::open_columns;
+use ends::Ends;
 use monro_geometry::{Patient, Plane, Structure, Volume};
 use noise::Noise;
+use size::Size;
 use tissue::Tissue;
 use ventricles::{Scene, ventricles};
 use working::working;
@@ -80,6 +84,10 @@ pub fn segment_by_parts(ct: &Volume<i16>, done: &mut dyn FnMut(Part)) -> Result<
     let walls = tissue::wall(&working, &sharp, tissue);
     let bone = |n: usize| sharp.data[n] > tissue.bone || sharp.data[n] < 0.0;
     let cavity = cavity::cavity(&walls, &working.nodata, bone)?;
+    let size = Size::of(&cavity.mask, working.lattice.step);
+    size.check()?;
+    let ends = Ends::of(&working, (&cavity, size), tissue.bone);
+    ends.check()?;
     done(Part::Cavity);
     let head = head::head(&working, &sharp, &cavity.mask, tissue);
     done(Part::Head);
@@ -124,6 +132,8 @@ pub fn segment_by_parts(ct: &Volume<i16>, done: &mut dyn FnMut(Part)) -> Result<
     let evidence = remarks::Evidence {
         working: &working,
         cavity: &cavity,
+        size,
+        ends,
         bare_top_mm2: head::bare_top(&head, &cavity.mask, |n| sharp.data[n] > tissue.bone),
         plane: &plane,
         pose,

@@ -2,8 +2,10 @@
 
 use super::blood::{self, Blood};
 use super::cavity::Cavity;
+use super::ends::Ends;
 use super::model::Pose;
 use super::noise::Noise;
+use super::size::Size;
 use super::ventricles::{LEFT, RIGHT, Ventricles};
 use super::working::Working;
 use monro_geometry::{Patient, Plane, Point, Structure, Volume};
@@ -16,6 +18,8 @@ const ACROSS: f64 = 0.4;
 pub(crate) struct Evidence<'a> {
     pub(crate) working: &'a Working,
     pub(crate) cavity: &'a Cavity,
+    pub(crate) size: Size,
+    pub(crate) ends: Ends,
     /// Area where bone or brain is the top of the head, mm2.
     pub(crate) bare_top_mm2: f64,
     pub(crate) pose: Pose,
@@ -46,11 +50,13 @@ fn findings(evidence: &Evidence<'_>, across: [f64; 2], size: impl Fn(Structure) 
     if let Some(value) = evidence.working.masked_with {
         out.push(format!("the image is masked with {value} HU outside the head: no air, so no skin can be found"));
     }
-    // Thin skin over a bump of the skull leaves some bare voxels in every scan.
-    if evidence.bare_top_mm2 > 300.0 && evidence.working.masked_with.is_none() {
-        let area = evidence.bare_top_mm2 / 100.0;
-        out.push(format!("vertex cut: skull and skin are open at the top over {area:.0} cm2"));
+    let open_mm2 = open_top(evidence);
+    if open_mm2 > 0.0 {
+        out.push(format!("vertex cut: skull and skin are open at the top over {:.0} cm2", open_mm2 / 100.0));
     }
+    out.extend(evidence.ends.findings());
+    let whole = open_mm2 == 0.0 && evidence.cavity.neck_cut && !evidence.ends.cut();
+    out.extend(evidence.size.finding(whole));
     if !evidence.cavity.neck_cut {
         out.push("the scan ends above the foramen magnum: the brain is cut off below".into());
     }
@@ -79,6 +85,13 @@ fn findings(evidence: &Evidence<'_>, across: [f64; 2], size: impl Fn(Structure) 
         ));
     }
     out
+}
+
+/// Area over which bone or brain is the top of the head, or of what the scan shows of it, mm2. Thin skin over a bump of the
+/// skull leaves some bare voxels in every scan: 0 for those, and for a masked image, which shows no skin.
+fn open_top(evidence: &Evidence<'_>) -> f64 {
+    let bare = if evidence.bare_top_mm2 > 300.0 { evidence.bare_top_mm2 } else { 0.0 };
+    if evidence.working.masked_with.is_some() { 0.0 } else { bare.max(evidence.ends.open_top()) }
 }
 
 /// Sentences about blood in the ventricles or beside them.

@@ -44,6 +44,11 @@ impl<'a> Attributes<'a> {
         clean(self.root.get(tag)?)
     }
 
+    /// A text of the first item of a sequence of the root.
+    pub(crate) fn in_sequence(&self, sequence: Tag, tag: Tag) -> Option<String> {
+        clean(first_item(self.root, sequence)?.get(tag)?)
+    }
+
     /// A text of a functional group or of the root.
     pub(crate) fn in_group(&self, group: Tag, tag: Tag) -> Option<String> {
         clean(self.find(group, tag)?)

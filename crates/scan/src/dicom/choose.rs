@@ -17,6 +17,8 @@ struct Merit {
     axial: bool,
     /// Not a bone kernel: the ventricles drown in its noise.
     soft: bool,
+    /// Without contrast agent.
+    plain: bool,
     /// Slices of at most 3 mm.
     thin: bool,
     slices: usize,
@@ -29,6 +31,7 @@ impl Merit {
             large: check::foresee(&s).is_none(),
             axial: s.orientation == "axial",
             soft: !s.kernel.as_deref().is_some_and(is_bone_kernel),
+            plain: !series.with_contrast(),
             thin: s.native_spacing_mm[2] <= 3.0,
             slices: series.images.len(),
         }
@@ -42,6 +45,8 @@ impl Merit {
             "it is axial"
         } else if self.soft != other.soft {
             "it has no bone kernel"
+        } else if self.plain != other.plain {
+            "its header names no contrast agent"
         } else if self.thin != other.thin {
             "its slices are thinner"
         } else if self.slices != other.slices {

@@ -4,6 +4,7 @@ use super::attributes::Attributes;
 use super::outline::{self, Outline};
 use crate::error::{Problem, header, unsupported};
 use crate::raster::MAX_VOXELS;
+use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
 use dicom_object::{InMemDicomObject, OpenFileOptions};
 use monro_geometry::{Patient, Point, Vector};
@@ -11,6 +12,9 @@ use std::path::{Path, PathBuf};
 
 /// Words of the image type that mark renderings.
 const PROJECTIONS: [&str; 7] = ["MIP", "MINIP", "AIP", "VRT", "SSD", "PROJECTION IMAGE", "VOLUME RENDERING"];
+
+/// What stands in the place of a contrast agent where none was given.
+const NO_AGENT: [&str; 8] = ["NONE", "NO", "N", "NO CONTRAST", "WITHOUT", "NATIVE", "-", "0"];
 
 /// One slice, not decoded.
 #[derive(Debug, Clone)]
@@ -55,6 +59,8 @@ pub(crate) struct About {
     pub(crate) scanner: Option<String>,
     pub(crate) kvp: Option<f64>,
     pub(crate) thickness: Option<f64>,
+    /// The contrast agent that was given, as far as the header says.
+    pub(crate) contrast: Option<String>,
 }
 
 /// Position and axes of a slice, LPS mm.
@@ -204,7 +210,31 @@ fn about(a: &Attributes<'_>) -> About {
         scanner: (!scanner.is_empty()).then_some(scanner),
         kvp: a.number(tags::CTX_RAY_DETAILS_SEQUENCE, tags::KVP),
         thickness: a.number(tags::PIXEL_MEASURES_SEQUENCE, tags::SLICE_THICKNESS),
+        contrast: contrast(a),
     }
+}
+
+/// The contrast agent: its name, or else the first attribute that is there only when one was given.
+fn contrast(a: &Attributes<'_>) -> Option<String> {
+    const GIVEN: [(&str, Tag); 5] = [
+        ("ContrastBolusIngredient", tags::CONTRAST_BOLUS_INGREDIENT),
+        ("ContrastBolusRoute", tags::CONTRAST_BOLUS_ROUTE),
+        ("ContrastBolusStartTime", tags::CONTRAST_BOLUS_START_TIME),
+        ("ContrastBolusVolume", tags::CONTRAST_BOLUS_VOLUME),
+        ("ContrastBolusTotalDose", tags::CONTRAST_BOLUS_TOTAL_DOSE),
+    ];
+    if let Some(agent) = a.text(tags::CONTRAST_BOLUS_AGENT) {
+        let denied = NO_AGENT.contains(&agent.to_uppercase().as_str());
+        return (!denied).then(|| format!("ContrastBolusAgent \"{agent}\""));
+    }
+    if let Some(agent) = a.in_sequence(tags::CONTRAST_BOLUS_AGENT_SEQUENCE, tags::CODE_MEANING) {
+        return Some(format!("ContrastBolusAgentSequence \"{agent}\""));
+    }
+    let given = |(name, tag): &(&str, Tag)| {
+        let text = a.text(*tag).filter(|text| text.parse::<f64>() != Ok(0.0))?;
+        Some(format!("{name} \"{text}\""))
+    };
+    GIVEN.iter().find_map(given)
 }
 
 fn stored(outline: &Outline<'_>, a: &Attributes<'_>) -> Result<Stored, Problem> {

@@ -21,7 +21,7 @@ pub use write::{SeriesMeta, WriteError, write_series};
 
 use crate::error::ScanError;
 use crate::types::{Inspection, Scan};
-use crate::{ReadOptions, check, file, hash, resample, shelf};
+use crate::{ReadOptions, file, hash, resample, shelf};
 use folder::Survey;
 use series::Series;
 use std::path::Path;
@@ -36,6 +36,7 @@ const NAMES_DIFFER: &str = "images under one patient's id carry different names:
 
 pub(crate) fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
     let (series, mut warnings) = select(path, options)?;
+    series.check_whole()?;
     let (data, notes) = pixels::decode(&series.images)?;
     warnings.extend(notes.warnings());
     let first = &series.images[0].file;
@@ -94,13 +95,6 @@ pub(crate) fn inspect(path: &Path) -> Result<Inspection, ScanError> {
     if broken > 0 {
         (chosen, reason) = (None, format!("{broken} damaged DICOM files may belong to any series: remove them first"));
     }
-    if let Some(n) = chosen {
-        warnings.extend(series[n].warnings.iter().cloned());
-        let foreseen = series[n].stack.as_ref().and_then(|s| resample::foresee(s).transpose());
-        warnings
-            .extend(foreseen.map(|s| s.map_or_else(|e| format!("will be refused: {e}"), |s| format!("will be {s}"))));
-        warnings.extend(check::foresee(&series[n].source()).map(|s| format!("will be refused: {s}")));
-        warnings.extend(series[n].cut_short().map(|s| format!("will be refused: {s}")));
-    }
+    warnings.extend(chosen.iter().flat_map(|n| series[*n].warnings.iter().cloned()));
     Ok(Inspection { series: series.iter().map(Series::summary).collect(), chosen, reason, warnings })
 }

@@ -72,7 +72,7 @@ fn decompressed(
     needed: usize,
 ) -> Result<Vec<u8>, Problem> {
     if !pixels.complete {
-        return Err(Problem::Corrupt("the compressed pixel data end early: the file is truncated".into()));
+        return Err(Problem::EndsEarly);
     }
     let fragments = fragments(&outline.data[pixels.range.clone()]);
     if image.stored.syntax == uids::RLE_LOSSLESS {

@@ -3,11 +3,12 @@
 use super::folder::{load, name};
 use super::image::{Image, Placement, refused_syntax};
 use super::outline;
-use crate::error::SeriesProblem;
+use crate::error::{ScanError, SeriesProblem};
 use crate::hash;
 use crate::resample::Stack;
 use crate::types::{Format, SeriesSummary, Source, orientation};
 use monro_geometry::Vector;
+use std::path::Path;
 
 /// Slices nearer than this lie at the same place, mm.
 const SAME_PLACE_MM: f64 = 0.05;
@@ -240,6 +241,7 @@ impl Series {
                 self.images.len()
             ));
         }
+        self.note_contrast();
         let s = &self.images[0].stored;
         if let Some([low, high]) = s.padding
             && high as f64 * s.slope + s.intercept > PADDING_HU
@@ -251,14 +253,32 @@ impl Series {
         }
     }
 
-    /// Files that end before their pixel data do.
-    pub(crate) fn cut_short(&self) -> Option<String> {
-        let mut short = self.images.iter().filter(|i| i.cut_short);
-        let first = name(&short.next()?.file);
-        Some(match short.count() {
-            0 => format!("{first} is cut short: copy it again"),
-            more => format!("{} files are cut short (the first: {first}): copy them again", more + 1),
-        })
+    /// Whether the header says that a contrast agent was given.
+    pub(crate) fn with_contrast(&self) -> bool {
+        self.images.iter().any(|i| i.about.contrast.is_some())
+    }
+
+    fn note_contrast(&mut self) {
+        let given: Vec<&Image> = self.images.iter().filter(|i| i.about.contrast.is_some()).collect();
+        let Some(first) = given.first() else { return };
+        let agent = first.about.contrast.as_deref().filter(|c| !reveals(first, c)).unwrap_or("ContrastBolusAgent");
+        self.warnings.push(format!(
+            "a contrast agent was given, as the header says ({agent}, in {} of {} slices), but scans are to be without: \
+             brightened vessels, plexus and membranes are taken for bone, blood or brain. Take a series from before it was \
+             given, or look closely at the labels",
+            given.len(),
+            self.images.len()
+        ));
+    }
+
+    /// Refuses a series several files of which end before their pixel data do; of a single one, decoding tells by how much.
+    pub(crate) fn check_whole(&self) -> Result<(), ScanError> {
+        let mut short: Vec<&Path> = self.images.iter().filter(|i| i.cut_short).map(|i| i.file.as_path()).collect();
+        short.dedup();
+        match short[..] {
+            [first, _, ..] => Err(ScanError::CutShort { files: short.len(), first: name(first) }),
+            _ => Ok(()),
+        }
     }
 
     /// What may be told about this series.
