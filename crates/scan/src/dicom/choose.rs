@@ -161,11 +161,12 @@ mod tests {
 
     #[test]
     fn merits_decide_in_their_order() {
-        let base = Merit { large: true, axial: true, soft: true, thin: false, slices: 30 };
+        let base = Merit { large: true, axial: true, soft: true, plain: true, thin: false, slices: 30 };
         let cases = [
             (Merit { large: false, slices: 900, ..base }, "it is as large as a head"),
             (Merit { axial: false, thin: true, ..base }, "it is axial"),
             (Merit { soft: false, thin: true, slices: 300, ..base }, "it has no bone kernel"),
+            (Merit { plain: false, thin: true, slices: 300, ..base }, "its header names no contrast agent"),
             (Merit { slices: 29, ..base }, "it has more slices"),
             (base, "it comes first"),
         ];
