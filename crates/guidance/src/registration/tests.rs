@@ -275,7 +275,7 @@ fn predicted_and_actual_surface_tre_agree() {
 fn bumped(
     error: impl Fn(Vector<Patient>) -> Vector<Patient>,
     random: &mut Random,
-) -> (Refined<Tracker>, Agreement<Tracker>) {
+) -> Result<(Refined<Tracker>, Agreement<Tracker>), SurfaceError> {
     let surface = Surface::new(&head()).expect("mesh");
     let marks = touched(Covariance::isotropic(1.0), Some(random))[..4].to_vec();
     let alone = register_landmarks(&marks).expect("landmarks");
@@ -284,11 +284,10 @@ fn bumped(
         let at = truth().point(s.point);
         s.point = truth().inverse().point(at + error((at - Point::ORIGIN).normalized().expect("outside")));
     }
-    let refined =
-        refine_on_surface(&alone.to_from, &samples, &marks, &surface, &RefineOptions::default()).expect("refined");
+    let refined = refine_on_surface(&alone.to_from, &samples, &marks, &surface, &RefineOptions::default())?;
     let skin = refine_on_surface(&refined.patient_from, &samples, &[], &surface, &RefineOptions::default()).ok();
     let agreement = Agreement::new(&marks, &alone, &refined, skin.as_ref());
-    (refined, agreement)
+    Ok((refined, agreement))
 }
 
 /// A trace shifted by 3 to 15 mm against good landmarks gave as much error with 0.2 mm predicted, and no word.
@@ -299,15 +298,21 @@ fn a_trace_that_contradicts_the_landmarks_was_believed() {
     for shift in [Vector::new(0.0, 0.0, 5.0), Vector::new(5.0, 0.0, 0.0), Vector::new(0.0, -5.0, 0.0)] {
         let (mut noticed, mut covered) = (0, 0);
         for _ in 0..20 {
-            let (r, a) = bumped(|_| shift, &mut random);
+            let (r, a) = bumped(|_| shift, &mut random).expect("refined");
             noticed += usize::from(a.is_doubtful());
             covered += usize::from(!a.is_doubtful() || 2.0 * predicted(&r, &a) > off(&r.patient_from, FORAMEN));
-            let (_, far) = bumped(|_| shift * 2.5, &mut random);
-            assert!(far.is_contradiction(), "{shift:?}: {}", far.excess);
+            // Refused for most of its points, or for the landmarks.
+            match bumped(|_| shift * 2.5, &mut random) {
+                Ok((_, far)) => assert!(far.is_contradiction(), "{shift:?}: {}", far.excess),
+                Err(e) => assert!(matches!(e, SurfaceError::Rejected { .. }), "{shift:?}: {e}"),
+            }
         }
         assert!(noticed >= 14 && covered >= 18, "{shift:?}: {noticed}, {covered}");
     }
-    let wrong = (0..200).map(|_| bumped(|_| Vector::ZERO, &mut random).1).filter(Agreement::is_doubtful).count();
+    let wrong = (0..200)
+        .map(|_| bumped(|_| Vector::ZERO, &mut random).expect("refined").1)
+        .filter(Agreement::is_doubtful)
+        .count();
     assert!(wrong <= 2, "{wrong} of 200 good ones doubted");
 }
 
@@ -317,7 +322,7 @@ fn an_even_offset_of_the_trace_moved_the_target() {
     let mut random = Random::new(32);
     for hair in [0.0, 3.0, 6.0, -2.0] {
         for _ in 0..10 {
-            let (r, a) = bumped(|outward| outward * hair, &mut random);
+            let (r, a) = bumped(|outward| outward * hair, &mut random).expect("refined");
             assert!((r.offset - hair).abs() < 0.5 + 0.1 * hair.abs(), "{hair}: {} +- {}", r.offset, r.offset_sigma);
             assert!(
                 off(&r.patient_from, FORAMEN) < 1.0 && !a.is_doubtful(),
