@@ -434,7 +434,7 @@ def dicom_refusals(folder):
     where = series(folder / "cut", values, lps)
     whole = (where / "004.dcm").read_bytes()
     (where / "004.dcm").write_bytes(whole[:-40])
-    refused(where, "004.dcm", "truncated", "144", "104")
+    refused(where, "004.dcm", "is cut short", "144", "104")
     (where / "004.dcm").write_bytes(whole[:700])
     refused(where, "004.dcm", "truncated")
     refused(series(folder / "one", values, lps, only=[0]), "1 slices make no volume")

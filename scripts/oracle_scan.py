@@ -156,13 +156,13 @@ def file_refusals(folder):
     refused(changed("complex.nii", 70, b"\x20\0"), "complex")
     refused(changed("codes.nii", 252, b"\0\0\0\0"), "left and right")
     refused(changed("huge.nii", 42, b"\xff\x7f\xff\x7f\xff\x7f"), "limit")
-    refused(changed("big.nii", 42, b"\xff\x03\xff\x00\xff\x00"), "truncated")
+    refused(changed("big.nii", 42, b"\xff\x03\xff\x00\xff\x00"), "is cut short")
     refused(changed("zero.nii", 42, b"\0\0"), "empty")
     (folder / "cut.nii").write_bytes(whole[:-10])
-    refused(folder / "cut.nii", "truncated", "420", "410")
+    refused(folder / "cut.nii", "is cut short", "420", "410")
     gz = nifti_file(folder, values, OBLIQUE, "a.nii.gz").read_bytes()
     (folder / "cut.nii.gz").write_bytes(gz[: len(gz) // 2])
-    refused(folder / "cut.nii.gz", "truncated")
+    refused(folder / "cut.nii.gz", "is cut short")
     (folder / "crc.nii.gz").write_bytes(gz[:-8] + bytes(8))
     refused(folder / "crc.nii.gz", "damaged")
     (folder / "a.img").write_bytes(bytes(420))
@@ -187,7 +187,7 @@ def file_refusals(folder):
         head + place + "encoding: raw\ndata file: ../a.raw\n": "not a plain name",
         head + place + "encoding: raw\ndata file: LIST\n": "LIST",
         head + place.replace("LPS", "scanner-xyz") + "encoding: raw\n": "scanner-xyz",
-        head + place + "encoding: raw\n": "truncated",
+        head + place + "encoding: raw\n": "is cut short",
         head.replace("7 6 5", "7 6") + place + "encoding: raw\n": "7 6",
     }
     for text, fragment in table.items():
