@@ -28,14 +28,18 @@ export async function demoInBrowser(start, open, { until, text, number, moves, s
   }
 }
 
-/** While the hand moves, and where it rests. */
+/**
+ * While the hand moves, and where it moves little: what the page shows lies between what the API tells before and after.
+ * Tissue that creeps on a busy machine is never quite at rest.
+ */
 async function numbersAgree(p, api, { until, number, moves }) {
   await moves(p);
   for (const [id, name] of [["#n-distance", "distance_to_target_mm"], ["#n-rigid", "distance_to_target_rigid_mm"], ["#n-angle", "entry_angle_error_deg"], ["#n-depth", "depth_mm"]]) {
     await until(`${name} on the page as the API tells it`, async () => {
       const [a, shown, b] = [await api("/api/guidance"), await number(p, id), await api("/api/guidance")];
-      const still = a[name] !== null && Math.abs(a[name] - b[name]) < 0.01;
-      return still && Math.abs(shown - a[name]) <= 0.061;
+      if (a[name] === null || b[name] === null) return false;
+      const [least, most] = [Math.min(a[name], b[name]), Math.max(a[name], b[name])];
+      return most - least < 0.5 && shown >= least - 0.061 && shown <= most + 0.061;
     });
   }
 }
