@@ -411,6 +411,7 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
     // Points almost in one place, where surfaces meet.
     let close = Coarse { finest: lattice_edge, target: wanted, limit: 0.3, sag: 0.08, floor: 0.3 };
     work.coarsen(size, &close);
+    work.restore_lines();
     let inside = Coarse { finest, target: wanted, limit: 0.9, sag: 0.0, floor: 0.36 };
     work.coarsen(size, &inside);
     if work.count() > wanted {

@@ -87,6 +87,15 @@ impl Substep {
     }
 }
 
+/// When pressures follow the positions: before the first sweep, without a step of their own; between sweeps; and after the
+/// last, when nobody asks for the elements.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Press {
+    Begin,
+    Between,
+    End,
+}
+
 /// A state to be advanced.
 pub(crate) struct Body<'a> {
     /// Pressure of the fluid above that at rest, kPa.
@@ -198,7 +207,8 @@ impl Descent {
                     region::predict(&self.rounds, &mut scratch.memory, touching, (k == 0, self.reach));
             }
             if step.steps_pressures(k) {
-                self.press(body, scratch, true, pool);
+                let when = if k + 1 < step.iterations { Press::Between } else { Press::End };
+                self.press(body, scratch, when, pool);
             }
         }
         if self.free && body.couplings.is_empty() && body.tethers.is_empty() {
@@ -225,21 +235,16 @@ impl Descent {
         scratch.target.resize(body.positions.len(), [0.0; 4]);
         self.resist(body, scratch, step, pool);
         self.predict(body, &mut scratch.target, step, pool);
-        self.press(body, scratch, false, pool);
+        self.press(body, scratch, Press::Begin, pool);
     }
 
     /// Makes pressures follow the positions.
-    fn press(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, advance: bool, pool: &Pool) {
+    fn press(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, when: Press, pool: &Pool) {
         let DescentScratch { elements, still, total, .. } = scratch;
         let (tissue, numbers) = (body.tissue(), (&mut *body.pressure, &mut *body.growth));
-        self.pressures.update(
-            (tissue, body.positions),
-            numbers,
-            still,
-            elements,
-            total,
-            (advance, body.fluid_kpa, pool),
-        );
+        let elements = (when != Press::End).then_some((&*still, elements));
+        let how = (when != Press::Begin, body.fluid_kpa, pool);
+        self.pressures.update((tissue, body.positions), numbers, elements, total, how);
     }
 
     /// Moves on by inertia, and sets where loads would take each vertex.

@@ -144,13 +144,12 @@ impl Pressures {
     /// Growth of all elements at the current positions, and their pressures with it. With `advance` the nodal pressures
     /// take the next step of the multiplier method, `p <- (p + r (J - 1)) / (1 + r / k)`, at rest in itself when
     /// `p = k (J - 1)`. `fluid_kpa` is the fluid's own pressure: as the solid's it acts through the volumes of elements, so
-    /// it follows them within a sweep and the two cancel where they meet.
+    /// it follows them within a sweep and the two cancel where they meet. After the last sweep nobody asks for the elements.
     pub(super) fn update(
         &self,
         (of, positions): (Tissue<'_>, &[[f32; 4]]),
         (nodal, growth): (&mut [f32], &mut Vec<Row>),
-        still: &Still,
-        elements: &mut Vec<Element>,
+        elements: Option<(&Still, &mut Vec<Element>)>,
         total: &mut Vec<f32>,
         (advance, fluid_kpa, pool): (bool, f32, &Pool),
     ) {
@@ -169,6 +168,7 @@ impl Pressures {
                 total[k] = nodal[k] + step;
             });
         });
+        let Some((still, elements)) = elements else { return };
         if fluid_kpa != 0.0 {
             self.add_fluid(fluid_kpa, nodal, total);
         }

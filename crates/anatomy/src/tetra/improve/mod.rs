@@ -75,6 +75,8 @@ impl Work<'_> {
         }
         self.loose = 0.0;
         self.tighten();
+        // What was just good enough has more room now: it counts for the first percentile.
+        self.pass(LAST_BARS[2]);
     }
 
     /// Betters the good neighbours of elements below a bar, so many rings of them, which are then less in their way.

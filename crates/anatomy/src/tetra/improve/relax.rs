@@ -96,18 +96,25 @@ impl Work<'_> {
     /// The nearest place to `p` where the point `v` may be: on its surface, lifted off it as far as its label's volume
     /// asks, or within the work's tolerance of that.
     pub(super) fn constrain(&self, v: u32, freedom: &Freedom, p: V3, edge: f64) -> Option<V3> {
+        if matches!(freedom, Freedom::Free) {
+            return Some(p);
+        }
         let loose = self.loose * edge;
-        let place = match *freedom {
-            Freedom::Free => return Some(p),
-            Freedom::Fixed => None,
-            Freedom::Surface(pair) => self.project(pair, p, 0.5 * edge).map(|q| self.lifted(v, pair, q)),
-            Freedom::Line(..) => self.on_line(freedom, p, 0.5 * edge),
-        };
+        let place = self.own_place(v, freedom, p, 0.5 * edge);
         // Where the field does not tell the place, as it does not where surfaces were mended, the point's own serves.
         let place = place.or((loose > 0.0).then_some(self.points[v as usize]))?;
         let off = sub(p, place);
         let length = dot(off, off).sqrt();
         Some(if length <= loose { p } else { add(place, scale(off, loose / length)) })
+    }
+
+    /// The nearest place to `p`, and within `reach` of it, of the surface or line that the point `v` is on.
+    pub(super) fn own_place(&self, v: u32, freedom: &Freedom, p: V3, reach: f64) -> Option<V3> {
+        match *freedom {
+            Freedom::Free | Freedom::Fixed => None,
+            Freedom::Surface(pair) => self.project(pair, p, reach).map(|q| self.lifted(v, pair, q)),
+            Freedom::Line(one, two) => self.on_line(one, two, p, reach),
+        }
     }
 
     fn lifted(&self, v: u32, pair: Pair, p: V3) -> V3 {
@@ -118,17 +125,28 @@ impl Work<'_> {
         add(p, scale(unit(self.fields.between(pair.0, pair.1, p).1), lift))
     }
 
-    fn on_line(&self, freedom: &Freedom, p: V3, reach: f64) -> Option<V3> {
-        match *freedom {
-            Freedom::Line(one, two) => {
-                let mut p = p;
-                for _ in 0..3 {
-                    p = self.project(two, self.project(one, p, reach)?, reach)?;
-                }
-                Some(p)
+    /// The nearest point of the line where two surfaces meet, by Newton steps of the least length.
+    fn on_line(&self, one: Pair, two: Pair, start: V3, reach: f64) -> Option<V3> {
+        let mut p = start;
+        for _ in 0..8 {
+            let ((f, u), (g, w)) = (self.fields.between(one.0, one.1, p), self.fields.between(two.0, two.1, p));
+            if f.abs().max(g.abs()) < 5e-3 {
+                return Some(p);
             }
-            _ => None,
+            let (uu, ww, uw) = (dot(u, u), dot(w, w), dot(u, w));
+            let det = uu * ww - uw * uw;
+            // Surfaces that hardly cross have no line to speak of.
+            if det < 1e-2 * uu * ww || det < 1e-12 {
+                return None;
+            }
+            let step = add(scale(u, (uw * g - ww * f) / det), scale(w, (uw * f - uu * g) / det));
+            let length = dot(step, step).sqrt();
+            p = add(p, scale(step, (self.fields.step / length).min(1.0)));
+            if distance(p, start) > reach {
+                return None;
+            }
         }
+        None
     }
 
     /// Moves a point to where its worst element is better: to the middle of its star, then uphill.

@@ -1,13 +1,20 @@
 //! Bringing points back to the surfaces that they have left for the sake of a bad element.
 
 use super::super::vec3::{add, distance, scale, sub};
+use super::mask::Mask;
 use super::volume::GOOD;
 use super::work::Work;
 
 /// Rounds over all points: one that gives way makes room for the next.
 const ROUNDS: usize = 2;
+/// Rounds over the points of lines: they have further to go, and lie next to each other.
+const LINE_ROUNDS: usize = 8;
+/// What lies around lines may become as bad as this: it is bettered afterwards.
+const EARLY: f64 = 0.1;
 /// Points nearer to their surface than this part of the mean edge around them stay.
 const NEAR: f64 = 0.02;
+/// So many mean edges off, a surface is not sought any more.
+const REACH: f64 = 1.5;
 /// Parts of the way back, the first that leaves the elements good.
 const WAYS: [f64; 4] = [1.0, 0.5, 0.25, 0.12];
 
@@ -15,23 +22,33 @@ impl Work<'_> {
     /// Moves the points of surfaces towards these as far as elements stay good, or as bad as they
     /// were. What a point was let off for has often been mended since, by others.
     pub(super) fn tighten(&mut self) {
-        for _ in 0..ROUNDS {
+        self.return_all(ROUNDS, GOOD, |labels| labels.count() > 1);
+    }
+
+    /// Moves the points where three labels meet to that line, before anything is bettered: where elements were given to another
+    /// label, so that surfaces are manifold, they lie up to a cell off, and are later in each other's way.
+    pub(in super::super) fn restore_lines(&mut self) {
+        self.return_all(LINE_ROUNDS, EARLY, |labels| labels.labels().count() == 3);
+    }
+
+    fn return_all(&mut self, rounds: usize, good: f64, which: impl Fn(Mask) -> bool) {
+        for _ in 0..rounds {
             for v in 0..self.points.len() as u32 {
-                if self.masks[v as usize].count() > 1 && !self.stars[v as usize].is_empty() {
-                    self.return_to_surface(v);
+                if which(self.masks[v as usize]) && !self.stars[v as usize].is_empty() {
+                    self.return_to_surface(v, good);
                 }
             }
         }
     }
 
-    fn return_to_surface(&mut self, v: u32) {
+    fn return_to_surface(&mut self, v: u32, good: f64) {
         let from = self.points[v as usize];
         let edge = self.middle(v).1;
-        let Some(place) = self.constrain(v, &self.freedom(v), from, edge) else { return };
+        let Some(place) = self.own_place(v, &self.freedom(v), from, REACH * edge) else { return };
         if distance(place, from) < NEAR * edge {
             return;
         }
-        let floor = GOOD.min(self.worst_around(v)) - 1e-9;
+        let floor = good.min(self.worst_around(v)) - 1e-9;
         for part in WAYS {
             if self.try_move(v, add(from, scale(sub(place, from), part)), floor) {
                 return;
