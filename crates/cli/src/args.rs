@@ -283,6 +283,9 @@ What is printed (forces in N, along the axes of the scene):
                   answer
   share           share of the imposed motion and load that was reached, 0 to 1
   tets_solved     elements that the answer was found on, after refinement
+  mesh_change     what the last refinement changed: the displacement (relative L2, at the nodes given) and the largest force,
+                  as shares, and the elements before it (tets_before); a finer mesh would still change about as much; null
+                  where there was no refinement
   turned          how many of them are turned inside out or without volume
   self_crossing   where the surface of the body, or a wall between its regions, passes through itself and does not at rest:
                   pairs of triangles that cross, and the place of the first in metres (at_m); null where it does not

@@ -56,8 +56,8 @@ pub use options::{
 pub use report::{Event, StepReport, ToolReport};
 pub use state::State;
 pub use statics::{
-    Coarse, EmbeddedRod, Finer, Overlap, Pressure, SphereContact, StaticError, StaticOptions, StaticProblem,
-    StaticSolution, Stop, Support, Unfinished, equilibrium,
+    Coarse, EmbeddedRod, Finer, MeshChange, Overlap, Pressure, SphereContact, StaticError, StaticOptions,
+    StaticProblem, StaticSolution, Stop, Support, Unfinished, equilibrium,
 };
 pub use step::{Stage, Stepper};
 pub use tool::{TipShape, Tool, ToolMotion, ToolPose};

@@ -6,12 +6,30 @@ use monro_tissue::{Coarse, Overlap, StaticSolution};
 /// A point support that bears less than this share of all reactions only keeps the body in its place.
 const BEARS: f64 = 1e-3;
 
+/// A change by this from one mesh to the next is told.
+const CHANGED: f64 = 0.05;
+
 /// Remarks on the limits of a solution.
 pub(super) fn all(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
     let mut out: Vec<String> = solved.overlaps.iter().flat_map(|o| overlap(scene, o)).collect();
     out.extend(solved.coarse.iter().map(coarse));
     out.extend(points(scene, solved));
+    out.extend(changing(solved));
     out
+}
+
+/// A solution that finer meshes will change further.
+fn changing(solved: &StaticSolution) -> Option<String> {
+    let c = solved.change.filter(|c| c.displacement.max(c.force) > CHANGED)?;
+    Some(format!(
+        "from {} to {} elements the displacement changed by {:.1} % and the forces by {:.1} %: finer meshes will change them \
+         further, by up to as much again where something driven or held has a sharp edge; give a finer mesh there, or ask for \
+         --refine 1 to 3 and compare",
+        c.tets,
+        solved.tets,
+        100.0 * c.displacement,
+        100.0 * c.force
+    ))
 }
 
 fn overlap(scene: &Scene, o: &Overlap) -> Vec<String> {

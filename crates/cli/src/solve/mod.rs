@@ -26,7 +26,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Elements up to which the mesh is made finer when nothing else is asked: seconds of work.
+/// Elements up to which the mesh is made finer when nothing else is asked: seconds of work, tens near nu 0.5.
 const TETS: usize = 80_000;
 
 /// Milliseconds after which a solve ends when nothing else is asked.
@@ -159,6 +159,9 @@ fn forces(scene: &Scene, solved: &StaticSolution) -> Map<String, Value> {
     json.insert("unborne".into(), solved.unborne.into());
     json.insert("share".into(), solved.share.into());
     json.insert("tets_solved".into(), solved.tets.into());
+    let change =
+        solved.change.map(|c| json!({ "tets_before": c.tets, "displacement": c.displacement, "force": c.force }));
+    json.insert("mesh_change".into(), json!(change));
     json.insert("turned".into(), solved.turned.into());
     json.insert("newton_steps".into(), solved.steps.into());
     json.insert("products".into(), solved.products.into());

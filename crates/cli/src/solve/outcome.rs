@@ -72,8 +72,18 @@ fn unfinished(solved: &StaticSolution) -> Option<String> {
         }
         (Some(stop), false) => why(stop).to_owned(),
     };
+    if finer.tets == solved.tets {
+        return None;
+    }
+    let collapse = match finer.is_collapse() {
+        true => {
+            "; what a coarse mesh bears and a finer one does not is most likely more than the body bears: impose less"
+        }
+        false => "",
+    };
     Some(format!(
-        "a finer mesh of {} elements was given up ({reached}); the answer is that of {} elements, with a residual of {:.2e}",
+        "a finer mesh of {} elements was given up ({reached}); the answer is that of {} elements, with a residual of \
+         {:.2e}{collapse}",
         finer.tets, solved.tets, solved.residual
     ))
 }
@@ -115,7 +125,8 @@ fn sphere(index: usize, c: &SphereContact, force: Vector<Patient>, [rest, end]: 
     let (first, last) = (away(rest, c.from), away(end, c.to));
     let crossed = rest.ray(c.from, c.to - c.from).is_some_and(|h| h.t <= 1.0);
     if force.norm() == 0.0 {
-        let how = if crossed { "went into the body at rest and ends beyond it" } else { "never touches the body" };
+        let how =
+            if crossed { "went through the body at rest and ends beyond it" } else { "does not touch it in the end" };
         return Some(format!(
             "sphere {index} {how}: it begins {:.4} mm from the surface and ends {:.4} mm from it, and pushes with no force",
             first - c.radius_mm,

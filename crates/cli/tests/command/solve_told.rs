@@ -98,7 +98,7 @@ fn elements_turned_inside_out_are_remarked_upon_and_not_called_converged() {
 #[test]
 fn a_sphere_that_never_touches_is_told_with_its_distance() {
     let near = told(punched([0.01, 0.01, 0.1], [0.01, 0.01, 0.06]));
-    says(&remarks(&near), &["sphere 0 never touches", "60.0000 mm", "20.0000 mm"]);
+    says(&remarks(&near), &["sphere 0 does not touch it in the end", "60.0000 mm", "20.0000 mm"]);
     let deep = told(punched([0.01, 0.01, 0.039], [0.01, 0.01, 0.038]));
     says(&remarks(&deep), &["sphere 0 begins 1.0000 mm deep"]);
     let far = told(punched([0.01, 0.01, 5.0], [0.01, 0.01, 0.039]));

@@ -63,13 +63,13 @@ impl Fine {
         edges.map(|e| (self.length2(e), e)).max_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|l| l.1)
     }
 
-    /// One pass of bisection where an element's longest edge exceeds the size wanted at its middle, mm. `None` when
-    /// nothing is too long.
-    pub(super) fn bisect(&mut self, size: &dyn Fn(P) -> f64) -> Option<Cuts> {
+    /// One pass of bisection where an element's longest edge exceeds the size wanted of it, mm. `None` when nothing is too
+    /// long.
+    pub(super) fn bisect(&mut self, size: &dyn Fn(&Self, usize) -> f64) -> Option<Cuts> {
         let mut marked = BTreeSet::new();
         for t in 0..self.tets.len() {
             let Some(e) = self.longest(self.tets[t], |_| true) else { continue };
-            let wanted = size(self.centroid(t));
+            let wanted = size(self, t);
             if self.length2(e) > wanted * wanted {
                 marked.insert(e);
             }
@@ -197,7 +197,7 @@ mod tests {
     fn bisection_reaches_the_size_asked_for_and_stays_conforming() {
         let mut f = fine();
         let size = |p: P| 0.7 + 0.5 * p.iter().map(|v| (v - 3.0).powi(2)).sum::<f64>().sqrt();
-        while f.bisect(&size).is_some() {
+        while f.bisect(&|f, t| size(f.centroid(t))).is_some() {
             check(&f);
         }
         for t in 0..f.tets.len() {

@@ -10,6 +10,7 @@
 mod balance;
 mod bisect;
 mod held;
+mod level;
 mod loads;
 mod newton;
 mod overlap;
@@ -19,15 +20,16 @@ mod refine;
 mod site;
 mod sphere;
 mod told;
+mod uncertain;
 
 use crate::{Model, ModelOptions};
+use level::{How, Level};
 use monro_geometry::{Patient, TetMesh, Vector};
 use problem::{outside, validate};
-use refine::Refined;
 use std::collections::BTreeSet;
 
 pub use problem::{EmbeddedRod, Pressure, SphereContact, StaticError, StaticProblem, Support};
-pub use told::{Coarse, Overlap, StaticSolution, Stop, Unfinished};
+pub use told::{Coarse, MeshChange, Overlap, StaticSolution, Stop, Unfinished};
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,20 +44,25 @@ pub struct StaticOptions {
     pub finer: Finer,
 }
 
-/// How often every element is cut into eight, with the answer on one mesh as the start on the next.
+/// How much finer the mesh becomes, with the answer on one mesh as the start on the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Finer {
-    /// So often.
+    /// Every element is cut into eight so often.
     Times(u32),
-    /// As often as that gives no more elements than this.
+    /// The same as often as that gives no more than a quarter of this; up to there, elements are then made smaller where the
+    /// answer is least certain.
     UpTo(usize),
 }
+
+/// What is left of a number of elements for those that are made smaller where it matters: so many times those that are cut
+/// everywhere.
+const LOCAL: usize = 4;
 
 impl Finer {
     fn go_on(self, times: u32, tets: usize) -> bool {
         match self {
             Self::Times(n) => times < n,
-            Self::UpTo(most) => 8 * tets <= most,
+            Self::UpTo(most) => 8 * tets <= most / LOCAL,
         }
     }
 }
@@ -66,8 +73,7 @@ impl Default for StaticOptions {
     }
 }
 
-/// Finds the equilibrium of a mesh at rest. The mesh is refined around rods and spheres, and as a whole as often as the
-/// options ask; results are given at the vertices of `mesh`. `keep_going` is asked before each product with the Hessian:
+/// Finds the equilibrium of a mesh at rest. The mesh is refined around rods and spheres, and as a whole as the options ask; results are given at the vertices of `mesh`. `keep_going` is asked before each product with the Hessian:
 /// return `false` to stop with the best state so far (a time budget belongs to the caller).
 ///
 /// # Errors
@@ -81,40 +87,14 @@ pub fn equilibrium(
 ) -> Result<StaticSolution, StaticError> {
     validate(mesh.vertices.len(), problem)?;
     outside(mesh, problem)?;
-    let mut refined = Refined::new(mesh, problem).around_tools(keep_going);
-    let mut solved = on(&refined, model, None, options, keep_going)?;
-    overlap::refuse(&solved)?;
-    let mut times = 0;
-    while solved.converged && options.finer.go_on(times, solved.tets) {
-        let finer = refined.clone().halved();
-        let start = finer.prolonged(&solved.displacement);
-        let next = keep_going().then(|| on(&finer, model, Some(&start), options, keep_going).ok());
-        match next {
-            Some(Some(next)) if next.converged => (solved, refined) = (next, finer),
-            other => {
-                solved.unfinished = Some(Unfinished::of(finer.mesh.tets.len(), other));
-                // Asked for, it is missing; as good as it gets, it is what there is.
-                solved.converged = !matches!(options.finer, Finer::Times(_));
-                break;
-            }
-        }
-        times += 1;
+    let mut how = How { model, options, keep_going };
+    let mut level = Level::first(mesh, problem, &mut how)?;
+    overlap::refuse(&level.solved)?;
+    level.refine_all(&mut how);
+    if let Finer::UpTo(most) = options.finer {
+        level.refine_uncertain(most, &mut how);
     }
-    solved.reaction = refined.gathered(solved.reaction);
-    solved.displacement.truncate(refined.given());
-    solved.first_turned = solved.first_turned.map(|t| refined.part_of(t));
-    (solved.coarse, solved.points) = (refined.coarse, Refined::new(mesh, problem).points());
-    Ok(solved)
-}
-
-fn on(
-    refined: &Refined,
-    options: &ModelOptions,
-    start: Option<&[Vector<Patient>]>,
-    how: &StaticOptions,
-    keep_going: &mut dyn FnMut() -> bool,
-) -> Result<StaticSolution, StaticError> {
-    Model::new(&refined.mesh, options)?.solve(&refined.problem, start, how, keep_going)
+    Ok(level.given(mesh, problem))
 }
 
 impl Model {
@@ -179,6 +159,7 @@ impl Model {
             turned: turned.len(),
             first_turned: self.tet_number.iter().position(|t| turned.contains(t)),
             unfinished: None,
+            change: None,
             steps: solved.steps,
             products: solved.products,
         })

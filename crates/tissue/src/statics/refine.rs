@@ -19,6 +19,9 @@ const HALVED: f64 = 128.0;
 /// Growth of the elements with the distance from a tool, mm per mm.
 const GROWTH: f64 = 0.7;
 
+/// What counts as half of an edge: bisections meet it sooner than the exact half.
+const HALF: f64 = 0.6;
+
 /// No mesh is refined beyond this.
 const MOST_TETS: usize = 400_000;
 
@@ -65,7 +68,7 @@ impl Refined {
         while self.fine.tets.len() < MOST_TETS && keep_going() {
             let before = outer_faces(&self.fine);
             let old = (self.fine.tets.clone(), self.fine.labels.clone());
-            let Some(cuts) = self.fine.bisect(&size) else { break };
+            let Some(cuts) = self.fine.bisect(&|fine, t| size(fine.centroid(t))) else { break };
             self.inherit(&cuts, &old, &before, false);
         }
         for rod in self.problem.rods.iter().filter(|_| keep_going()) {
@@ -80,6 +83,23 @@ impl Refined {
         let old = (self.fine.tets.clone(), self.fine.labels.clone());
         let cuts = self.fine.eight();
         self.inherit(&cuts, &old, &before, true);
+        self.finished()
+    }
+
+    /// The marked elements, and what must follow them, with edges about half as long.
+    pub(super) fn halved_where(mut self, marked: &[bool]) -> Self {
+        let tets = self.fine.tets.len();
+        let longest: Vec<f64> = (0..tets).map(|t| self.fine.longest_edge(t)).collect();
+        // While it goes on, elements are parts of those that are marked.
+        let parts = core::mem::replace(&mut self.fine.part_of, (0..tets as u32).collect());
+        loop {
+            let before = outer_faces(&self.fine);
+            let old = (self.fine.tets.clone(), self.fine.labels.clone());
+            let wanted = |part: usize| if marked[part] { HALF * longest[part] } else { f64::INFINITY };
+            let Some(cuts) = self.fine.bisect(&|fine, t| wanted(fine.part_of[t] as usize)) else { break };
+            self.inherit(&cuts, &old, &before, false);
+        }
+        self.fine.part_of.iter_mut().for_each(|part| *part = parts[*part as usize]);
         self.finished()
     }
 

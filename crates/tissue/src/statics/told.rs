@@ -2,6 +2,9 @@
 
 use monro_geometry::{Patient, Vector};
 
+/// Share of the elements turned inside out from which on a body is taken to collapse.
+const COLLAPSED: f64 = 0.01;
+
 /// An equilibrium, or the best found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StaticSolution {
@@ -30,6 +33,8 @@ pub struct StaticSolution {
     pub first_turned: Option<usize>,
     /// A finer mesh whose solution was given up: this one is that of the mesh before it.
     pub unfinished: Option<Unfinished>,
+    /// What the last refinement changed; `None` when there was none. What a finer mesh would still change is of that order.
+    pub change: Option<MeshChange>,
     /// Where spheres and tissue overlap in the end.
     pub overlaps: Vec<Overlap>,
     /// Sum of the forces out of balance over the sum of the loads and of the spheres' forces.
@@ -96,6 +101,18 @@ pub struct Coarse {
     pub given_mm: f64,
 }
 
+/// What changed from one mesh to the next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeshChange {
+    /// Elements before.
+    pub tets: usize,
+    /// Relative L2 change of the displacement at the vertices of the given mesh.
+    pub displacement: f64,
+    /// Largest change of the force of a set of supports, a sphere or a rod, over the largest of these forces (or a tenth of what
+    /// all vertices bear, where a set's forces balance each other).
+    pub force: f64,
+}
+
 /// What was reached on a finer mesh that was given up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unfinished {
@@ -111,12 +128,20 @@ pub struct Unfinished {
 
 impl Unfinished {
     /// Of what was found on a finer mesh: nothing where time was up before, nothing inside where it made no model.
-    pub(super) fn of(tets: usize, found: Option<Option<StaticSolution>>) -> Self {
+    pub(super) fn of(tets: usize, found: Option<Option<&StaticSolution>>) -> Self {
         let (residual, turned) = (f64::INFINITY, 0);
         match found {
             None => Self { tets, residual, turned, stop: Some(Stop::Asked) },
             Some(None) => Self { tets, residual, turned, stop: Some(Stop::Stuck) },
             Some(Some(f)) => Self { tets, residual: f.residual, turned: f.turned, stop: f.stop },
         }
+    }
+
+    /// Whether the load rather than the solver is to blame: the body folds, flies away or turns inside out in many places. A
+    /// few turned elements lie at sharp edges of what is driven.
+    pub fn is_collapse(&self) -> bool {
+        let failed =
+            self.residual.is_finite() && !matches!(self.stop, Some(Stop::Asked | Stop::Steps | Stop::Products));
+        failed && self.turned as f64 > COLLAPSED * self.tets as f64
     }
 }

@@ -1,0 +1,160 @@
+//! A mesh with its solution, and the way on to finer ones.
+
+use super::refine::Refined;
+use super::uncertain;
+use super::{Finer, MeshChange, StaticError, StaticOptions, StaticProblem, StaticSolution, Stop, Unfinished};
+use crate::{Model, ModelOptions};
+use monro_geometry::{Patient, TetMesh, Vector};
+use std::collections::BTreeMap;
+
+/// Rounds of local refinement.
+const ROUNDS: u32 = 3;
+/// Elements that come of one that is marked, its neighbours' among them.
+const PIECES: usize = 9;
+/// A mesh that grows by less is not worth another solve.
+const MORE: f64 = 1.3;
+/// A solution out of balance by less than this is nearer to the truth than that of a coarser mesh.
+const NEARLY: f64 = 1e-3;
+
+/// Forces of a set that balance each other are counted with this share of what its vertices bear.
+const BALANCED: f64 = 0.1;
+
+/// How levels are solved.
+pub(super) struct How<'a> {
+    pub(super) model: &'a ModelOptions,
+    pub(super) options: &'a StaticOptions,
+    pub(super) keep_going: &'a mut dyn FnMut() -> bool,
+}
+
+/// A refined mesh with its solution.
+pub(super) struct Level {
+    refined: Refined,
+    pub(super) solved: StaticSolution,
+}
+
+impl How<'_> {
+    fn solve(&mut self, refined: &Refined, start: Option<&[Vector<Patient>]>) -> Result<StaticSolution, StaticError> {
+        Model::new(&refined.mesh, self.model)?.solve(&refined.problem, start, self.options, self.keep_going)
+    }
+}
+
+impl Level {
+    /// The given mesh, refined around tools.
+    pub(super) fn first(mesh: &TetMesh, problem: &StaticProblem, how: &mut How<'_>) -> Result<Self, StaticError> {
+        let refined = Refined::new(mesh, problem).around_tools(how.keep_going);
+        let solved = how.solve(&refined, None)?;
+        Ok(Self { refined, solved })
+    }
+
+    /// Each element into eight, as often as the options say.
+    pub(super) fn refine_all(&mut self, how: &mut How<'_>) {
+        let mut times = 0;
+        while self.solved.converged && how.options.finer.go_on(times, self.solved.tets) {
+            let finer = self.refined.clone().halved();
+            if let Some(given_up) = self.go_on(finer, how) {
+                // Asked for, it is missing; as good as it gets, it is what there is, unless finer meshes bear it no more.
+                let as_asked = !matches!(how.options.finer, Finer::Times(_));
+                self.solved.converged = as_asked && !given_up.is_collapse();
+                self.solved.unfinished = Some(given_up);
+                return;
+            }
+            times += 1;
+        }
+    }
+
+    /// The elements with the largest errors, as long as there are no more than `most`. Tools have the elements that they
+    /// need already.
+    pub(super) fn refine_uncertain(&mut self, most: usize, how: &mut How<'_>) {
+        let problem = &self.refined.problem;
+        if !(problem.rods.is_empty() && problem.contacts.is_empty()) {
+            return;
+        }
+        for round in 1..=ROUNDS {
+            let tets = self.solved.tets;
+            let aim = tets as f64 * (most as f64 / tets as f64).powf(1.0 / f64::from(ROUNDS + 1 - round));
+            if !self.solved.converged || self.solved.unfinished.is_some() || aim < MORE * tets as f64 {
+                continue;
+            }
+            let Some(finer) = self.finer_where_uncertain(aim as usize, how) else { continue };
+            self.solved.unfinished = self.go_on(finer, how);
+        }
+    }
+
+    fn finer_where_uncertain(&self, aim: usize, how: &How<'_>) -> Option<Refined> {
+        let stiffness = |label: u16| how.model.materials.get(&label).map_or(1.0, |m| m.young_kpa);
+        let mut count = (aim - self.solved.tets) / PIECES;
+        while count > 0 {
+            let marked = uncertain::worst(&self.refined.mesh, &self.solved.displacement, stiffness, count);
+            let finer = self.refined.clone().halved_where(&marked);
+            if finer.mesh.tets.len() <= aim + aim / 10 {
+                return Some(finer);
+            }
+            count /= 2;
+        }
+        None
+    }
+
+    /// Takes the place of this level, if it is solved; else what was reached.
+    fn go_on(&mut self, finer: Refined, how: &mut How<'_>) -> Option<Unfinished> {
+        let start = finer.prolonged(&self.solved.displacement);
+        let found = (how.keep_going)().then(|| how.solve(&finer, Some(&start)).ok());
+        let tets = finer.mesh.tets.len();
+        let asked = matches!(how.options.finer, Finer::Times(_));
+        match found {
+            Some(Some(solved)) if solved.converged || (asked && is_nearly(&solved)) => {
+                let unfinished = (!solved.converged).then(|| Unfinished::of(tets, Some(Some(&solved))));
+                let mut next = Self { refined: finer, solved };
+                next.solved.change = Some(self.change(&next));
+                *self = next;
+                unfinished
+            }
+            other => Some(Unfinished::of(tets, other.as_ref().map(Option::as_ref))),
+        }
+    }
+
+    fn change(&self, next: &Self) -> MeshChange {
+        let given = self.refined.given();
+        let (old, new) = (&self.solved.displacement[..given], &next.solved.displacement[..given]);
+        let apart: f64 = old.iter().zip(new).map(|(a, b)| (*a - *b).norm_squared()).sum();
+        let all: f64 = new.iter().map(|d| d.norm_squared()).sum();
+        let (before, forces) = (self.forces(), next.forces());
+        let most = |of: &mut dyn Iterator<Item = f64>| of.fold(0.0, f64::max);
+        let force_apart = most(&mut before.iter().zip(&forces).map(|(a, b)| (*a - *b).norm()));
+        let borne: f64 = next.solved.reaction.iter().map(|r| r.norm()).sum();
+        let share = |part: f64, all: f64| if all > 0.0 { part / all } else { 0.0 };
+        MeshChange {
+            tets: self.solved.tets,
+            displacement: share(apart.sqrt(), all.sqrt()),
+            force: share(force_apart, most(&mut forces.iter().map(|f| f.norm())).max(BALANCED * borne)),
+        }
+    }
+
+    /// Forces of sets, spheres and rods.
+    fn forces(&self) -> Vec<Vector<Patient>> {
+        let mut sets = BTreeMap::<u32, Vector<_>>::new();
+        for s in &self.refined.problem.supports {
+            let (force, sum) = (
+                self.solved.reaction[s.node as usize].to_array(),
+                sets.entry(s.set).or_insert(Vector::new(0.0, 0.0, 0.0)),
+            );
+            let held = |a: usize| if s.displacement_mm[a].is_some() { force[a] } else { 0.0 };
+            *sum += Vector::from_array([0, 1, 2].map(held));
+        }
+        sets.into_values().chain(self.solved.contacts.iter().chain(&self.solved.rods).copied()).collect()
+    }
+
+    /// The answer at the vertices of the given mesh.
+    pub(super) fn given(self, mesh: &TetMesh, problem: &StaticProblem) -> StaticSolution {
+        let Self { refined, mut solved } = self;
+        solved.reaction = refined.gathered(solved.reaction);
+        solved.displacement.truncate(refined.given());
+        solved.first_turned = solved.first_turned.map(|t| refined.part_of(t));
+        (solved.coarse, solved.points) = (refined.coarse, Refined::new(mesh, problem).points());
+        solved
+    }
+}
+
+/// Whether a solution that was stopped misses balance by little.
+fn is_nearly(solved: &StaticSolution) -> bool {
+    solved.stop == Some(Stop::Asked) && solved.residual < NEARLY && solved.turned == 0 && solved.share >= 1.0
+}

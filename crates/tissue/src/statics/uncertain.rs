@@ -1,0 +1,115 @@
+//! Which elements a static solution is least certain in: where its gradient jumps from element to element.
+//!
+//! The gradient of the displacement, smoothed over the nodes of a region, is nearer to the truth than that of each element;
+//! what they differ by tells an element's error (Zienkiewicz and Zhu 1987).
+
+use super::bisect::P;
+use monro_geometry::{Patient, TetMesh, Vector};
+use std::collections::BTreeMap;
+
+/// Share of all errors' squares that is worth finer elements in one round.
+const WORTH: f64 = 0.9;
+
+/// Elements pressed to less than this share of their volume are left as they are: at a sharp edge of what is driven the true
+/// gradient has no bound, and smaller elements there turn inside out.
+const CRUSHED: f64 = 0.5;
+
+/// Rows of the displacement's gradient.
+type Gradient = [P; 3];
+
+/// The elements with the largest errors, at most so many, and no more than have nearly all of the error. `stiffness` is that
+/// of a label.
+pub(super) fn worst(
+    mesh: &TetMesh,
+    moved: &[Vector<Patient>],
+    stiffness: impl Fn(u16) -> f64,
+    most: usize,
+) -> Vec<bool> {
+    let errors = errors(mesh, moved, stiffness);
+    let mut order: Vec<usize> = (0..errors.len()).collect();
+    order.sort_by(|&a, &b| errors[b].total_cmp(&errors[a]).then(a.cmp(&b)));
+    let (mut left, mut out) = (WORTH * errors.iter().sum::<f64>(), vec![false; errors.len()]);
+    for t in order.into_iter().take(most) {
+        if left <= 0.0 {
+            break;
+        }
+        left -= errors[t];
+        out[t] = true;
+    }
+    out
+}
+
+/// Square of the error of each element in energy, but for a factor.
+fn errors(mesh: &TetMesh, moved: &[Vector<Patient>], stiffness: impl Fn(u16) -> f64) -> Vec<f64> {
+    let of: Vec<(Gradient, f64)> = mesh.tets.iter().map(|t| gradient(mesh, moved, *t)).collect();
+    let mut smooth = BTreeMap::<(u16, u32), (Gradient, f64)>::new();
+    for ((tet, &label), (g, volume)) in mesh.tets.iter().zip(&mesh.labels).zip(&of) {
+        for &v in tet {
+            let sum = smooth.entry((label, v)).or_insert(([[0.0; 3]; 3], 0.0));
+            sum.0.as_flattened_mut().iter_mut().zip(g.as_flattened()).for_each(|(s, g)| *s += volume * g);
+            sum.1 += volume;
+        }
+    }
+    let one = |((tet, &label), (g, volume)): ((&[u32; 4], &u16), &(Gradient, f64))| {
+        let apart = |v: &u32| {
+            let (sum, all) = &smooth[&(label, *v)];
+            sum.as_flattened().iter().zip(g.as_flattened()).map(|(s, g)| (s / all - g).powi(2)).sum::<f64>()
+        };
+        if grown(g) < CRUSHED { 0.0 } else { stiffness(label) * volume * tet.iter().map(apart).sum::<f64>() }
+    };
+    mesh.tets.iter().zip(&mesh.labels).zip(&of).map(one).collect()
+}
+
+/// Volume over that at rest.
+fn grown(g: &Gradient) -> f64 {
+    let [x, y, z] = [0, 1, 2].map(|a| Vector::<Patient>::from_array([0, 1, 2].map(|b| g[a][b] + f64::from(a == b))));
+    x.dot(y.cross(z))
+}
+
+/// Gradient of the displacement in an element, and six times its volume, mm3.
+fn gradient(mesh: &TetMesh, moved: &[Vector<Patient>], tet: [u32; 4]) -> (Gradient, f64) {
+    let [p, q, r, s] = tet.map(|v| mesh.vertices[v as usize]);
+    let edges = [q - p, r - p, s - p];
+    let six = edges[0].dot(edges[1].cross(edges[2]));
+    let mut out = [[0.0; 3]; 3];
+    for k in 0..3 {
+        // What grows by one along this edge and by nothing along the others.
+        let slope = (edges[(k + 1) % 3].cross(edges[(k + 2) % 3]) * (1.0 / six)).to_array();
+        let change = (moved[tet[k + 1] as usize] - moved[tet[0] as usize]).to_array();
+        for (row, c) in out.iter_mut().zip(change) {
+            row.iter_mut().zip(slope).for_each(|(g, s)| *g += c * s);
+        }
+    }
+    (out, six)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::tests::block;
+
+    #[test]
+    fn an_even_gradient_is_found_and_has_no_error() {
+        let mesh = block([3, 3, 3], 2.0);
+        let field = |x: P| [0.1 * x[0] - 0.2 * x[1], 0.3 * x[2], 0.05 * x[0] + 0.4 * x[1]];
+        let moved: Vec<_> = mesh.vertices.iter().map(|p| Vector::from_array(field(p.to_array()))).collect();
+        let (g, six) = gradient(&mesh, &moved, mesh.tets[7]);
+        let expected = [[0.1, -0.2, 0.0], [0.0, 0.0, 0.3], [0.05, 0.4, 0.0]];
+        assert!((grown(&g) - 1.1 * (1.0 - 0.12) - 0.2 * (0.0 - 0.015)).abs() < 1e-12, "{}", grown(&g));
+        assert!((six / 6.0 - mesh.volume(7)).abs() < 1e-12);
+        assert!(g.as_flattened().iter().zip(expected.as_flattened()).all(|(g, e)| (g - e).abs() < 1e-12), "{g:?}");
+        assert!(errors(&mesh, &moved, |_| 1.0).iter().all(|&e| e < 1e-20));
+    }
+
+    #[test]
+    fn the_worst_elements_are_those_where_the_gradient_changes() {
+        let mesh = block([8, 2, 2], 1.0);
+        // A kink at x = 2.
+        let moved: Vec<_> = mesh.vertices.iter().map(|p| Vector::new(0.0, 0.0, (p.x - 2.0).max(0.0))).collect();
+        let found = worst(&mesh, &moved, |_| 1.0, usize::MAX);
+        let middle = |t: usize| mesh.corners(t).iter().map(|p| p.x).sum::<f64>() / 4.0;
+        assert!(found.iter().any(|&f| f));
+        assert!((0..found.len()).filter(|&t| found[t]).all(|t| (middle(t) - 2.0).abs() < 1.0));
+        assert_eq!(worst(&mesh, &moved, |_| 1.0, 3).iter().filter(|&&f| f).count(), 3);
+    }
+}
