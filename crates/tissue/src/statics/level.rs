@@ -8,7 +8,10 @@ use monro_geometry::{Patient, TetMesh, Vector};
 use std::collections::BTreeMap;
 
 /// Rounds of local refinement.
-const ROUNDS: u32 = 3;
+const ROUNDS: u32 = 2;
+/// Elements in the end over those at first, and over those that there may be of even size.
+const TIMES: usize = 4;
+const BEYOND: f64 = 1.25;
 /// Elements that come of one that is marked, its neighbours' among them.
 const PIECES: usize = 9;
 /// A mesh that grows by less is not worth another solve.
@@ -62,16 +65,17 @@ impl Level {
         }
     }
 
-    /// The elements with the largest errors, as long as there are no more than `most`. Tools have the elements that they
-    /// need already.
+    /// The elements with the largest errors, where there may be `most` of even size. Tools have the elements that they need
+    /// already.
     pub(super) fn refine_uncertain(&mut self, most: usize, how: &mut How<'_>) {
         let problem = &self.refined.problem;
         if !(problem.rods.is_empty() && problem.contacts.is_empty()) {
             return;
         }
+        let limit = ((TIMES * self.solved.tets) as f64).min(BEYOND * most as f64);
         for round in 1..=ROUNDS {
             let tets = self.solved.tets;
-            let aim = tets as f64 * (most as f64 / tets as f64).powf(1.0 / f64::from(ROUNDS + 1 - round));
+            let aim = tets as f64 * (limit / tets as f64).powf(1.0 / f64::from(ROUNDS + 1 - round));
             if !self.solved.converged || self.solved.unfinished.is_some() || aim < MORE * tets as f64 {
                 continue;
             }
@@ -86,7 +90,7 @@ impl Level {
         while count > 0 {
             let marked = uncertain::worst(&self.refined.mesh, &self.solved.displacement, stiffness, count);
             let finer = self.refined.clone().halved_where(&marked);
-            if finer.mesh.tets.len() <= aim + aim / 10 {
+            if finer.mesh.tets.len() <= aim + aim / 20 {
                 return Some(finer);
             }
             count /= 2;

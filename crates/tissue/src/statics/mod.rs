@@ -49,20 +49,16 @@ pub struct StaticOptions {
 pub enum Finer {
     /// Every element is cut into eight so often.
     Times(u32),
-    /// The same as often as that gives no more than a quarter of this; up to there, elements are then made smaller where the
-    /// answer is least certain.
+    /// The same as often as that gives no more elements than this; then elements are made smaller where the answer is least
+    /// certain, up to four times as many, and at most a quarter more than this.
     UpTo(usize),
 }
-
-/// What is left of a number of elements for those that are made smaller where it matters: so many times those that are cut
-/// everywhere.
-const LOCAL: usize = 4;
 
 impl Finer {
     fn go_on(self, times: u32, tets: usize) -> bool {
         match self {
             Self::Times(n) => times < n,
-            Self::UpTo(most) => 8 * tets <= most / LOCAL,
+            Self::UpTo(most) => 8 * tets <= most,
         }
     }
 }

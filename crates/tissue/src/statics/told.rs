@@ -140,8 +140,6 @@ impl Unfinished {
     /// Whether the load rather than the solver is to blame: the body folds, flies away or turns inside out in many places. A
     /// few turned elements lie at sharp edges of what is driven.
     pub fn is_collapse(&self) -> bool {
-        let failed =
-            self.residual.is_finite() && !matches!(self.stop, Some(Stop::Asked | Stop::Steps | Stop::Products));
-        failed && self.turned as f64 > COLLAPSED * self.tets as f64
+        self.residual.is_finite() && self.stop != Some(Stop::Asked) && self.turned as f64 > COLLAPSED * self.tets as f64
     }
 }
