@@ -300,3 +300,28 @@ fn a_pressed_patch_with_a_free_border_comes_to_balance_on_every_mesh() {
         }
     }
 }
+
+#[test]
+fn a_patch_with_a_sharp_edge_gets_finer_elements_there_and_the_change_is_told() {
+    let mesh = block([4, 4, 4], 5.0, |_| 4);
+    let top = nodes(&mesh, |p| p.z == 20.0 && p.x <= 10.0 && p.y <= 10.0);
+    let mut problem = StaticProblem::default();
+    problem.supports.extend(held(nodes(&mesh, |p| p.z == 0.0), [Some(0.0); 3]));
+    problem.supports.extend(held(top.clone(), [None, None, Some(-1.0)]).map(|s| Support { set: 1, ..s }));
+    let ask = |finer: Finer| {
+        let how = StaticOptions { finer, ..StaticOptions::default() };
+        let solved = equilibrium(&mesh, &material(0.3), &problem, &how, &mut || true).expect("solved");
+        assert!(solved.converged && solved.unfinished.is_none(), "{finer:?}: {}", solved.residual);
+        let force: f64 = top.iter().map(|&n| solved.reaction[n as usize].z).sum();
+        (solved, force)
+    };
+    let ((even, force), (finest, truth)) = (ask(Finer::Times(1)), ask(Finer::Times(2)));
+    let (local, nearer) = ask(Finer::UpTo(6000));
+    assert!(even.tets == 3072 && (4500..7900).contains(&local.tets), "{} and {} elements", even.tets, local.tets);
+    assert!((nearer - truth).abs() < 0.6 * (force - truth).abs(), "{force} {nearer} {truth} mN");
+    let change = finest.change.expect("told");
+    assert_eq!(change.tets, 3072);
+    assert!((change.force - (force - truth).abs() / truth.abs()).abs() < 1e-3, "{change:?}: {force} {truth} mN");
+    assert!(change.displacement > 1e-3 && change.displacement < 0.1, "{change:?}");
+    assert!(ask(Finer::Times(0)).0.change.is_none());
+}

@@ -70,6 +70,7 @@ fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Resu
     let (problem, sets) = problem(&grid, mesh, case).with_context(in_case)?;
     let mut remarks = remarks::all(case, &problem, &sets);
     remarks.extend(materials::odd(&materials));
+    remarks.extend(materials::unused(&materials, &tets.labels));
     remarks.extend(remarks::nothing_to_find(tets.vertices.len(), &problem));
     remarks.extend(held::free(&tets, &problem));
     remarks.extend(units::check(&tets, &problem, &sets).with_context(in_case)?);
@@ -174,6 +175,12 @@ fn array<'a>(grid: &'a UnstructuredGrid, name: &str) -> Result<&'a DataArray> {
 
 fn set(grid: &UnstructuredGrid, name: &str) -> Result<Vec<u32>> {
     let flags = array(grid, &format!("set_{name}"))?;
+    let odd = flags.values.iter().position(|v| !v.is_finite());
+    ensure!(
+        odd.is_none(),
+        "the point array \"set_{name}\" is no number at node {}; wanted 0 or 1",
+        odd.unwrap_or_default()
+    );
     let nodes: Vec<u32> = (0..flags.values.len() as u32).filter(|&i| flags.values[i as usize] != 0.0).collect();
     ensure!(!nodes.is_empty(), "the set \"{name}\" is empty: its point array \"set_{name}\" is 0 at every node");
     Ok(nodes)

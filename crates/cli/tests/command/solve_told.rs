@@ -262,6 +262,24 @@ fn moduli_typed_in_kilopascal_and_bodies_only_carried_along_are_remarked_upon() 
 }
 
 #[test]
+fn constants_that_contradict_the_pair_that_counts_are_refused_one_by_one() {
+    for (name, value) in [("mu", 900.0), ("lam", 1.0), ("lam_hat", 1.0)] {
+        let said = refused(|case| case["materials"]["1"] = json!({ "E": 3000.0, "nu": 0.45, name: value }));
+        says(&said, &["E and nu mean", &format!("it also says {name} {value}"), "one pair only"]);
+    }
+    let said = refused(|case| case["materials"]["1"] = json!({ "mu": 1000.0, "lam": 9000.0, "lam_hat": 1.0 }));
+    says(&said, &["mu and lam (or lam_hat) mean lam_hat 10000"]);
+    let agreeing = json!({ "E": 2900.0, "nu": 0.45, "mu": 1000.0, "lam": 9000.0, "lam_hat": 10000.0 });
+    assert_eq!(told(|case| case["materials"]["1"] = agreeing)["converged"], true);
+}
+
+#[test]
+fn a_material_of_no_element_is_remarked_upon() {
+    let told = told(|case| case["materials"]["7"] = json!({ "E": 3000.0, "nu": 0.45 }));
+    says(&remarks(&told), &["no tetrahedron is of region 7"]);
+}
+
+#[test]
 fn a_coordinate_beyond_all_bodies_is_named_by_its_node() {
     let dir = tempfile::tempdir().expect("temp");
     let args = with_mesh(dir.path(), "0.02 0.02 0.02", "0.02 0.02 1e300");
