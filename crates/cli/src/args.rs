@@ -359,7 +359,7 @@ pub(crate) struct SolveArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = milliseconds)]
     pub(crate) budget_ms: Option<u64>,
     /// How often every element is cut into eight inside the solver (physical mode; default: as long as that gives no more
-    /// than 80,000). Around rods and spheres the mesh is refined in any case.
+    /// than 80,000, then smaller where the answer is least certain). Around rods and spheres the mesh is refined in any case.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=3))]
     pub(crate) refine: Option<u32>,
 }
