@@ -5,6 +5,7 @@
 mod coarsen;
 mod collapse;
 mod mask;
+mod pull;
 mod relabel;
 mod relax;
 mod ring;
@@ -38,6 +39,9 @@ const RELABEL_FROM: usize = 2;
 const THIN: f64 = 0.15;
 /// as thick as it is from this looseness on, when next to none are left. Then two rings of neighbours are bettered, too.
 const ANY: f64 = 0.3;
+
+/// How often what lies far from its surface is brought back.
+const PULLS: usize = 2;
 
 /// Edges shorter than this part of an element's longest are merged first.
 const SHORT: f64 = 0.3;
@@ -75,6 +79,8 @@ impl Work<'_> {
         }
         self.loose = 0.0;
         self.tighten();
+        // What moved for others may have made room for these.
+        (0..PULLS).for_each(|_| self.pull_far());
         // What was just good enough has more room now: it counts for the first percentile.
         self.pass(LAST_BARS[2]);
     }

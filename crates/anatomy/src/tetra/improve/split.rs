@@ -26,6 +26,15 @@ struct Far {
     target: V3,
 }
 
+/// An edge on a surface, with how far its middle lies from that and the place there.
+pub(super) struct Sag {
+    pub(super) ends: [u32; 2],
+    pub(super) off: f64,
+    pub(super) length: f64,
+    pub(super) middle: V3,
+    pub(super) target: V3,
+}
+
 impl Work<'_> {
     /// Splits the edges on surfaces whose middles lie far from these, worst first.
     pub(in super::super) fn split_far(&mut self, size: &SizeField, finest: f64) {
@@ -43,6 +52,17 @@ impl Work<'_> {
 
     fn far_edges(&self, size: &SizeField, finest: f64) -> Vec<Far> {
         let mut all = Vec::new();
+        self.each_sag(|sag| {
+            let most = (FAR * size.edge(sag.middle, finest)).max(LEAST * self.fields.step);
+            if sag.off > most {
+                all.push(Far { score: sag.off / most, ends: sag.ends, target: sag.target });
+            }
+        });
+        all
+    }
+
+    /// Calls `found` for each edge on a single surface whose place there can be told.
+    pub(super) fn each_sag(&self, mut found: impl FnMut(Sag)) {
         let mut near: Vec<u32> = Vec::new();
         for v in (0..self.points.len() as u32).filter(|&v| self.masks[v as usize].count() > 1) {
             near.clear();
@@ -50,26 +70,30 @@ impl Work<'_> {
             near.extend(star.filter(|&w| w > v));
             near.sort_unstable();
             near.dedup();
-            all.extend(near.iter().filter_map(|&w| self.far(v, w, size, finest)));
+            near.iter().filter_map(|&w| self.sag_of([v, w])).for_each(&mut found);
         }
-        all
     }
 
-    fn far(&self, v: u32, w: u32, size: &SizeField, finest: f64) -> Option<Far> {
-        let Freedom::Surface(pair) = Freedom::of(self.masks[v as usize] & self.masks[w as usize]) else { return None };
-        let (p, q) = (self.points[v as usize], self.points[w as usize]);
+    fn sag_of(&self, ends: [u32; 2]) -> Option<Sag> {
+        let [v, w] = ends.map(|v| v as usize);
+        let Freedom::Surface(pair) = Freedom::of(self.masks[v] & self.masks[w]) else { return None };
+        let (p, q) = (self.points[v], self.points[w]);
         let (middle, length) = (scale(add(p, q), 0.5), distance(p, q));
         let target = self.project(pair, middle, 0.5 * length)?;
-        let sag = distance(middle, target);
-        let most = (FAR * size.edge(middle, finest)).max(LEAST * self.fields.step);
-        (sag > most).then(|| Far { score: sag / most, ends: [v, w], target })
+        Some(Sag { ends, off: distance(middle, target), length, middle, target })
+    }
+
+    /// Whether an edge lies between two labels, or a label and the outside.
+    pub(super) fn is_on_surface(&self, ring: &Ring) -> bool {
+        let label = |&t: &u32| self.labels[t as usize];
+        let tets = &ring.tets[..ring.len];
+        !ring.closed || tets.iter().any(|t| label(t) != label(&tets[0]))
     }
 
     fn split(&mut self, far: &Far) {
         let Some(ring) = Ring::new(self, far.ends[0], far.ends[1]) else { return };
         let tets = &ring.tets[..ring.len];
-        let on_surface = !ring.closed || tets.iter().any(|&t| self.labels[t as usize] != self.labels[tets[0] as usize]);
-        if !on_surface {
+        if !self.is_on_surface(&ring) {
             return;
         }
         let [p, q] = far.ends.map(|v| self.points[v as usize]);
@@ -93,7 +117,7 @@ impl Work<'_> {
         ends.map(|e| tet.map(|v| if v == e { new } else { v }))
     }
 
-    fn apply_split(&mut self, tets: &[u32], ends: [u32; 2], new: u32) {
+    pub(super) fn apply_split(&mut self, tets: &[u32], ends: [u32; 2], new: u32) {
         for &t in tets {
             let (label, halves) = (self.labels[t as usize], self.halves(t, ends, new));
             self.remove(t);

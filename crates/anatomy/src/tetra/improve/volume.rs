@@ -12,6 +12,9 @@ use super::work::{DEAD, Work};
 /// Largest part of the height over its neighbours that a point is moved by in one pass.
 const MOST: f64 = 0.5;
 
+/// How far a point may stand off its surface, in cells of the fields: at the tips of horns heights say too much.
+const MOST_LIFT: f64 = 0.7;
+
 /// Passes at most, and the part of a volume that it may be off by for another pass not to be worth it.
 const PASSES: usize = 16;
 const MET: f64 = 2e-4;
@@ -154,13 +157,18 @@ impl Work<'_> {
 
     fn try_shift(&mut self, stand: &Stand, step: V3, floor: f64) -> bool {
         let v = stand.point;
+        // The normal looks out of the lower label, the field's gradient into it.
+        let before = self.lift[v as usize];
+        let lift = before - dot(step, stand.normal);
+        if lift.abs() > (MOST_LIFT * self.fields.step).max(before.abs()) {
+            return false;
+        }
         let floor = self.worst_around(v).min(floor);
         // Not worse than the floor: a hair below it serves.
         if !self.try_move(v, add(self.points[v as usize], step), floor - 1e-9) {
             return false;
         }
-        // The normal looks out of the lower label, the field's gradient into it.
-        self.lift[v as usize] -= dot(step, stand.normal);
+        self.lift[v as usize] = lift;
         true
     }
 }

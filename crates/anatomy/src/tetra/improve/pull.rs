@@ -1,0 +1,144 @@
+//! Putting what lies far from its surface there, and letting its neighbours get out of the way.
+//!
+//! A point that a repair or a last resort has left off its surface is mostly held by neighbours that would each have to
+//! move a little; so is the middle of an edge that cuts a corner. Here it is moved first, whatever becomes of the elements,
+//! then these are bettered, and all is taken back where they do not become good.
+
+use super::super::vec3::{V3, add, distance, scale, sub};
+use super::mask::Mask;
+use super::ring::Ring;
+use super::split::Sag;
+use super::work::Work;
+use super::{RESORT, ROOMY};
+
+/// Points further off than this part of a cell of the fields are moved;
+const FAR_POINT: f64 = 0.5;
+/// edges are split whose middle is further off than this part of a cell, and than that part of their length.
+const FAR_MIDDLE: f64 = 0.6;
+const BENT: f64 = 0.2;
+/// No place is sought further off than so many mean edges.
+const REACH: f64 = 1.5;
+/// Parts of the way, the first with good elements in the end.
+const WAYS: [f64; 4] = [1.0, 0.6, 0.3, 0.15];
+/// Rounds of bettering what is around.
+const ROUNDS: usize = 10;
+
+/// Points around a place.
+struct Patch {
+    /// Of the elements that change.
+    near: Vec<u32>,
+    /// These and their neighbours, and where they were.
+    points: Vec<u32>,
+    before: Vec<V3>,
+    /// Elements may become as bad as this.
+    floor: f64,
+}
+
+impl Work<'_> {
+    /// Moves far points to their surfaces, then the middles of bent edges, the farthest first.
+    pub(super) fn pull_far(&mut self) {
+        let mut points: Vec<(f64, u32)> = (0..self.points.len() as u32)
+            .filter(|&v| self.masks[v as usize].count() > 1 && !self.stars[v as usize].is_empty())
+            .filter_map(|v| Some((self.place_of(v)?.1, v)))
+            .filter(|far| far.0 > FAR_POINT * self.fields.step)
+            .collect();
+        points.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
+        for (_, v) in points {
+            // One before may have brought it back.
+            if let Some((place, _)) = self.place_of(v) {
+                let _pulled = WAYS.into_iter().any(|way| self.pull_point(v, place, way));
+            }
+        }
+        let mut edges = Vec::new();
+        self.each_sag(|sag| {
+            if sag.off > (FAR_MIDDLE * self.fields.step).max(BENT * sag.length) {
+                edges.push(sag);
+            }
+        });
+        edges.sort_by(|x, y| y.off.total_cmp(&x.off).then(x.ends.cmp(&y.ends)));
+        for sag in &edges {
+            let _pulled = WAYS.into_iter().any(|way| self.pull_middle(sag, way));
+        }
+    }
+
+    /// Where a point on a surface belongs, and how far that is.
+    fn place_of(&self, v: u32) -> Option<(V3, f64)> {
+        let from = self.points[v as usize];
+        let place = self.own_place(v, &self.freedom(v), from, REACH * self.middle(v).1)?;
+        Some((place, distance(place, from)))
+    }
+
+    fn pull_point(&mut self, v: u32, place: V3, way: f64) -> bool {
+        let patch = self.patch(&[v]);
+        let from = self.points[v as usize];
+        self.put(v, add(from, scale(sub(place, from), way)));
+        self.settle(&patch)
+    }
+
+    fn pull_middle(&mut self, sag: &Sag, way: f64) -> bool {
+        let Some(ring) = Ring::new(self, sag.ends[0], sag.ends[1]) else { return false };
+        if !self.is_on_surface(&ring) {
+            return false;
+        }
+        let tets = &ring.tets[..ring.len];
+        let old: Vec<([u32; 4], u8)> = tets.iter().map(|&t| (self.tets[t as usize], self.labels[t as usize])).collect();
+        let mut patch = self.patch(&sag.ends);
+        let outside = if ring.closed { Mask::default() } else { Mask::OUTSIDE };
+        let new = self.add_point(add(sag.middle, scale(sub(sag.target, sag.middle), way)), outside);
+        self.apply_split(tets, sag.ends, new);
+        patch.near.push(new);
+        if self.settle(&patch) {
+            return true;
+        }
+        while let Some(&t) = self.stars[new as usize].first() {
+            self.remove(t);
+        }
+        self.drop_last_point();
+        old.into_iter().for_each(|(tet, label)| {
+            self.insert(tet, label);
+        });
+        false
+    }
+
+    /// What may move when some points do.
+    fn patch(&self, centre: &[u32]) -> Patch {
+        let near = self.with_neighbours(centre);
+        let points = self.with_neighbours(&near);
+        let before = points.iter().map(|&w| self.points[w as usize]).collect();
+        let floor = points.iter().map(|&w| self.worst_around(w)).fold(RESORT, f64::min);
+        Patch { near, points, before, floor }
+    }
+
+    fn with_neighbours(&self, points: &[u32]) -> Vec<u32> {
+        let around = points.iter().flat_map(|&v| self.stars[v as usize].iter());
+        let mut all: Vec<u32> = around.flat_map(|&t| self.tets[t as usize]).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    /// Betters the elements of a patch; where they do not become good, all its points go back.
+    fn settle(&mut self, patch: &Patch) -> bool {
+        for _ in 0..ROUNDS {
+            for &w in patch.near.iter().chain(&patch.points) {
+                if self.worst_around(w) < ROOMY {
+                    self.relax(w);
+                }
+            }
+            if patch.near.iter().chain(&patch.points).all(|&w| self.worst_around(w) >= patch.floor) {
+                return true;
+            }
+        }
+        patch.points.iter().zip(&patch.before).for_each(|(&w, &p)| self.put(w, p));
+        false
+    }
+
+    /// Puts a point somewhere, whatever becomes of its elements.
+    fn put(&mut self, v: u32, p: V3) {
+        self.points[v as usize] = p;
+        for i in 0..self.stars[v as usize].len() {
+            let t = self.stars[v as usize][i] as usize;
+            self.quality[t] = self.worth(self.tets[t]);
+        }
+    }
+}
