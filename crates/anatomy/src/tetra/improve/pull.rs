@@ -11,8 +11,8 @@ use super::split::Sag;
 use super::work::Work;
 use super::{RESORT, ROOMY};
 
-/// Points further off than this part of a cell of the fields are moved;
-const FAR_POINT: f64 = 0.5;
+/// Points further off than this part of a cell of the fields, and than that part of the mean edge around them, are moved;
+const FAR_POINT: [f64; 2] = [0.5, 0.15];
 /// edges are split whose middle is further off than this part of a cell, and than that part of their length.
 const FAR_MIDDLE: f64 = 0.6;
 const BENT: f64 = 0.2;
@@ -40,7 +40,8 @@ impl Work<'_> {
         let mut points: Vec<(f64, u32)> = (0..self.points.len() as u32)
             .filter(|&v| self.masks[v as usize].count() > 1 && !self.stars[v as usize].is_empty())
             .filter_map(|v| Some((self.place_of(v)?.1, v)))
-            .filter(|far| far.0 > FAR_POINT * self.fields.step)
+            .filter(|far| far.0 > FAR_POINT[0] * self.fields.step)
+            .filter(|far| far.0 > FAR_POINT[1] * self.middle(far.1).1)
             .collect();
         points.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
         for (_, v) in points {

@@ -12,8 +12,9 @@ use super::work::{DEAD, Work};
 /// Largest part of the height over its neighbours that a point is moved by in one pass.
 const MOST: f64 = 0.5;
 
-/// How far a point may stand off its surface, in cells of the fields: at the tips of horns heights say too much.
-const MOST_LIFT: f64 = 0.7;
+/// How far a point may stand off its surface, in cells of the fields or, if that is more, in mean edges around it: at the tips
+/// of horns heights say too much.
+const MOST_LIFT: [f64; 2] = [0.7, 0.15];
 
 /// Passes at most, and the part of a volume that it may be off by for another pass not to be worth it.
 const PASSES: usize = 16;
@@ -160,7 +161,8 @@ impl Work<'_> {
         // The normal looks out of the lower label, the field's gradient into it.
         let before = self.lift[v as usize];
         let lift = before - dot(step, stand.normal);
-        if lift.abs() > (MOST_LIFT * self.fields.step).max(before.abs()) {
+        let most = (MOST_LIFT[0] * self.fields.step).max(MOST_LIFT[1] * stand.area.sqrt());
+        if lift.abs() > most.max(before.abs()) {
             return false;
         }
         let floor = self.worst_around(v).min(floor);
