@@ -78,13 +78,13 @@ pub struct Attachment {
 pub enum AttachmentKind {
     /// It does not move.
     Fixed,
-    /// A spring of zero rest length ties it to its rest position.
+    /// A spring of zero rest length ties it to its rest position. Not for [`crate::equilibrium`], which refuses it.
     Spring {
         /// Stiffness, mN/mm.
         stiffness_mn_per_mm: f64,
     },
-    /// Some components do not move, the others are free, as on rollers. Paper mode only: in physical mode a support of
-    /// [`crate::equilibrium`] holds single components.
+    /// Some components do not move, the others are free, as on rollers. In paper mode and for [`crate::equilibrium`]; a
+    /// [`crate::Model`] in physical mode refuses it.
     Guided {
         /// Which of x, y and z (patient frame) do not move.
         held: [bool; 3],
