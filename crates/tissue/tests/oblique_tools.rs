@@ -1,10 +1,10 @@
-//! A rod that lies along no axis of coordinates feels what an upright one does.
+//! A rod that lies along no axis of coordinates feels what an upright one does; one that is no rod is told.
 
 mod common;
 
 use common::{block, nodes, options, physical};
 use monro_geometry::{Patient, Point, Rigid, TetMesh, Vector};
-use monro_tissue::{FrameSettings, Model, Stepper, TipShape, Tool, ToolMotion, ToolPose};
+use monro_tissue::{Event, FrameSettings, Model, Stepper, TipShape, Tool, ToolMotion, ToolPose};
 
 /// Frames in, 0.25 mm each, and as many out.
 const FRAMES: i32 = 100;
@@ -49,5 +49,19 @@ fn an_oblique_rod_still_held_the_shaft_that_it_had_drawn_out_of_the_tissue() {
             println!("{axis:?} {from} to {to}: {one} {other}");
             assert!((other / one - 1.0).abs() < 0.15, "{axis:?}, frames {from} to {to}: {other} mN, upright {one} mN");
         }
+    }
+}
+
+#[test]
+fn a_cone_of_30_degrees_given_as_30_radians_was_a_flat_end_without_a_word() {
+    let mesh = block([2; 3], 6.0, |_| 4);
+    let model = Model::new(&mesh, &options(physical(), &nodes(&mesh, |p| p.z == 0.0))).expect("model");
+    let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+    let pose = |z: f64| ToolPose { tip: Point::new(5.0, 5.0, z), tail: Point::new(5.0, 5.0, z + 50.0) };
+    for (half_angle, ignored) in [(0.5, false), (30.0, true), (f64::NAN, true), (0.0, true), (-0.5, true)] {
+        let tool = Tool { tip: TipShape::Cone { half_angle }, radius_mm: 1.5 };
+        let motion = ToolMotion { tool, from: pose(13.0), to: pose(12.5) };
+        let report = stepper.step(&model, &mut state, &[motion], &FrameSettings::default());
+        assert_eq!(report.events.contains(&Event::BadPose { tool: 0 }), ignored, "{half_angle}: {report:?}");
     }
 }
