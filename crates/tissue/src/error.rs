@@ -89,7 +89,7 @@ pub enum ModelError {
     /// An attachment guides a node in physical mode.
     #[error(
         "attachment {attachment} holds only some components of a node, which stepping in physical mode cannot; hold all, \
-         or ask for the equilibrium or for paper mode"
+         or take paper mode, or the function `equilibrium` instead of a model"
     )]
     Guided {
         /// Index of the attachment.

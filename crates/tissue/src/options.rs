@@ -78,27 +78,28 @@ pub struct Attachment {
 pub enum AttachmentKind {
     /// It does not move.
     Fixed,
-    /// A spring of zero rest length ties it to its rest position.
+    /// A spring of zero rest length ties it to its rest position. Not for [`crate::equilibrium`], which refuses it.
     Spring {
         /// Stiffness, mN/mm.
         stiffness_mn_per_mm: f64,
     },
-    /// Some components do not move, the others are free, as on rollers. Paper mode only: in physical mode a support of
-    /// [`crate::equilibrium`] holds single components.
+    /// Some components do not move, the others are free, as on rollers. In paper mode and for [`crate::equilibrium`]; a
+    /// [`crate::Model`] in physical mode refuses it.
     Guided {
         /// Which of x, y and z (patient frame) do not move.
         held: [bool; 3],
     },
 }
 
-/// How one call of `step` goes through time.
+/// How one call of `step` goes through time. A step never fails: what is out of its range is brought into it, and gravity or
+/// fluid that is not finite is none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameSettings {
-    /// Time of the frame, s.
+    /// Time of the frame, s: 1e-6 to 1; what is no number is 1/60. [`crate::State::time_s`] counts what was taken.
     pub dt_s: f64,
-    /// Least number of equal steps the frame is cut into; a fast tool raises it.
+    /// Least number of equal steps the frame is cut into; a fast tool raises it. 1 to 1000.
     pub substeps: u32,
-    /// Iterations of the solver per substep.
+    /// Iterations of the solver per substep, 1 to 10,000.
     pub iterations: u32,
     /// Gravity, mm/s2, patient frame.
     pub gravity_mm_s2: [f64; 3],
@@ -118,7 +119,7 @@ pub enum Csf {
     /// This much pressure more than at rest, kPa (1 mmHg is 0.133322 kPa), above that around the tissue: pressure raised
     /// inside and around alike deforms nothing.
     Pressure {
-        /// The difference, kPa.
+        /// The difference, kPa, -100 to 100.
         kpa: f64,
     },
     /// This much volume less than at rest, ml, as far as that takes no more suction than three times the tissue's shear

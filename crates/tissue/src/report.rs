@@ -94,7 +94,8 @@ pub enum Event {
     /// Even the shortest steps failed: the tissue was taken back to before the step, brought to a stop, and moved a tenth of
     /// the way to its rest shape, so that it comes free.
     Held,
-    /// A tool's pose is not finite, has no length or no radius: it was ignored.
+    /// A tool's pose is not finite or has no length, or the tool no radius, or its cone no angle below a right one: it was
+    /// ignored.
     BadPose {
         /// Index of the tool.
         tool: usize,

@@ -19,7 +19,7 @@ pub enum TipShape {
     Round,
     /// A cone whose side makes this angle with the axis, radians.
     Cone {
-        /// Half of the opening angle, radians.
+        /// Half of the opening angle, radians, above 0 and below a right angle; from 0.05 to 1.5 it is taken as it is.
         half_angle: f64,
     },
 }
@@ -34,6 +34,9 @@ pub struct ToolPose {
 }
 
 /// A tool and its motion during one frame. The position of a tool in the list is its identity from frame to frame.
+///
+/// A tool whose tip or tail goes further in a frame than 32 of its radii has not moved there, it has been put there: it lets
+/// go of the tissue and starts anew from its last pose, however much tissue lies on its way.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ToolMotion {
     /// The tool.
@@ -62,7 +65,8 @@ pub(crate) struct Rod {
 }
 
 impl Rod {
-    /// The rod a share `t` of the way through a motion; `None` when a pose is not finite or has no length.
+    /// The rod a share `t` of the way through a motion; `None` when a pose is not finite or has no length, or the tool
+    /// no radius or its cone no angle.
     pub(crate) fn between(motion: &ToolMotion, origin: Point<Patient>, t: f64) -> Option<Self> {
         let at = |a: Point<Patient>, b: Point<Patient>| (a.lerp(b, t) - origin).to_array().map(|v| v as f32);
         let tip = at(motion.from.tip, motion.to.tip);
@@ -72,7 +76,11 @@ impl Rod {
             TipShape::Round => (radius.min(length), f32::INFINITY),
             TipShape::Cone { half_angle } => (0.0, half_angle.clamp(0.05, 1.5).tan() as f32),
         };
-        let usable = tip.iter().all(|v| v.is_finite()) && length.is_finite() && radius.is_finite();
+        let pointed = match motion.tool.tip {
+            TipShape::Round => true,
+            TipShape::Cone { half_angle } => half_angle > 0.0 && half_angle < core::f64::consts::FRAC_PI_2,
+        };
+        let usable = pointed && tip.iter().all(|v| v.is_finite()) && length.is_finite() && radius.is_finite();
         (usable && radius > 0.0 && length > 0.0).then(|| Self {
             tip,
             back: scale(axis, 1.0 / length),

@@ -2,6 +2,27 @@
 //!
 //! The route: smooth fields of the labels, a size field from distances, a graded body-centred-cubic lattice over a
 //! balanced octree, cutting along all label surfaces in one global order, local improvement.
+//!
+//! ```
+//! use monro_anatomy::tetra::{MeshOptions, mesh};
+//! use monro_geometry::{Grid, Point, Volume};
+//!
+//! // A ball of 10 mm with a ball of 5 mm in it, in voxels of 1 x 1 x 1.5 mm.
+//! let grid = Grid::axis_aligned([24, 24, 16], [1.0, 1.0, 1.5], [-11.5, -11.5, -11.25])?;
+//! let mut labels = Volume::filled(grid.clone(), 0u16);
+//! for (i, label) in labels.data_mut().iter_mut().enumerate() {
+//!     let [x, y, z] = grid.voxel(i);
+//!     let radius = grid.centre(x, y, z).distance(Point::new(0.0, 0.0, 0.0));
+//!     *label = if radius < 5.0 { 5 } else if radius < 10.0 { 4 } else { 0 };
+//! }
+//! // Both labels, fine around the inner one.
+//! let (tets, report) = mesh(&labels, &MeshOptions::new(&[4, 5], &[5], 2000))?;
+//! assert!(report.remarks.is_empty(), "{:?}", report.remarks);
+//! let voxels = labels.data().iter().filter(|&&l| l == 5).count();
+//! let volume = voxels as f64 * grid.voxel_volume();
+//! assert!((tets.label_volume(5) / volume - 1.0).abs() < 0.01);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod adjacency;
 mod census;
@@ -297,6 +318,9 @@ fn check(options: &MeshOptions) -> Result<(), MeshError> {
     rule("elements", options.elements as f64, low, high, "between 500 and 20 million")?;
     for &(_, density) in &options.density {
         rule("density", density, 0.01, 100.0, "between 0.01 and 100")?;
+    }
+    if let Some(value) = options.path.iter().flatten().flat_map(|p| p.to_array()).find(|v| !v.is_finite()) {
+        return Err(MeshError::Option { name: "a coordinate of the path", value, rule: "a finite number of mm (LPS)" });
     }
     rule("growth", options.growth, *GROWTH.start(), *GROWTH.end(), "between 0.01 and 2 mm a mm")?;
     rule("coarsest", options.coarsest, *COARSEST.start(), *COARSEST.end(), "between 1 and 64 times the finest")

@@ -197,3 +197,12 @@ fn what_is_left_of_a_label_is_not_blown_up_for_pieces_that_are_lost() {
     let refused = super::mesh(&labels, &strict(&[5], 5_000)).expect_err("refused");
     assert!(matches!(refused, MeshError::Volume { label: 5, .. }), "{refused:?}");
 }
+
+#[test]
+fn a_path_that_is_no_number_passed_the_labels_by_inf_mm_and_a_mesh_was_made() {
+    let grid = Grid::axis_aligned([12; 3], [1.0; 3], [0.0; 3]).expect("a grid");
+    let path = Some([Point::new(6.0, 6.0, f64::NAN), Point::new(6.0, 6.0, 6.0)]);
+    let options = MeshOptions { path, ..MeshOptions::new(&[1], &[], 1000) };
+    let refused = mesh(&Volume::filled(grid, 1u16), &options).expect_err("refused");
+    assert_eq!(refused.to_string(), "a coordinate of the path is NaN; it must be a finite number of mm (LPS)");
+}

@@ -83,6 +83,9 @@ impl TetLocator {
 
     /// As [`TetLocator::locate`], but walks there from `start`, an element thought to be near: some tens of nanoseconds
     /// for points in a coherent order. Where several elements share the point the walk may end in another one of them.
+    ///
+    /// # Panics
+    /// When there is no element `start`.
     pub fn locate_from(&self, start: usize, p: Point<Patient>) -> Option<Located> {
         match self.walk(start, p) {
             Walk::Found(found) => Some(found),

@@ -58,6 +58,23 @@ struct Rider {
 /// A point inside an element, or just outside of the mesh, is a weighted sum of four nodes. A point further out keeps
 /// its place in the orthonormal frame of the nearest boundary face: it can turn with the face but never be flung away by
 /// a squeezed element.
+///
+/// ```
+/// use monro_geometry::{Embedding, Point, TetMesh};
+///
+/// let vertices = [[0.0, 0.0, 0.0], [8.0, 0.0, 0.0], [0.0, 8.0, 0.0], [0.0, 0.0, 8.0]].map(Point::from_array).to_vec();
+/// let mesh = TetMesh { vertices, tets: vec![[0, 1, 2, 3]], labels: vec![4] };
+/// let surface = [Point::new(1.0, 2.0, 1.0), Point::new(2.0, 1.0, 3.0)];
+/// let bound = Embedding::new(&mesh, &surface)?;
+///
+/// // The nodes in their order, moved: here all heights are doubled.
+/// let nodes: Vec<[f32; 4]> =
+///     mesh.vertices.iter().map(|p| [p.x as f32, p.y as f32, 2.0 * p.z as f32, 0.0]).collect();
+/// let mut moved = vec![[0.0; 4]; bound.points()];
+/// bound.apply(&nodes, &mut moved);
+/// assert!((moved[1][2] - 6.0).abs() < 1e-5);
+/// # Ok::<(), monro_geometry::EmbeddingError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Embedding {
     bindings: Vec<Binding>,

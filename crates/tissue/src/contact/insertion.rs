@@ -257,11 +257,14 @@ pub(crate) fn settle(
 
 /// Moves the place on the shaft that an anchor is tied to, so that what remains of its stretch carries its force.
 fn slip(anchor: &mut Anchor, coupling: &Coupling, stretch: f32, axis: V3, limit: f32) {
-    let force = dot(coupling.force, axis);
-    anchor.stretch = force / coupling.stiffness;
-    anchor.slipping = force.abs() >= limit * (1.0 - 1e-5);
+    // By what the spring would bear without a limit: the force itself, cut to it along an oblique axis in single precision,
+    // may come out a little below, and the more so the further the spring is stretched.
+    anchor.slipping = (coupling.stiffness * stretch).abs() >= limit * (1.0 - 1e-5);
     if anchor.slipping {
+        anchor.stretch = (limit / coupling.stiffness).copysign(stretch);
         anchor.arc += anchor.stretch - stretch;
+    } else {
+        anchor.stretch = dot(coupling.force, axis) / coupling.stiffness;
     }
 }
 

@@ -22,10 +22,10 @@ mod sphere;
 mod told;
 mod uncertain;
 
-use crate::{Model, ModelOptions};
+use crate::{Attachment, AttachmentKind, Model, ModelOptions};
 use level::{How, Level};
 use monro_geometry::{Patient, TetMesh, Vector};
-use problem::{outside, validate};
+use problem::{outside, validate, with_attachments};
 use std::collections::BTreeSet;
 
 pub use problem::{EmbeddedRod, Pressure, SphereContact, StaticError, StaticProblem, Support};
@@ -72,8 +72,11 @@ impl Default for StaticOptions {
 /// Finds the equilibrium of a mesh at rest. The mesh is refined around rods and spheres, and as a whole as the options ask; results are given at the vertices of `mesh`. `keep_going` is asked before each product with the Hessian:
 /// return `false` to stop with the best state so far (a time budget belongs to the caller).
 ///
+/// Attachments that are fixed or guided are taken as supports that hold at rest, in a set of their own; a support of the same
+/// vertex counts before them. Look at [`StaticSolution::converged`] before anything else.
+///
 /// # Errors
-/// When the model is not in physical mode, is refused, or the problem names what is not there.
+/// When the model is not in physical mode, is refused or has springs, or the problem names what is not there.
 pub fn equilibrium(
     mesh: &TetMesh,
     model: &ModelOptions,
@@ -81,8 +84,15 @@ pub fn equilibrium(
     options: &StaticOptions,
     keep_going: &mut dyn FnMut() -> bool,
 ) -> Result<StaticSolution, StaticError> {
+    let springs = |a: &&Attachment| matches!(a.kind, AttachmentKind::Spring { .. });
+    match model.attachments.iter().filter(springs).count() {
+        0 => {}
+        springs => return Err(StaticError::Springs { springs }),
+    }
+    let problem = &with_attachments(problem, &model.attachments);
     validate(mesh.vertices.len(), problem)?;
     outside(mesh, problem)?;
+    let model = &ModelOptions { attachments: Vec::new(), ..model.clone() };
     let mut how = How { model, options, keep_going };
     let mut level = Level::first(mesh, problem, &mut how)?;
     overlap::refuse(&level.solved)?;
@@ -98,7 +108,7 @@ impl Model {
     /// [`equilibrium`].
     ///
     /// # Errors
-    /// When the model is not in physical mode or the problem names what is not there.
+    /// When the model is not in physical mode or has springs, or the problem names what is not there.
     pub fn equilibrium(
         &self,
         problem: &StaticProblem,
@@ -106,6 +116,9 @@ impl Model {
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<StaticSolution, StaticError> {
         validate(self.number.len(), problem)?;
+        if !self.tethers.is_empty() {
+            return Err(StaticError::Springs { springs: self.tethers.len() });
+        }
         self.solve(problem, None, options, keep_going)
     }
 

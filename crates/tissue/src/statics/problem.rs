@@ -1,8 +1,9 @@
 //! What is imposed on a body, and when it is refused.
 
 use super::refine;
-use crate::ModelError;
+use crate::{Attachment, AttachmentKind, ModelError};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
+use std::collections::BTreeMap;
 use thiserror::Error;
 
 /// Supports and loads.
@@ -72,7 +73,15 @@ pub enum StaticError {
     /// Only physical mode has an energy.
     #[error("equilibrium needs a model in physical mode")]
     NotPhysical,
-    /// A support or a face names a vertex that does not exist.
+    /// Attachments are springs.
+    #[error(
+        "{springs} attachment(s) are springs, which the equilibrium does not know; hold their vertices by supports, or take them away"
+    )]
+    Springs {
+        /// How many.
+        springs: usize,
+    },
+    /// A support, an attachment or a face names a vertex that does not exist.
     #[error("vertex {vertex} does not exist: the mesh has {vertices}")]
     Vertex {
         /// The vertex.
@@ -169,6 +178,30 @@ pub enum StaticError {
     /// The model itself.
     #[error(transparent)]
     Model(#[from] ModelError),
+}
+
+/// The problem with what attachments hold as supports in a set of their own: only supports are carried on to the vertices of
+/// finer meshes. Where a support holds the same, it counts.
+pub(super) fn with_attachments(problem: &StaticProblem, attachments: &[Attachment]) -> StaticProblem {
+    let mut supported = BTreeMap::<u32, [bool; 3]>::new();
+    for s in &problem.supports {
+        let held = supported.entry(s.node).or_default();
+        (0..3).for_each(|a| held[a] |= s.displacement_mm[a].is_some());
+    }
+    let set = problem.supports.iter().map(|s| s.set).max().map_or(0, |most| most.saturating_add(1));
+    let support = |a: &Attachment| {
+        let held = match a.kind {
+            AttachmentKind::Fixed => [true; 3],
+            AttachmentKind::Guided { held } => held,
+            AttachmentKind::Spring { .. } => return None,
+        };
+        let taken = supported.get(&a.node).copied().unwrap_or_default();
+        let displacement_mm = [0, 1, 2].map(|i| (held[i] && !taken[i]).then_some(0.0));
+        Some(Support { node: a.node, set, displacement_mm })
+    };
+    let mut whole = problem.clone();
+    whole.supports.extend(attachments.iter().filter_map(support));
+    whole
 }
 
 /// Refuses spheres that begin inside of the tissue.
