@@ -94,7 +94,8 @@ impl Touching<'_> {
         let own = self.touches.first[i] as usize..self.touches.first[i + 1] as usize;
         for &(_, c, weight) in &self.touches.list[own] {
             let coupling = &self.couplings[c as usize];
-            let force = penalty_force(coupling, coupling.point_from(vertices, self.first));
+            let x = coupling.point_from(vertices, self.first);
+            let force = penalty_force(coupling, x);
             *g = axpy(*g, -weight, force);
             let k = weight * weight * coupling.stiffness;
             match coupling.rule {
@@ -103,9 +104,10 @@ impl Touching<'_> {
                         add_outer(h, k, normal);
                     }
                 }
-                Rule::Hold { axis, limit, .. } => {
+                Rule::Hold { axis, target, limit } => {
                     (0..3).for_each(|a| h[a] += k);
-                    if dot(force, axis).abs() >= limit {
+                    // Without the limit: along an oblique axis the force that is cut to it may come out below.
+                    if dot(scale(sub(target, x), coupling.stiffness), axis).abs() >= limit {
                         add_outer(h, -k, axis);
                     }
                 }
