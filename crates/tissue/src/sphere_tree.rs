@@ -2,16 +2,28 @@
 //!
 //! The shape of the tree is built once at rest; a refit only moves and resizes the spheres, bottom up. Each sphere holds
 //! all vertices below it, so a query never loses an element.
+//!
+//! Spheres are kept from step to step as long as no vertex has gone far from where it was when they were fitted: a query
+//! takes them for larger by that much, and fits the leaves that it comes to anew. So what it finds does not depend on
+//! their age.
 
 use crate::fast::Pool;
-use crate::vec3::{V3, axpy, dot, norm, scale, sub, xyz};
+use crate::vec3::{V3, axpy, dot, larger, norm, scale, sub, xyz};
 use crate::{bytes, slabs};
+use core::sync::atomic::{AtomicU64, Ordering};
 
 const LEAF: usize = 8;
+/// Spheres are fitted anew when a vertex has moved by more than this share of the mean radius of the leaves.
+const SLACK: f32 = 0.5;
+
+/// The number of the next tree.
+static NEXT: AtomicU64 = AtomicU64::new(0);
 
 /// Topology of the tree: constant, part of the model.
 #[derive(Debug, Clone)]
 pub(crate) struct SphereTree {
+    /// Different for each tree.
+    id: u64,
     nodes: Vec<Node>,
     /// Elements in leaf order.
     order: Vec<u32>,
@@ -35,16 +47,22 @@ struct Node {
 /// The spheres of one state: centre and radius.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Spheres {
+    /// The tree that they are of.
+    of: Option<u64>,
     /// One per node of the tree.
     nodes: Vec<[f32; 4]>,
     /// One per leaf.
     leaves: Vec<[f32; 4]>,
+    /// Positions that they were fitted to, the longest way of a vertex from there, and how long it may become, mm.
+    fitted: Vec<[f32; 4]>,
+    moved: f32,
+    slack: f32,
 }
 
 impl Spheres {
     /// Bytes that they take.
     pub(crate) fn bytes(&self) -> usize {
-        bytes::of(&self.nodes) + bytes::of(&self.leaves)
+        bytes::of(&self.nodes) + bytes::of(&self.leaves) + bytes::of(&self.fitted)
     }
 }
 
@@ -72,7 +90,7 @@ impl SphereTree {
             starts.push(vertices.len() as u32);
         }
         let cuts = slabs::even_cuts(starts.len() - 1);
-        Self { nodes, order, vertices, starts, cuts }
+        Self { id: NEXT.fetch_add(1, Ordering::Relaxed), nodes, order, vertices, starts, cuts }
     }
 
     /// Bytes that it takes.
@@ -80,14 +98,29 @@ impl SphereTree {
         bytes::of(&self.nodes) + bytes::of(&self.order) + bytes::of(&self.vertices) + bytes::of(&self.starts)
     }
 
+    /// Makes the spheres fit for queries at these positions: fits them anew if they are not of this tree or too old.
+    pub(crate) fn follow(&self, spheres: &mut Spheres, positions: &[[f32; 4]], pool: &Pool) {
+        if spheres.of == Some(self.id) && spheres.fitted.len() == positions.len() {
+            spheres.moved = longest_way(positions, &spheres.fitted);
+            if spheres.moved <= spheres.slack {
+                return;
+            }
+        }
+        self.refit(spheres, positions, pool);
+        spheres.fitted.clear();
+        spheres.fitted.extend_from_slice(positions);
+        let radii: f32 = spheres.leaves.iter().map(|s| s[3]).sum();
+        (spheres.of, spheres.moved) = (Some(self.id), 0.0);
+        spheres.slack = SLACK * radii / spheres.leaves.len() as f32;
+    }
+
     /// Fits the spheres to the positions, children before parents.
-    pub(crate) fn refit(&self, spheres: &mut Spheres, positions: &[[f32; 4]], pool: &Pool) {
-        let Spheres { nodes, leaves } = spheres;
+    fn refit(&self, spheres: &mut Spheres, positions: &[[f32; 4]], pool: &Pool) {
+        let Spheres { nodes, leaves, .. } = spheres;
         leaves.resize(self.starts.len() - 1, [0.0; 4]);
         pool.each_part(leaves, &self.cuts, &mut [(); slabs::PIECES], &|i, leaves, ()| {
             for (leaf, sphere) in (self.cuts[i]..).zip(leaves) {
-                let own = self.starts[leaf] as usize..self.starts[leaf + 1] as usize;
-                *sphere = around(&self.vertices[own], positions);
+                *sphere = around(self.corners(leaf), positions);
             }
         });
         nodes.resize(self.nodes.len(), [0.0; 4]);
@@ -100,10 +133,16 @@ impl SphereTree {
         }
     }
 
-    /// Calls `found` with each element whose leaf comes within `reach` of the segment `a b`.
+    /// Vertices of a leaf.
+    fn corners(&self, leaf: usize) -> &[u32] {
+        &self.vertices[self.starts[leaf] as usize..self.starts[leaf + 1] as usize]
+    }
+
+    /// Calls `found` with each element whose leaf comes within `reach` of the segment `a b`, at the positions that the
+    /// spheres have followed.
     pub(crate) fn near_segment(
         &self,
-        spheres: &Spheres,
+        (spheres, positions): (&Spheres, &[[f32; 4]]),
         a: V3,
         b: V3,
         reach: f32,
@@ -114,16 +153,14 @@ impl SphereTree {
         stack.push(0);
         while let Some(i) = stack.pop() {
             let Some(s) = spheres.nodes.get(i as usize) else { continue };
-            // A hair of slack, so that rounding loses nothing.
-            let limit = (s[3] + reach) * (1.0 + 1e-5);
-            if distance2_to_segment(xyz(*s), a, b) > limit * limit {
+            if !is_near(s, a, b, reach + spheres.moved) {
                 continue;
             }
             let node = self.nodes[i as usize];
             if node.count == 0 {
                 stack.push(node.first);
                 stack.push(i + 1);
-            } else {
+            } else if is_near(&around(self.corners(node.leaf as usize), positions), a, b, reach) {
                 let slots = &self.order[node.first as usize..(node.first + node.count) as usize];
                 slots.iter().for_each(|&t| found(t));
             }
@@ -190,6 +227,27 @@ fn around_two(p: [f32; 4], q: [f32; 4]) -> [f32; 4] {
     [c[0], c[1], c[2], radius * (1.0 + 1e-6)]
 }
 
+/// The longest way between positions of the same vertices, mm; endless if one of them is not finite.
+fn longest_way(positions: &[[f32; 4]], from: &[[f32; 4]]) -> f32 {
+    // Eight at a time: one after the other would wait for each comparison.
+    let (mut most, mut sum) = ([0f32; 8], [0f32; 8]);
+    for (p, q) in positions.chunks(8).zip(from.chunks(8)) {
+        for (l, (p, q)) in p.iter().zip(q).enumerate() {
+            let d = sub(xyz(*p), xyz(*q));
+            let square = dot(d, d);
+            (most[l], sum[l]) = (larger(most[l], square), sum[l] + square);
+        }
+    }
+    let finite = sum.iter().all(|s| s.is_finite());
+    if finite { most.into_iter().fold(0.0, larger).sqrt() } else { f32::INFINITY }
+}
+
+/// Whether a sphere comes within `reach` of the segment `a b`, with a hair of slack, so that rounding loses nothing.
+fn is_near(sphere: &[f32; 4], a: V3, b: V3, reach: f32) -> bool {
+    let limit = (sphere[3] + reach) * (1.0 + 1e-5);
+    distance2_to_segment(xyz(*sphere), a, b) <= limit * limit
+}
+
 fn distance2_to_segment(p: V3, a: V3, b: V3) -> f32 {
     let (ab, ap) = (sub(b, a), sub(p, a));
     let length2 = dot(ab, ab);
@@ -220,14 +278,61 @@ mod tests {
                 v[1] += bend * v[0] * v[2];
             }
             let mut spheres = Spheres::default();
-            tree.refit(&mut spheres, &p, &Pool::new(1));
+            tree.follow(&mut spheres, &p, &Pool::new(1));
             let mut found = vec![false; mesh.tets.len()];
-            tree.near_segment(&spheres, a, b, reach, &mut Vec::new(), |t| found[t as usize] = true);
+            tree.near_segment((&spheres, &p), a, b, reach, &mut Vec::new(), |t| found[t as usize] = true);
             for (t, tet) in mesh.tets.iter().enumerate() {
                 // A vertex within reach is reason enough to be found.
                 let near = tet.iter().any(|&v| distance2_to_segment(xyz(p[v as usize]), a, b) <= reach * reach);
                 prop_assert!(!near || found[t], "tetrahedron {t}");
             }
         }
+
+        #[test]
+        fn old_spheres_find_the_same_elements_in_the_same_order_as_new_ones(
+            a in proptest::array::uniform3(-30.0..30.0f32),
+            b in proptest::array::uniform3(-30.0..30.0f32),
+            reach in 0.0..5.0f32,
+            bend in -0.02..0.02f32,
+        ) {
+            let mesh = block([6, 5, 4], 8.0);
+            let mut p: Vec<[f32; 4]> = mesh.vertices.iter().map(|v| [v.x as f32 - 24.0, v.y as f32 - 20.0, v.z as f32 - 16.0, 1.0]).collect();
+            let (tree, pool) = (SphereTree::new(&p, &mesh.tets), Pool::new(1));
+            let mut old = Spheres::default();
+            tree.follow(&mut old, &p, &pool);
+            for _ in 0..5 {
+                p.iter_mut().for_each(|v| v[2] += 0.2 * bend * v[0] * v[1]);
+                tree.follow(&mut old, &p, &pool);
+                let mut new = Spheres::default();
+                tree.follow(&mut new, &p, &pool);
+                let found = |spheres: &Spheres| {
+                    let mut list = Vec::new();
+                    tree.near_segment((spheres, &p), a, b, reach, &mut Vec::new(), |t| list.push(t));
+                    list
+                };
+                prop_assert_eq!(found(&old), found(&new));
+            }
+        }
+    }
+
+    #[test]
+    fn spheres_are_fitted_anew_when_they_are_too_old_of_another_tree_or_of_no_place() {
+        let mesh = block([4, 4, 4], 8.0);
+        let rest: Vec<[f32; 4]> = mesh.vertices.iter().map(|v| [v.x as f32, v.y as f32, v.z as f32, 1.0]).collect();
+        let (tree, pool, mut spheres) = (SphereTree::new(&rest, &mesh.tets), Pool::new(1), Spheres::default());
+        tree.follow(&mut spheres, &rest, &pool);
+        let shifted = |by: f32| -> Vec<[f32; 4]> { rest.iter().map(|p| [p[0], p[1] + by, p[2], p[3]]).collect() };
+        tree.follow(&mut spheres, &shifted(1.0), &pool);
+        assert!((spheres.moved - 1.0).abs() < 1e-5 && spheres.fitted == rest);
+        let far = shifted(40.0);
+        tree.follow(&mut spheres, &far, &pool);
+        assert!(spheres.moved == 0.0 && spheres.fitted == far);
+        let mut lost = far.clone();
+        lost[7][0] = f32::NAN;
+        tree.follow(&mut spheres, &lost, &pool);
+        tree.follow(&mut spheres, &far, &pool);
+        assert!(spheres.moved == 0.0 && spheres.fitted == far);
+        SphereTree::new(&rest, &mesh.tets).follow(&mut spheres, &shifted(40.5), &pool);
+        assert_eq!(spheres.moved, 0.0);
     }
 }

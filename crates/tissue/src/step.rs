@@ -1,6 +1,6 @@
 //! One step through time.
 //!
-//! A frame is cut into substeps, more of them for a fast tool, so that no tool jumps over an element. Each substep refits
+//! A frame is cut into substeps, more of them for a fast tool, so that no tool jumps over an element. Each substep sees to
 //! the sphere tree, lists what touches, predicts, solves, and lets membranes yield and anchors slip. After all of them the
 //! state is checked at one place: if it is not finite, or elements have turned over, it is taken back and tried again with
 //! half the time step.
@@ -240,7 +240,7 @@ impl Stepper {
         done: &mut dyn FnMut(Stage),
     ) {
         if !tools.is_empty() {
-            model.tree.refit(&mut self.spheres, &state.positions, &self.pool);
+            model.tree.follow(&mut self.spheres, &state.positions, &self.pool);
         }
         self.touch(model, state, tools, share);
         done(Stage::Collision);

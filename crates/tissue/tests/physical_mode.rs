@@ -271,6 +271,31 @@ fn the_number_of_threads_changes_no_bit() {
 }
 
 #[test]
+fn a_state_goes_on_with_the_same_bits_in_a_new_stepper_and_in_one_that_was_elsewhere() {
+    let mesh = block([16, 8, 8], 5.0, |c| if c[0] > 5 && c[1] == 3 { 5 } else { 4 });
+    let model = Model::new(&mesh, &options(physical(), &nodes(&mesh, |p| p.z == 0.0))).expect("model");
+    for predicted_space in [false, true] {
+        let settings = FrameSettings { predicted_space, ..FrameSettings::default() };
+        let z = |f: i32| 41.0 - 0.4 * f64::from(f);
+        let run = |stepper: &mut Stepper, state: &mut State, frames: core::ops::Range<i32>| {
+            for f in frames {
+                let motion = rod([31.0, 19.0, z(f)], [31.0, 19.0, z(f + 1)]);
+                stepper.step(&model, state, &[motion], &settings);
+            }
+        };
+        let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+        run(&mut stepper, &mut state, 0..20);
+        let snapshot = state.clone();
+        run(&mut stepper, &mut state, 20..40);
+        let (mut anew, mut back) = (snapshot.clone(), snapshot);
+        run(&mut Stepper::new(&model), &mut anew, 20..40);
+        assert!(anew == state, "a new stepper, predicted space {predicted_space}");
+        run(&mut stepper, &mut back, 20..40);
+        assert!(back == state, "one that was elsewhere, predicted space {predicted_space}");
+    }
+}
+
+#[test]
 fn the_predicted_space_gives_the_whole_solution_within_two_per_cent_of_the_motion() {
     let mesh = block([8, 8, 6], 6.0, |_| 4);
     let model = Model::new(&mesh, &options(physical(), &nodes(&mesh, |p| p.z == 0.0))).expect("model");

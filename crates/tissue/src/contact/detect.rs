@@ -50,7 +50,7 @@ pub(crate) fn membranes(
     let from = rod.at(rod.start);
     let to = if side == Side::Outside { rod.at(rod.length) } else { from };
     let reach = 1.5 * rod.radius;
-    collect(model, spheres, from, to, reach, found);
+    collect(model, (spheres, state), from, to, reach, found);
     for &t in &found.tets {
         // A wall has two elements: it is taken from the inner one only.
         for face in model.membranes.before(t) {
@@ -61,10 +61,10 @@ pub(crate) fn membranes(
     }
 }
 
-fn collect(model: &Model, spheres: &Spheres, from: V3, to: V3, reach: f32, found: &mut Found) {
+fn collect(model: &Model, (spheres, state): (&Spheres, &State), from: V3, to: V3, reach: f32, found: &mut Found) {
     found.tets.clear();
     let Found { stack, tets } = found;
-    model.tree.near_segment(spheres, from, to, reach, stack, |t| tets.push(t));
+    model.tree.near_segment((spheres, &state.positions), from, to, reach, stack, |t| tets.push(t));
 }
 
 /// Sign that turns the normal of a membrane away from the tool; `None` when the tool is not on one of its sides.
@@ -140,7 +140,7 @@ fn direction(near: Closest, centre: V3, tri: [V3; 3], push: V3, radius: f32) -> 
 
 /// The element that holds the point `x`; `None` outside of the mesh.
 pub(crate) fn locate(model: &Model, state: &State, spheres: &Spheres, x: V3, found: &mut Found) -> Option<Place> {
-    collect(model, spheres, x, x, 0.0, found);
+    collect(model, (spheres, state), x, x, 0.0, found);
     let mut best: Option<(f32, Place)> = None;
     for &tet in &found.tets {
         let Some(weights) = barycentric(model.corners(state, tet as usize), x) else { continue };
@@ -181,7 +181,7 @@ mod tests {
         let model = Model::new(&mesh, &paper_options()).expect("model");
         let state = model.rest_state();
         let mut spheres = Spheres::default();
-        model.tree.refit(&mut spheres, &state.positions, &crate::fast::Pool::new(1));
+        model.tree.follow(&mut spheres, &state.positions, &crate::fast::Pool::new(1));
         let mut found = Found::default();
         for x in [[0.1, 0.2, 0.3], [-5.9, 5.8, 1.0], [2.0, 2.0, 2.0]] {
             let place = locate(&model, &state, &spheres, x, &mut found).expect("inside");
