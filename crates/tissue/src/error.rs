@@ -23,14 +23,6 @@ pub enum ModelError {
         /// Its longest edge, mm.
         edge_mm: f64,
     },
-    /// Two elements have the same corners.
-    #[error("tetrahedra {first} and {second} have the same four vertices; remove one")]
-    DuplicateTet {
-        /// The first.
-        first: usize,
-        /// The second.
-        second: usize,
-    },
     /// Two vertices lie on the same spot.
     #[error("vertices {first} and {second} lie on the same spot; merge them")]
     DuplicateVertex {
@@ -38,17 +30,6 @@ pub enum ModelError {
         first: usize,
         /// The second.
         second: usize,
-    },
-    /// A vertex belongs to no element.
-    #[error("vertex {0} belongs to no tetrahedron; remove it")]
-    Isolated(usize),
-    /// A face has more than two elements.
-    #[error("the face {nodes:?} belongs to {tets} tetrahedra; at most two can share one")]
-    CrowdedFace {
-        /// Its vertices.
-        nodes: [u32; 3],
-        /// How many elements claim it.
-        tets: usize,
     },
     /// Too many vertices side by side.
     #[error("{vertices} vertices lie so close together along edges that they cannot be cut in two; at most 65536 may")]

@@ -1,6 +1,6 @@
 //! Membranes: the faces where tissue meets the outside or another region.
 
-use crate::{ModelError, bytes};
+use crate::bytes;
 
 /// Stands for the outside on one side of a membrane.
 pub(crate) const OUTSIDE: u8 = u8::MAX;
@@ -41,8 +41,8 @@ impl Membranes {
 /// Faces of a positive tetrahedron, seen from outside; face `i` lies opposite corner `i`.
 pub(crate) const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
-/// Finds the membranes of a mesh whose element `t` belongs to region `region[t]`.
-pub(crate) fn find(tets: &[[u32; 4]], region: &[u8]) -> Result<Membranes, ModelError> {
+/// Finds the membranes of a conforming mesh whose element `t` belongs to region `region[t]`.
+pub(crate) fn find(tets: &[[u32; 4]], region: &[u8]) -> Membranes {
     let mut all: Vec<([u32; 3], u32, u8)> = Vec::with_capacity(tets.len() * 4);
     for (t, tet) in tets.iter().enumerate() {
         for (f, face) in FACES.iter().enumerate() {
@@ -54,9 +54,6 @@ pub(crate) fn find(tets: &[[u32; 4]], region: &[u8]) -> Result<Membranes, ModelE
     all.sort_unstable();
     let mut out = Membranes::default();
     for same in all.chunk_by(|a, b| a.0 == b.0) {
-        if same.len() > 2 {
-            return Err(ModelError::CrowdedFace { nodes: same[0].0, tets: same.len() });
-        }
         let (_, t, f) = same[0];
         let inner = region[t as usize];
         let outer = same.get(1).map_or(OUTSIDE, |s| region[s.1 as usize]);
@@ -66,7 +63,7 @@ pub(crate) fn find(tets: &[[u32; 4]], region: &[u8]) -> Result<Membranes, ModelE
         }
     }
     out.behind.sort_unstable();
-    Ok(out)
+    out
 }
 
 #[cfg(test)]
@@ -76,17 +73,11 @@ mod tests {
     #[test]
     fn two_glued_elements_of_two_regions_have_six_outer_faces_and_one_wall() {
         let tets = [[0, 1, 2, 3], [0, 2, 1, 4]];
-        let m = find(&tets, &[0, 1]).expect("manifold");
+        let m = find(&tets, &[0, 1]);
         assert_eq!(m.faces.len(), 7);
         let wall: Vec<_> = m.faces.iter().filter(|f| f.outer != OUTSIDE).collect();
         assert_eq!(wall.len(), 1);
         assert_eq!((wall[0].inner, wall[0].outer), (0, 1));
-        assert_eq!(find(&tets, &[0, 0]).expect("manifold").faces.len(), 6);
-    }
-
-    #[test]
-    fn a_face_of_three_elements_is_refused() {
-        let tets = [[0, 1, 2, 3], [0, 2, 1, 4], [0, 1, 2, 5]];
-        assert_eq!(find(&tets, &[0; 3]).err(), Some(ModelError::CrowdedFace { nodes: [0, 1, 2], tets: 3 }));
+        assert_eq!(find(&tets, &[0, 0]).faces.len(), 6);
     }
 }

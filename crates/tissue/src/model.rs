@@ -108,7 +108,7 @@ impl Model {
             p[3] = 1.0 / m;
         }
         let (tethers, guides) = attach(&mut rest, options, &number);
-        let membranes = membrane::find(&tets, &region)?;
+        let membranes = membrane::find(&tets, &region);
         let tree = SphereTree::new(&rest, &tets);
         let volumes = Volumes::new(&tets, &rest);
         let rest_volume = (0..mesh.tets.len()).map(|t| mesh.volume(t)).sum();
@@ -376,6 +376,7 @@ fn attach(rest: &mut [[f32; 4]], options: &ModelOptions, number: &[u32]) -> (Vec
 pub(crate) mod tests {
     use super::*;
     use crate::{Attachment, PaperOptions};
+    use monro_geometry::TetMeshError;
 
     /// A block of cubes of `size` mm, each cut into six tetrahedra around its diagonal.
     pub(crate) fn block(cells: [usize; 3], size: f64) -> TetMesh {
@@ -443,20 +444,18 @@ pub(crate) mod tests {
         let o = paper_options();
         let mut m = good.clone();
         m.vertices[3].y = f64::NAN;
-        assert!(matches!(refuse(&m, &o), Some(ModelError::Mesh(monro_geometry::TetMeshError::NotFinite(3)))));
+        assert!(matches!(refuse(&m, &o), Some(ModelError::Mesh(TetMeshError::NotFinite(3)))));
         let mut m = good.clone();
         m.tets[4].swap(0, 1);
-        assert!(matches!(
-            refuse(&m, &o),
-            Some(ModelError::Mesh(monro_geometry::TetMeshError::Inverted { tet: 4, .. }))
-        ));
+        assert!(matches!(refuse(&m, &o), Some(ModelError::Mesh(TetMeshError::Inverted { tet: 4, .. }))));
         let mut m = good.clone();
         m.vertices.push(Point::new(9.0, 9.0, 9.0));
-        assert_eq!(refuse(&m, &o), Some(ModelError::Isolated(12)));
+        let refused = |m: &TetMesh, by: TetMeshError| assert_eq!(refuse(m, &o), Some(ModelError::Mesh(by)));
+        refused(&m, TetMeshError::Unused { vertex: 12, count: 1, vertices: 13 });
         let mut m = good.clone();
         m.tets.push(m.tets[2]);
         m.labels.push(4);
-        assert_eq!(refuse(&m, &o), Some(ModelError::DuplicateTet { first: 2, second: 12 }));
+        refused(&m, TetMeshError::Duplicate { first: 2, second: 12 });
         let mut m = good.clone();
         m.labels[7] = 99;
         assert_eq!(refuse(&m, &o), Some(ModelError::NoMaterial { label: 99, tets: 1, tet: 7 }));
@@ -467,6 +466,31 @@ pub(crate) mod tests {
         let mut bad = o;
         bad.attachments.push(Attachment { node: 12, kind: AttachmentKind::Fixed });
         assert_eq!(refuse(&good, &bad), Some(ModelError::Attachment { attachment: 0, node: 12, vertices: 12 }));
+    }
+
+    #[test]
+    fn two_elements_on_one_side_of_a_face_were_simulated_as_if_they_were_neighbours() {
+        let good = block([2, 1, 1], 1.0);
+        let refuse = |mesh: &TetMesh| Model::new(mesh, &paper_options()).err();
+        // Another element on the first one's outer face, reaching to the same side.
+        let mut m = good.clone();
+        let [a, b, c, d] = m.tets[0];
+        let middle = m.corners(0).map(|p| p.to_array());
+        let inside = core::array::from_fn(|k| middle.iter().map(|p| p[k]).sum::<f64>() / 4.0);
+        m.vertices.push(Point::from_array(inside));
+        for face in [[a, b, c], [a, b, d], [a, c, d], [b, c, d]] {
+            let mut m = m.clone();
+            m.tets.push([face[0], face[1], face[2], 12]);
+            m.labels.push(4);
+            if m.volume(12) < 0.0 {
+                m.tets[12].swap(0, 1);
+            }
+            let by = refuse(&m);
+            assert!(
+                matches!(by, Some(ModelError::Mesh(TetMeshError::Overlap { .. } | TetMeshError::Face { .. }))),
+                "{by:?}"
+            );
+        }
     }
 
     #[test]

@@ -21,25 +21,8 @@ pub(crate) fn mesh(mesh: &TetMesh) -> Result<(), ModelError> {
             return Err(ModelError::Flat { tet, volume_mm3, edge_mm });
         }
     }
-    isolated(mesh)?;
-    duplicate_tets(mesh)?;
+    mesh.check_conforming()?;
     duplicate_vertices(mesh)
-}
-
-fn isolated(mesh: &TetMesh) -> Result<(), ModelError> {
-    let mut used = vec![false; mesh.vertices.len()];
-    mesh.tets.iter().flatten().for_each(|&v| used[v as usize] = true);
-    used.iter().position(|u| !u).map_or(Ok(()), |v| Err(ModelError::Isolated(v)))
-}
-
-fn duplicate_tets(mesh: &TetMesh) -> Result<(), ModelError> {
-    let mut keys: Vec<([u32; 4], usize)> = mesh.tets.iter().copied().zip(0..).collect();
-    keys.iter_mut().for_each(|k| k.0.sort_unstable());
-    keys.sort_unstable();
-    match keys.windows(2).find(|w| w[0].0 == w[1].0) {
-        Some(w) => Err(ModelError::DuplicateTet { first: w[0].1, second: w[1].1 }),
-        None => Ok(()),
-    }
 }
 
 fn duplicate_vertices(mesh: &TetMesh) -> Result<(), ModelError> {

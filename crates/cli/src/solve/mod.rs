@@ -1,6 +1,7 @@
 //! `monro solve`: a static scene (JSON and meshes in SI) to its equilibrium.
 
 mod held;
+mod json;
 mod limits;
 mod materials;
 mod outcome;

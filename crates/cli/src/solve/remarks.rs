@@ -82,14 +82,14 @@ pub(super) fn nothing_to_find(nodes: usize, problem: &StaticProblem) -> Option<S
     if held.len() == nodes && held.values().all(|h| *h == [true; 3]) {
         return Some(format!("all {nodes} nodes are held in all components: there is nothing to find"));
     }
-    let first = problem.supports.first()?.displacement_mm;
-    let same = problem.supports.iter().all(|s| s.displacement_mm == first);
-    let moves = first.iter().flatten().any(|v| *v != 0.0);
     let loaded = problem.body_force_mn_mm3 != [0.0; 3] || problem.pressures.iter().any(|p| p.kpa != 0.0);
     let alone = !loaded && problem.contacts.is_empty() && problem.rods.is_empty();
     if alone && problem.supports.iter().all(|s| s.displacement_mm.iter().flatten().all(|v| *v == 0.0)) {
         return Some("nothing is moved and nothing acts: the body stays as it is, with 0 mm everywhere; give a \"value\" other than 0, a body_force, a pressure, a contact or a rod".into());
     }
+    let first = problem.supports.first()?.displacement_mm;
+    let same = problem.supports.iter().all(|s| s.displacement_mm == first);
+    let moves = first.iter().flatten().any(|v| *v != 0.0);
     (same && moves && alone).then(|| {
         format!(
             "all that is held moves by the same {:?} mm and nothing else acts: the body is only carried along; hold another \

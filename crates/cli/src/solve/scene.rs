@@ -1,5 +1,6 @@
 //! Scenes of static problems: a JSON file beside its meshes, all in SI. What is read is in mm, mN and kPa.
 
+use super::json::Unique;
 use super::{held, materials, remarks, units};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use monro_case::vtu::{self, DataArray, UnstructuredGrid};
@@ -49,7 +50,8 @@ fn parse(text: &str) -> Result<Value> {
         let endless = ["nan", "infinity"].iter().any(|w| line.contains(w));
         if endless { "JSON has no NaN and no Infinity: write a finite number" } else { "mend it there" }
     };
-    serde_json::from_str(text.trim_start_matches('\u{feff}')).map_err(|e| anyhow!("{e}: {}", hint(&e)))
+    let read = serde_json::from_str(text.trim_start_matches('\u{feff}'));
+    read.map(|Unique(value)| value).map_err(|e| anyhow!("{e}: {}", hint(&e)))
 }
 
 fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Result<Scene> {

@@ -262,6 +262,15 @@ fn moduli_typed_in_kilopascal_and_bodies_only_carried_along_are_remarked_upon() 
 }
 
 #[test]
+fn a_body_that_nothing_holds_and_nothing_acts_on_was_solved_without_a_word() {
+    let idle = told(|case| {
+        case["dirichlet"] = json!([]);
+        case.as_object_mut().expect("a case").remove("body_force");
+    });
+    says(&remarks(&idle), &["nothing is moved and nothing acts"]);
+}
+
+#[test]
 fn constants_that_contradict_the_pair_that_counts_are_refused_one_by_one() {
     for (name, value) in [("mu", 900.0), ("lam", 1.0), ("lam_hat", 1.0)] {
         let said = refused(|case| case["materials"]["1"] = json!({ "E": 3000.0, "nu": 0.45, name: value }));

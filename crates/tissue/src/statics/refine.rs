@@ -160,7 +160,7 @@ impl Refined {
 
 fn outer_faces(fine: &Fine) -> Vec<[u32; 3]> {
     // A mesh with crowded faces is refused when its model is made.
-    let found = membrane::find(&fine.tets, &vec![0; fine.tets.len()]).unwrap_or_default();
+    let found = membrane::find(&fine.tets, &vec![0; fine.tets.len()]);
     found.faces.iter().map(|m| m.nodes).collect()
 }
 
