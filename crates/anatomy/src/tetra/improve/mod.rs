@@ -40,9 +40,6 @@ const THIN: f64 = 0.15;
 /// as thick as it is from this looseness on, when next to none are left. Then two rings of neighbours are bettered, too.
 const ANY: f64 = 0.3;
 
-/// How often what lies far from its surface is brought back.
-const PULLS: usize = 2;
-
 /// Edges shorter than this part of an element's longest are merged first.
 const SHORT: f64 = 0.3;
 /// A merge may leave a surface by this part of the element's longest edge.
@@ -79,8 +76,10 @@ impl Work<'_> {
         }
         self.loose = 0.0;
         self.tighten();
+        self.pull_points();
+        self.pull_middles();
         // What moved for others may have made room for these.
-        (0..PULLS).for_each(|_| self.pull_far());
+        self.pull_points();
         // What was just good enough has more room now: it counts for the first percentile.
         self.pass(LAST_BARS[2]);
     }

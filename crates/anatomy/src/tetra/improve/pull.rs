@@ -5,23 +5,25 @@
 //! then these are bettered, and all is taken back where they do not become good.
 
 use super::super::vec3::{V3, add, distance, scale, sub};
+use super::RESORT;
 use super::mask::Mask;
 use super::ring::Ring;
 use super::split::Sag;
+use super::volume::GOOD;
 use super::work::Work;
-use super::{RESORT, ROOMY};
 
 /// Points further off than this part of a cell of the fields, and than that part of the mean edge around them, are moved;
 const FAR_POINT: [f64; 2] = [0.5, 0.15];
 /// edges are split whose middle is further off than this part of a cell, and than that part of their length.
-const FAR_MIDDLE: f64 = 0.6;
-const BENT: f64 = 0.2;
+const FAR_MIDDLE: [f64; 2] = [0.7, 0.2];
 /// No place is sought further off than so many mean edges.
 const REACH: f64 = 1.5;
-/// Parts of the way, the first with good elements in the end.
+/// Parts of the way, the first with good elements in the end; those for new points.
 const WAYS: [f64; 4] = [1.0, 0.6, 0.3, 0.15];
-/// Rounds of bettering what is around.
+const NEW_WAYS: [f64; 3] = [1.0, 0.6, 0.3];
+/// Rounds of bettering what is around at most; one that gains less than this is the last.
 const ROUNDS: usize = 10;
+const GAIN: f64 = 0.01;
 
 /// Points around a place.
 struct Patch {
@@ -35,8 +37,8 @@ struct Patch {
 }
 
 impl Work<'_> {
-    /// Moves far points to their surfaces, then the middles of bent edges, the farthest first.
-    pub(super) fn pull_far(&mut self) {
+    /// Moves far points to their surfaces, the farthest first.
+    pub(super) fn pull_points(&mut self) {
         let mut points: Vec<(f64, u32)> = (0..self.points.len() as u32)
             .filter(|&v| self.masks[v as usize].count() > 1 && !self.stars[v as usize].is_empty())
             .filter_map(|v| Some((self.place_of(v)?.1, v)))
@@ -45,20 +47,24 @@ impl Work<'_> {
             .collect();
         points.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
         for (_, v) in points {
-            // One before may have brought it back.
+            // One before may have moved it.
             if let Some((place, _)) = self.place_of(v) {
                 let _pulled = WAYS.into_iter().any(|way| self.pull_point(v, place, way));
             }
         }
+    }
+
+    /// Splits edges that cut a corner of their surface, the worst first, with the new point there.
+    pub(super) fn pull_middles(&mut self) {
         let mut edges = Vec::new();
         self.each_sag(|sag| {
-            if sag.off > (FAR_MIDDLE * self.fields.step).max(BENT * sag.length) {
+            if sag.off > (FAR_MIDDLE[0] * self.fields.step).max(FAR_MIDDLE[1] * sag.length) {
                 edges.push(sag);
             }
         });
         edges.sort_by(|x, y| y.off.total_cmp(&x.off).then(x.ends.cmp(&y.ends)));
         for sag in &edges {
-            let _pulled = WAYS.into_iter().any(|way| self.pull_middle(sag, way));
+            let _pulled = NEW_WAYS.into_iter().any(|way| self.pull_middle(sag, way));
         }
     }
 
@@ -118,17 +124,24 @@ impl Work<'_> {
         all
     }
 
-    /// Betters the elements of a patch; where they do not become good, all its points go back.
+    /// Betters the bad elements of a patch; where they do not become good, all its points go back.
     fn settle(&mut self, patch: &Patch) -> bool {
+        let all = || patch.near.iter().chain(&patch.points);
+        let mut last = f64::NEG_INFINITY;
         for _ in 0..ROUNDS {
-            for &w in patch.near.iter().chain(&patch.points) {
-                if self.worst_around(w) < ROOMY {
+            for &w in all() {
+                if self.worst_around(w) < GOOD {
                     self.relax(w);
                 }
             }
-            if patch.near.iter().chain(&patch.points).all(|&w| self.worst_around(w) >= patch.floor) {
+            let worst = all().map(|&w| self.worst_around(w)).fold(f64::INFINITY, f64::min);
+            if worst >= patch.floor {
                 return true;
             }
+            if worst < last + GAIN {
+                break;
+            }
+            last = worst;
         }
         patch.points.iter().zip(&patch.before).for_each(|(&w, &p)| self.put(w, p));
         false
