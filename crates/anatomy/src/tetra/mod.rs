@@ -54,7 +54,7 @@ pub use report::{
 use cut::{RawMesh, cut_all};
 use error::{listed, place};
 use fields::LabelFields;
-use improve::{Coarse, MOST_LABELS, Work};
+use improve::{Bounds, Coarse, MOST_LABELS, Work};
 use monro_geometry::{Patient, Point, TetMesh, Volume};
 use octree::Octree;
 use repair::Crumb;
@@ -458,7 +458,7 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
     }
     let found = volumes(&work);
     work.split_far(size, finest);
-    work.restore_volumes(&fields.volumes, 0.40);
+    work.restore_volumes(&fields.volumes, Bounds { floor: 0.40, lift: 1.0 });
     work.finish();
     work.settle_volumes(&fields.volumes);
     let (count, restored) = (work.count(), volumes(&work));

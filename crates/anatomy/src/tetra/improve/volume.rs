@@ -35,6 +35,15 @@ const BULGY: f64 = 0.85;
 /// Largest even shift in one pass, in cells of the fields.
 const MOST_SHIFT: f64 = 0.2;
 
+/// What restoring volumes may do.
+#[derive(Debug, Clone, Copy)]
+pub(in super::super) struct Bounds {
+    /// No element gets worse than this, or than it was.
+    pub(in super::super) floor: f64,
+    /// How far points may stand off their surfaces, in [`MOST_LIFT`]s: more where volumes are not met otherwise.
+    pub(in super::super) lift: f64,
+}
+
 /// A surface point: its area normal, and how far it stands out over its neighbours.
 #[derive(Debug, Clone, Copy)]
 struct Stand {
@@ -48,8 +57,8 @@ struct Stand {
 impl Work<'_> {
     /// [`Work::restore_volumes`], and where good elements leave points no room for it once more after bettering those.
     pub(in super::super) fn settle_volumes(&mut self, wanted: &[f64]) {
-        for _ in 0..ROUNDS {
-            self.restore_volumes(wanted, GOOD);
+        for round in 0..ROUNDS {
+            self.restore_volumes(wanted, Bounds { floor: GOOD, lift: 1.5f64.powi(round as i32) });
             if self.volumes(wanted.len()).iter().zip(wanted).all(|(n, w)| (n - w).abs() <= ENOUGH * w) {
                 break;
             }
@@ -57,9 +66,8 @@ impl Work<'_> {
         }
     }
 
-    /// Moves the points of each surface so that labels have the volumes `wanted` (mm3, in the order of the labels). No
-    /// element gets worse than `floor`, or than it was.
-    pub(in super::super) fn restore_volumes(&mut self, wanted: &[f64], floor: f64) {
+    /// Moves the points of each surface so that labels have the volumes `wanted` (mm3, in the order of the labels).
+    pub(in super::super) fn restore_volumes(&mut self, wanted: &[f64], bounds: Bounds) {
         let faces = self.surface_faces();
         let mut before = f64::INFINITY;
         for _ in 0..PASSES {
@@ -74,11 +82,11 @@ impl Work<'_> {
             let whole = wanted.iter().sum::<f64>();
             let missing = whole - now.iter().sum::<f64>();
             if missing.abs() > 0.5 * MET * whole {
-                self.inflate(&stands, missing, floor, |pair| pair.1.is_none());
+                self.inflate(&stands, missing, bounds, |pair| pair.1.is_none());
             }
             for l in (0..wanted.len() - 1).filter(|&l| (wanted[l] - now[l]).abs() > 0.5 * MET * wanted[l]) {
                 let missing = wanted[l] - now[l];
-                self.inflate(&stands, missing, floor, |pair| usize::from(pair.0) == l && pair.1.is_some());
+                self.inflate(&stands, missing, bounds, |pair| usize::from(pair.0) == l && pair.1.is_some());
             }
         }
     }
@@ -136,7 +144,7 @@ impl Work<'_> {
     }
 
     /// Moves the points of some surfaces by one part of their heights, for a gain of `missing` mm3.
-    fn inflate(&mut self, stands: &[Stand], missing: f64, floor: f64, of: impl Fn(Pair) -> bool) {
+    fn inflate(&mut self, stands: &[Stand], missing: f64, bounds: Bounds, of: impl Fn(Pair) -> bool) {
         let chosen = || stands.iter().filter(|s| of(s.pair));
         let gain: f64 = chosen().map(|s| s.area * s.height).sum();
         let area: f64 = chosen().map(|s| s.area).sum();
@@ -150,22 +158,22 @@ impl Work<'_> {
         let by_height = gain.abs() >= BULGY * heights;
         for s in chosen() {
             let step = scale(s.normal, if by_height { part * s.height } else { even });
-            if !self.try_shift(s, step, floor) {
-                self.try_shift(s, scale(step, 0.5), floor);
+            if !self.try_shift(s, step, bounds) {
+                self.try_shift(s, scale(step, 0.5), bounds);
             }
         }
     }
 
-    fn try_shift(&mut self, stand: &Stand, step: V3, floor: f64) -> bool {
+    fn try_shift(&mut self, stand: &Stand, step: V3, bounds: Bounds) -> bool {
         let v = stand.point;
         // The normal looks out of the lower label, the field's gradient into it.
         let before = self.lift[v as usize];
         let lift = before - dot(step, stand.normal);
         let most = (MOST_LIFT[0] * self.fields.step).max(MOST_LIFT[1] * stand.area.sqrt());
-        if lift.abs() > most.max(before.abs()) {
+        if lift.abs() > (bounds.lift * most).max(before.abs()) {
             return false;
         }
-        let floor = self.worst_around(v).min(floor);
+        let floor = self.worst_around(v).min(bounds.floor);
         // Not worse than the floor: a hair below it serves.
         if !self.try_move(v, add(self.points[v as usize], step), floor - 1e-9) {
             return false;
