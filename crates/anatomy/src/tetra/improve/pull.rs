@@ -156,3 +156,90 @@ impl Work<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tetra::fields::LabelFields;
+    use crate::tetra::size::SizeField;
+    use crate::tetra::{MeshOptions, to_count};
+    use monro_geometry::{Grid, Volume};
+
+    /// A ball of 12 mm in voxels of 1 mm.
+    fn ball() -> (LabelFields, MeshOptions) {
+        let grid = Grid::axis_aligned([32; 3], [1.0; 3], [-15.5; 3]).expect("grid");
+        let inside = |at: usize| {
+            let [i, j, k] = grid.voxel(at);
+            u8::from(grid.centre(i, j, k).to_array().iter().map(|x| x * x).sum::<f64>() < 144.0)
+        };
+        let labels = Volume::new(grid, (0..grid.len()).map(inside).collect()).expect("count");
+        (LabelFields::new(&labels, &[1]).expect("a ball"), MeshOptions::new(&[1], &[], 3000))
+    }
+
+    fn work<'a>(fields: &'a LabelFields, options: &MeshOptions) -> Work<'a> {
+        let size = SizeField::new(fields, &[], options).expect("size");
+        let mut work = Work::new(to_count(fields, &size, options.elements).expect("elements").raw, fields);
+        work.improve();
+        work
+    }
+
+    /// Elements that are there, in order, with the places of their corners.
+    fn elements(work: &Work<'_>) -> Vec<([u32; 4], [V3; 4], f64)> {
+        let alive = (0..work.tets.len()).filter(|&t| work.is_alive(t as u32));
+        let mut all: Vec<_> = alive.map(|t| (work.tets[t], work.corners(work.tets[t]), work.quality[t])).collect();
+        all.sort_by_key(|e| e.0);
+        all
+    }
+
+    #[test]
+    fn a_point_that_its_neighbours_held_off_its_surface_stayed_there() {
+        let (fields, options) = ball();
+        let mut work = work(&fields, &options);
+        let outer = |work: &Work<'_>| -> Vec<u32> {
+            (0..work.points.len() as u32)
+                .filter(|&v| work.masks[v as usize].count() > 1 && !work.stars[v as usize].is_empty())
+                .collect()
+        };
+        let worst = work.quality.iter().zip(&work.labels).filter(|q| *q.1 != super::super::work::DEAD);
+        let worst = worst.map(|q| *q.0).fold(RESORT, f64::min);
+        // Some 0.9 mm inwards, a point and all that are around it on the surface.
+        let dent: Vec<u32> = {
+            let first = outer(&work)[0];
+            work.with_neighbours(&[first]).into_iter().filter(|&w| work.masks[w as usize].count() > 1).collect()
+        };
+        for &v in &dent {
+            let p = work.points[v as usize];
+            work.put(v, scale(p, 1.0 - 0.9 / distance(p, [0.0; 3])));
+        }
+        let far =
+            |work: &Work<'_>| outer(work).iter().filter_map(|&v| work.place_of(v)).map(|p| p.1).fold(0.0, f64::max);
+        assert!(far(&work) > 0.8, "{}", far(&work));
+        work.pull_points();
+        assert!(far(&work) < 0.6, "{}", far(&work));
+        let after = outer(&work).iter().map(|&v| work.worst_around(v)).fold(f64::INFINITY, f64::min);
+        assert!(after >= worst - 1e-12, "{after} {worst}");
+    }
+
+    #[test]
+    fn what_cannot_be_pulled_leaves_the_mesh_as_it_was() {
+        let (fields, options) = ball();
+        let mut work = work(&fields, &options);
+        let mut edges = Vec::new();
+        work.each_sag(|sag| edges.push(sag));
+        let mut refused = 0;
+        for sag in edges.iter().step_by(10) {
+            let (before, points) = (elements(&work), work.points.len());
+            if !work.pull_middle(sag, 1.0) {
+                refused += 1;
+                assert_eq!((elements(&work), work.points.len()), (before, points));
+            }
+        }
+        assert!(refused > 0, "{refused} of {}", edges.len());
+        let before = elements(&work);
+        let mut patch = work.patch(&edges[0].ends);
+        patch.floor = 2.0;
+        work.put(edges[0].ends[0], [0.0, 0.0, 200.0]);
+        assert!(!work.settle(&patch));
+        assert_eq!(elements(&work), before);
+    }
+}
