@@ -456,6 +456,14 @@ pub(crate) mod tests {
         m.tets.push(m.tets[2]);
         m.labels.push(4);
         refused(&m, TetMeshError::Duplicate { first: 2, second: 12 });
+        let crowded = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.2, 0.2, 2.0]];
+        let m = TetMesh {
+            vertices: crowded.map(Point::from_array).to_vec(),
+            tets: vec![[0, 1, 2, 3], [0, 2, 1, 4], [0, 1, 2, 5]],
+            labels: vec![4; 3],
+        };
+        let by = refuse(&m, &o);
+        assert!(matches!(by, Some(ModelError::Mesh(TetMeshError::Face { face: [0, 1, 2], .. }))), "{by:?}");
         let mut m = good.clone();
         m.labels[7] = 99;
         assert_eq!(refuse(&m, &o), Some(ModelError::NoMaterial { label: 99, tets: 1, tet: 7 }));

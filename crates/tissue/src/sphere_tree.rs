@@ -8,7 +8,7 @@
 //! their age.
 
 use crate::fast::Pool;
-use crate::vec3::{V3, axpy, dot, larger, norm, scale, sub, xyz};
+use crate::vec3::{V3, axpy, dot, longest_way, norm, scale, sub, xyz};
 use crate::{bytes, slabs};
 use core::sync::atomic::{AtomicU64, Ordering};
 
@@ -225,21 +225,6 @@ fn around_two(p: [f32; 4], q: [f32; 4]) -> [f32; 4] {
     let c = axpy(xyz(p), (radius - p[3]) / distance, d);
     // Rounding must not let a vertex stick out.
     [c[0], c[1], c[2], radius * (1.0 + 1e-6)]
-}
-
-/// The longest way between positions of the same vertices, mm; endless if one of them is not finite.
-fn longest_way(positions: &[[f32; 4]], from: &[[f32; 4]]) -> f32 {
-    // Eight at a time: one after the other would wait for each comparison.
-    let (mut most, mut sum) = ([0f32; 8], [0f32; 8]);
-    for (p, q) in positions.chunks(8).zip(from.chunks(8)) {
-        for (l, (p, q)) in p.iter().zip(q).enumerate() {
-            let d = sub(xyz(*p), xyz(*q));
-            let square = dot(d, d);
-            (most[l], sum[l]) = (larger(most[l], square), sum[l] + square);
-        }
-    }
-    let finite = sum.iter().all(|s| s.is_finite());
-    if finite { most.into_iter().fold(0.0, larger).sqrt() } else { f32::INFINITY }
 }
 
 /// Whether a sphere comes within `reach` of the segment `a b`, with a hair of slack, so that rounding loses nothing.

@@ -16,7 +16,7 @@ use crate::report::{Event, StepReport, ToolReport};
 use crate::sphere_tree::Spheres;
 use crate::tool::{Rod, ToolMotion, travel};
 use crate::untangle::{CRUSHED, unknot, untangle};
-use crate::vec3::{V3, dot, larger, norm, scale, sub, xyz};
+use crate::vec3::{V3, dot, longest_way, norm, scale, sub, xyz};
 use crate::volumes::Survey;
 use crate::{Csf, Model, State};
 use monro_geometry::Vector;
@@ -366,7 +366,7 @@ impl Stepper {
     }
 
     fn fill(&self, model: &Model, state: &State, tools: &[ToolMotion], report: &mut StepReport) {
-        report.max_displacement_mm = f64::from(farthest(&state.positions, &model.rest));
+        report.max_displacement_mm = f64::from(longest_way(&state.positions, &model.rest));
         report.residual_mm = self.residual.into();
         report.csf_kpa = state.csf_kpa;
         // The state has just been surveyed.
@@ -418,20 +418,6 @@ impl Stepper {
             dimpling: memory.press.is_some(),
         }
     }
-}
-
-/// The longest way from where nodes are at rest, mm.
-fn farthest(positions: &[[f32; 4]], rest: &[[f32; 4]]) -> f32 {
-    let squares = |(p, r): (&[f32; 4], &[f32; 4])| {
-        let d = sub(xyz(*p), xyz(*r));
-        dot(d, d)
-    };
-    // Eight at a time: one after the other would wait for each comparison.
-    let mut most = [0f32; 8];
-    for (p, r) in positions.chunks(8).zip(rest.chunks(8)) {
-        most.iter_mut().zip(p.iter().zip(r)).for_each(|(most, pair)| *most = larger(*most, squares(pair)));
-    }
-    most.into_iter().fold(0.0, larger).sqrt()
 }
 
 /// Brings tissue that no step can move on to a stop, and a tenth of the way to its rest shape.

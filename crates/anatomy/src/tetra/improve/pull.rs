@@ -4,10 +4,9 @@
 //! move a little; so is the middle of an edge that cuts a corner. Here it is moved first, whatever becomes of the elements,
 //! then these are bettered, and all is taken back where they do not become good.
 
-use super::super::vec3::{V3, add, distance, scale, sub};
+use super::super::vec3::{V3, add, scale, sub};
 use super::RESORT;
 use super::mask::Mask;
-use super::ring::Ring;
 use super::split::Sag;
 use super::volume::GOOD;
 use super::work::Work;
@@ -16,8 +15,6 @@ use super::work::Work;
 const FAR_POINT: [f64; 2] = [0.5, 0.15];
 /// edges are split whose middle is further off than this part of a cell, and than that part of their length.
 const FAR_MIDDLE: [f64; 2] = [0.7, 0.2];
-/// No place is sought further off than so many mean edges.
-const REACH: f64 = 1.5;
 /// Parts of the way, the first with good elements in the end; those for new points.
 const WAYS: [f64; 4] = [1.0, 0.6, 0.3, 0.15];
 const NEW_WAYS: [f64; 3] = [1.0, 0.6, 0.3];
@@ -41,15 +38,16 @@ impl Work<'_> {
     pub(super) fn pull_points(&mut self) {
         let mut points: Vec<(f64, u32)> = (0..self.points.len() as u32)
             .filter(|&v| self.masks[v as usize].count() > 1 && !self.stars[v as usize].is_empty())
-            .filter_map(|v| Some((self.place_of(v)?.1, v)))
-            .filter(|far| far.0 > FAR_POINT[0] * self.fields.step)
-            .filter(|far| far.0 > FAR_POINT[1] * self.middle(far.1).1)
+            .filter_map(|v| {
+                let off = self.off(v)?;
+                (off.way > (FAR_POINT[0] * self.fields.step).max(FAR_POINT[1] * off.edge)).then_some((off.way, v))
+            })
             .collect();
         points.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
         for (_, v) in points {
             // One before may have moved it.
-            if let Some((place, _)) = self.place_of(v) {
-                let _pulled = WAYS.into_iter().any(|way| self.pull_point(v, place, way));
+            if let Some(off) = self.off(v) {
+                let _pulled = WAYS.into_iter().any(|way| self.pull_point(v, off.place, way));
             }
         }
     }
@@ -68,13 +66,6 @@ impl Work<'_> {
         }
     }
 
-    /// Where a point on a surface belongs, and how far that is.
-    fn place_of(&self, v: u32) -> Option<(V3, f64)> {
-        let from = self.points[v as usize];
-        let place = self.own_place(v, &self.freedom(v), from, REACH * self.middle(v).1)?;
-        Some((place, distance(place, from)))
-    }
-
     fn pull_point(&mut self, v: u32, place: V3, way: f64) -> bool {
         let patch = self.patch(&[v]);
         let from = self.points[v as usize];
@@ -83,10 +74,7 @@ impl Work<'_> {
     }
 
     fn pull_middle(&mut self, sag: &Sag, way: f64) -> bool {
-        let Some(ring) = Ring::new(self, sag.ends[0], sag.ends[1]) else { return false };
-        if !self.is_on_surface(&ring) {
-            return false;
-        }
+        let Some(ring) = self.ring_on_surface(sag.ends) else { return false };
         let tets = &ring.tets[..ring.len];
         let old: Vec<([u32; 4], u8)> = tets.iter().map(|&t| (self.tets[t as usize], self.labels[t as usize])).collect();
         let mut patch = self.patch(&sag.ends);
@@ -126,15 +114,15 @@ impl Work<'_> {
 
     /// Betters the bad elements of a patch; where they do not become good, all its points go back.
     fn settle(&mut self, patch: &Patch) -> bool {
-        let all = || patch.near.iter().chain(&patch.points);
         let mut last = f64::NEG_INFINITY;
         for _ in 0..ROUNDS {
-            for &w in all() {
+            for &w in patch.near.iter().chain(&patch.points) {
                 if self.worst_around(w) < GOOD {
                     self.relax(w);
                 }
             }
-            let worst = all().map(|&w| self.worst_around(w)).fold(f64::INFINITY, f64::min);
+            // A new point shares each of its elements with these.
+            let worst = patch.points.iter().map(|&w| self.worst_around(w)).fold(f64::INFINITY, f64::min);
             if worst >= patch.floor {
                 return true;
             }
@@ -162,6 +150,7 @@ mod tests {
     use super::*;
     use crate::tetra::fields::LabelFields;
     use crate::tetra::size::SizeField;
+    use crate::tetra::vec3::distance;
     use crate::tetra::{MeshOptions, to_count};
     use monro_geometry::{Grid, Volume};
 
@@ -212,7 +201,7 @@ mod tests {
             work.put(v, scale(p, 1.0 - 0.9 / distance(p, [0.0; 3])));
         }
         let far =
-            |work: &Work<'_>| outer(work).iter().filter_map(|&v| work.place_of(v)).map(|p| p.1).fold(0.0, f64::max);
+            |work: &Work<'_>| outer(work).iter().filter_map(|&v| work.off(v)).map(|off| off.way).fold(0.0, f64::max);
         assert!(far(&work) > 0.8, "{}", far(&work));
         work.pull_points();
         assert!(far(&work) < 0.6, "{}", far(&work));

@@ -19,13 +19,6 @@ const FLOOR: f64 = 0.2;
 /// The new point goes this part of the way to its surface, the first with good elements.
 const WAYS: [f64; 4] = [1.0, 0.8, 0.6, 0.4];
 
-/// An edge on a surface, how far its middle lies from that, over what it may, and the place on the surface.
-struct Far {
-    score: f64,
-    ends: [u32; 2],
-    target: V3,
-}
-
 /// An edge on a surface, with how far its middle lies from that and the place there.
 pub(super) struct Sag {
     pub(super) ends: [u32; 2],
@@ -40,22 +33,23 @@ impl Work<'_> {
     pub(in super::super) fn split_far(&mut self, size: &SizeField, finest: f64) {
         for _ in 0..ROUNDS {
             let mut far = self.far_edges(size, finest);
-            far.sort_by(|x, y| y.score.total_cmp(&x.score).then(x.ends.cmp(&y.ends)));
+            far.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.ends.cmp(&y.1.ends)));
             far.truncate((MOST * self.count() as f64).ceil() as usize);
             let before = self.count();
-            far.iter().for_each(|f| self.split(f));
+            far.iter().for_each(|(_, sag)| self.split(sag));
             if self.count() == before {
                 break;
             }
         }
     }
 
-    fn far_edges(&self, size: &SizeField, finest: f64) -> Vec<Far> {
+    /// Far edges, with how far their middles are over how far they may be.
+    fn far_edges(&self, size: &SizeField, finest: f64) -> Vec<(f64, Sag)> {
         let mut all = Vec::new();
         self.each_sag(|sag| {
             let most = (FAR * size.edge(sag.middle, finest)).max(LEAST * self.fields.step);
             if sag.off > most {
-                all.push(Far { score: sag.off / most, ends: sag.ends, target: sag.target });
+                all.push((sag.off / most, sag));
             }
         });
         all
@@ -83,30 +77,26 @@ impl Work<'_> {
         Some(Sag { ends, off: distance(middle, target), length, middle, target })
     }
 
-    /// Whether an edge lies between two labels, or a label and the outside.
-    pub(super) fn is_on_surface(&self, ring: &Ring) -> bool {
+    /// The elements around an edge between two labels, or a label and the outside.
+    pub(super) fn ring_on_surface(&self, [a, b]: [u32; 2]) -> Option<Ring> {
+        let ring = Ring::new(self, a, b)?;
         let label = |&t: &u32| self.labels[t as usize];
         let tets = &ring.tets[..ring.len];
-        !ring.closed || tets.iter().any(|t| label(t) != label(&tets[0]))
+        (!ring.closed || tets.iter().any(|t| label(t) != label(&tets[0]))).then_some(ring)
     }
 
-    fn split(&mut self, far: &Far) {
-        let Some(ring) = Ring::new(self, far.ends[0], far.ends[1]) else { return };
+    fn split(&mut self, sag: &Sag) {
+        let Some(ring) = self.ring_on_surface(sag.ends) else { return };
         let tets = &ring.tets[..ring.len];
-        if !self.is_on_surface(&ring) {
-            return;
-        }
-        let [p, q] = far.ends.map(|v| self.points[v as usize]);
-        let middle = scale(add(p, q), 0.5);
-        let place = |way: f64| -> V3 { add(scale(middle, 1.0 - way), scale(far.target, way)) };
+        let place = |way: f64| -> V3 { add(scale(sag.middle, 1.0 - way), scale(sag.target, way)) };
         let floor = tets.iter().map(|&t| self.quality[t as usize]).fold(FLOOR, f64::min);
         let outside = if ring.closed { Mask::default() } else { Mask::OUTSIDE };
-        let new = self.add_point(middle, outside);
+        let new = self.add_point(sag.middle, outside);
         for way in WAYS {
             self.points[new as usize] = place(way);
-            let halves = tets.iter().flat_map(|&t| self.halves(t, far.ends, new));
+            let halves = tets.iter().flat_map(|&t| self.halves(t, sag.ends, new));
             if halves.into_iter().all(|h| self.worth(h) > floor) {
-                return self.apply_split(tets, far.ends, new);
+                return self.apply_split(tets, sag.ends, new);
             }
         }
         self.drop_last_point();

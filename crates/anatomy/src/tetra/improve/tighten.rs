@@ -1,6 +1,6 @@
 //! Bringing points back to the surfaces that they have left for the sake of a bad element.
 
-use super::super::vec3::{add, distance, scale, sub};
+use super::super::vec3::{V3, add, distance, scale, sub};
 use super::mask::Mask;
 use super::volume::GOOD;
 use super::work::Work;
@@ -17,6 +17,13 @@ const NEAR: f64 = 0.02;
 const REACH: f64 = 1.5;
 /// Parts of the way back, the first that leaves the elements good.
 const WAYS: [f64; 4] = [1.0, 0.5, 0.25, 0.12];
+
+/// Where a point belongs, how far that is, and the mean edge around it, mm.
+pub(super) struct Off {
+    pub(super) place: V3,
+    pub(super) way: f64,
+    pub(super) edge: f64,
+}
 
 impl Work<'_> {
     /// Moves the points of surfaces towards these as far as elements stay good, or as bad as they
@@ -41,11 +48,17 @@ impl Work<'_> {
         }
     }
 
+    /// How far a point lies off the surface or line that it is on, if not too far to tell.
+    pub(super) fn off(&self, v: u32) -> Option<Off> {
+        let (from, edge) = (self.points[v as usize], self.middle(v).1);
+        let place = self.own_place(v, &self.freedom(v), from, REACH * edge)?;
+        Some(Off { place, way: distance(place, from), edge })
+    }
+
     fn return_to_surface(&mut self, v: u32, good: f64) {
         let from = self.points[v as usize];
-        let edge = self.middle(v).1;
-        let Some(place) = self.own_place(v, &self.freedom(v), from, REACH * edge) else { return };
-        if distance(place, from) < NEAR * edge {
+        let Some(Off { place, way, edge }) = self.off(v) else { return };
+        if way < NEAR * edge {
             return;
         }
         let floor = good.min(self.worst_around(v)) - 1e-9;
