@@ -1,6 +1,6 @@
 //! Volumes of all elements at once.
 
-use crate::fast::{Kernel, Lanes, Places, Pool, Row, WIDTH, cross, dot, widest};
+use crate::fast::{Kernel, Lanes, Places, Pool, Row, View, WIDTH, cross, dot, widest};
 use crate::{bytes, slabs};
 
 /// Corners and volumes at rest of all elements, sixteen a row.
@@ -59,6 +59,11 @@ impl Volumes {
         pool.each_part(growth, &self.cuts, &mut [(); slabs::PIECES], &|i, out, ()| {
             widest(Growth { of: self, positions, first: self.cuts[i], out });
         });
+    }
+
+    /// Measures the elements of some rows anew, all having been measured before.
+    pub(crate) fn measure_rows(&self, positions: &[[f32; 4]], rows: &[u32], growth: &mut [Row]) {
+        widest(GrowthOfRows { of: self, positions, rows, growth });
     }
 
     /// Lists the elements with less than `share` of their volume at rest, with six times that at rest (mm3), as `growth`
@@ -120,17 +125,43 @@ impl Kernel for Growth<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) {
         let corners = self.of.corners.view(self.positions);
-        for (k, out) in self.out.iter_mut().enumerate() {
-            let r = self.first + k;
-            for lane in (0..WIDTH).step_by(V::N) {
-                let p: [V; 4] = corners.gather(r, 0, lane);
-                let [q, s, t]: [[V; 4]; 3] =
-                    [corners.gather(r, 1, lane), corners.gather(r, 2, lane), corners.gather(r, 3, lane)];
-                let away = |c: [V; 4]| [c[0] - p[0], c[1] - p[1], c[2] - p[2]];
-                let six = dot(cross(away(q), away(s)), away(t));
-                (six - V::load(&self.of.rest[r], lane)).store(out, lane);
-            }
+        for (r, out) in (self.first..).zip(self.out) {
+            grown::<V>(&corners, r, &self.of.rest[r], out);
         }
+    }
+}
+
+/// As [`Growth`], of some rows.
+struct GrowthOfRows<'a> {
+    of: &'a Volumes,
+    positions: &'a [[f32; 4]],
+    rows: &'a [u32],
+    /// Of all rows.
+    growth: &'a mut [Row],
+}
+
+impl Kernel for GrowthOfRows<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let corners = self.of.corners.view(self.positions);
+        for &r in self.rows {
+            grown::<V>(&corners, r as usize, &self.of.rest[r as usize], &mut self.growth[r as usize]);
+        }
+    }
+}
+
+/// Six times the growth of the elements of row `r` against `rest`.
+#[inline(always)]
+fn grown<V: Lanes>(corners: &View<'_, 4, u32>, r: usize, rest: &Row, out: &mut Row) {
+    for lane in (0..WIDTH).step_by(V::N) {
+        let p: [V; 4] = corners.gather(r, 0, lane);
+        let [q, s, t]: [[V; 4]; 3] =
+            [corners.gather(r, 1, lane), corners.gather(r, 2, lane), corners.gather(r, 3, lane)];
+        let away = |c: [V; 4]| [c[0] - p[0], c[1] - p[1], c[2] - p[2]];
+        let six = dot(cross(away(q), away(s)), away(t));
+        (six - V::load(rest, lane)).store(out, lane);
     }
 }
 
@@ -157,5 +188,9 @@ mod tests {
         assert!((survey.growth - expected).abs() < 1e-4, "{survey:?} {expected}");
         assert!(turned > 0);
         assert_eq!(survey.inverted, turned);
+        let mut again = growth.clone();
+        again[1].fill(f32::NAN);
+        volumes.measure_rows(&now, &[1], &mut again);
+        assert_eq!(again, growth);
     }
 }

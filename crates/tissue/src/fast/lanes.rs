@@ -142,6 +142,11 @@ impl<const K: usize, P: Place> Places<K, P> {
         self.rows.len()
     }
 
+    /// The places of a batch.
+    pub(crate) fn row(&self, batch: usize) -> &[[P; WIDTH]; K] {
+        &self.rows[batch]
+    }
+
     /// Bytes that they take.
     pub(crate) fn bytes(&self) -> usize {
         bytes::of(&self.rows)

@@ -10,7 +10,7 @@ use core::ops::Range;
 /// Sixteen sums.
 #[derive(Debug, Clone)]
 struct Batch {
-    /// Their numbers, from the first of the piece on.
+    /// Their numbers.
     sums: [u32; WIDTH],
     count: usize,
     rows: Range<usize>,
@@ -23,6 +23,8 @@ pub(crate) struct Sums {
     /// Bits of the lanes whose sums are not yet at their end, of each row of places.
     lanes: Vec<u16>,
     batches: Vec<Batch>,
+    /// Batch of each sum.
+    batch_of: Vec<u32>,
     /// Where each piece's batches begin, and the end.
     pieces: Vec<usize>,
 }
@@ -32,6 +34,7 @@ impl Sums {
     pub(crate) fn new(start: &[u32], around: &[u32], cuts: &[usize]) -> Self {
         let list = |sum: usize| &around[start[sum] as usize..start[sum + 1] as usize];
         let (mut rows, mut out) = (Vec::new(), Self { pieces: vec![0], ..Self::default() });
+        out.batch_of = vec![0; start.len().saturating_sub(1)];
         for piece in cuts.windows(2) {
             let mut order: Vec<usize> = (piece[0]..piece[1]).collect();
             order.sort_by_key(|&sum| (core::cmp::Reverse(list(sum).len()), sum));
@@ -43,8 +46,8 @@ impl Sums {
                     rows.push([core::array::from_fn(|l| place(l).copied().unwrap_or(some))]);
                     out.lanes.push((0..WIDTH).filter(|&l| place(l).is_some()).fold(0, |bits, l| bits | 1 << l));
                 }
-                let own = |l: usize| (sums[l.min(sums.len() - 1)] - piece[0]) as u32;
-                let sums_of = core::array::from_fn(own);
+                let sums_of = core::array::from_fn(|l| sums[l.min(sums.len() - 1)] as u32);
+                sums.iter().for_each(|&sum| out.batch_of[sum] = out.batches.len() as u32);
                 out.batches.push(Batch { sums: sums_of, count: sums.len(), rows: first..rows.len() });
             }
             out.pieces.push(out.batches.len());
@@ -55,32 +58,50 @@ impl Sums {
 
     /// Bytes that they take.
     pub(crate) fn bytes(&self) -> usize {
-        self.places.bytes() + bytes::of(&self.lanes) + bytes::of(&self.batches) + bytes::of(&self.pieces)
+        let batches = bytes::of(&self.batches) + bytes::of(&self.batch_of) + bytes::of(&self.pieces);
+        self.places.bytes() + bytes::of(&self.lanes) + batches
     }
 
-    /// For each sum of a piece, in any order, what `then` makes of its number, from the first of the piece on, and of it.
+    /// Number of batches.
+    pub(crate) fn batches(&self) -> usize {
+        self.batches.len()
+    }
+
+    /// Batch that a sum is in.
+    pub(crate) fn batch_of(&self, sum: usize) -> u32 {
+        self.batch_of[sum]
+    }
+
+    /// For each sum of a piece, in any order, what `then` makes of its number and of it.
     pub(crate) fn of_piece<F: FnMut(usize, f32)>(&self, piece: usize, numbers: &[f32], then: F) {
-        let batches = &self.batches[self.pieces[piece]..self.pieces[piece + 1]];
-        super::widest(Piece { of: self, batches, numbers, then });
+        let batches = self.batches[self.pieces[piece]..self.pieces[piece + 1]].iter();
+        super::widest(Chosen { of: self, batches, numbers, then });
+    }
+
+    /// As [`Sums::of_piece`], for the sums of some batches.
+    pub(crate) fn of_batches<F: FnMut(usize, f32)>(&self, batches: &[u32], numbers: &[f32], then: F) {
+        let batches = batches.iter().map(|&b| &self.batches[b as usize]);
+        super::widest(Chosen { of: self, batches, numbers, then });
     }
 }
 
-struct Piece<'a, F> {
+/// Some of the sums.
+struct Chosen<'a, B, F> {
     of: &'a Sums,
-    batches: &'a [Batch],
+    batches: B,
     numbers: &'a [f32],
     then: F,
 }
 
-impl<F> Piece<'_, F> {
+impl Sums {
     /// The numbers of a row of places, zero where a sum has ended.
     #[inline(always)]
     fn number<V: Lanes>(&self, numbers: &Numbers<'_, 1, u32>, row: usize, first: usize) -> V {
-        V::choose(self.of.lanes[row], first, numbers.gather(row, 0, first), V::splat(0.0))
+        V::choose(self.lanes[row], first, numbers.gather(row, 0, first), V::splat(0.0))
     }
 }
 
-impl<F: FnMut(usize, f32)> Kernel for Piece<'_, F> {
+impl<'a, B: Iterator<Item = &'a Batch>, F: FnMut(usize, f32)> Kernel for Chosen<'a, B, F> {
     type Out = ();
 
     #[inline(always)]
@@ -93,12 +114,12 @@ impl<F: FnMut(usize, f32)> Kernel for Piece<'_, F> {
                 let (mut even, mut odd) = (V::splat(0.0), V::splat(0.0));
                 let mut row = batch.rows.start;
                 while row + 1 < batch.rows.end {
-                    even = even + self.number::<V>(&numbers, row, first);
-                    odd = odd + self.number::<V>(&numbers, row + 1, first);
+                    even = even + self.of.number::<V>(&numbers, row, first);
+                    odd = odd + self.of.number::<V>(&numbers, row + 1, first);
                     row += 2;
                 }
                 if row < batch.rows.end {
-                    even = even + self.number::<V>(&numbers, row, first);
+                    even = even + self.of.number::<V>(&numbers, row, first);
                 }
                 (even + odd).store(&mut all, first);
             }
@@ -123,11 +144,16 @@ mod tests {
             let sums = Sums::new(&start, &around, &cuts);
             let mut found = vec![f32::NAN; 75];
             for piece in 0..cuts.len() - 1 {
-                sums.of_piece(piece, &numbers, |i, sum| found[cuts[piece] + i] = sum);
+                sums.of_piece(piece, &numbers, |i, sum| found[i] = sum);
             }
             let list = |i: usize| &around[start[i] as usize..start[i + 1] as usize];
             let wanted: Vec<f32> = (0..75).map(|i| list(i).iter().map(|&p| numbers[p as usize]).sum()).collect();
             assert_eq!(found, wanted);
+            let batches: Vec<u32> = [3, 40].map(|i| sums.batch_of(i)).into();
+            let mut some = Vec::new();
+            sums.of_batches(&batches, &numbers, |i, sum| some.push((i, sum)));
+            assert!([3, 40].iter().all(|&i| some.contains(&(i, wanted[i]))), "{some:?}");
+            assert!(some.len() < 75 && some.iter().all(|s| s.1 == wanted[s.0]), "{some:?}");
         }
     }
 }

@@ -4,6 +4,7 @@ use super::around::Element;
 use super::differences::Differences;
 use super::elastic::Elastic;
 use super::film::FilmsAround;
+use super::near::Near;
 use super::pressure::{Pressures, Still, Tissue};
 use super::region;
 use super::rings::{self, Part, SingleRows};
@@ -22,9 +23,16 @@ use crate::volumes::Volumes;
 /// sweeps, and below 2 no energy rises. More than this, pressures that follow made blocks breathe (docs/speed.md). The last
 /// sweep of a substep goes to the minimum: it takes away what over-relaxation leaves, which is rough.
 const BEYOND: f32 = 1.5;
-/// Sweeps for each step of the pressures: after a single over-relaxed one they would follow what is not there yet.
+/// With a predicted space, in sweeps over all: what is outside gets few, and its motion is smooth.
+const FAR_BEYOND: f32 = 1.8;
+/// Sweeps for each step of the pressures near what moves fast: after a single over-relaxed one they would follow what is
+/// not there yet. And sweeps for each step of all pressures.
 const SWEEPS_A_STEP: u32 = 2;
-/// With a predicted space, one sweep in so many goes over the whole tissue.
+const SWEEPS_A_WHOLE_STEP: u32 = 6;
+/// Tissue is calm that goes less than this share of an element's edge in the first sweep; else all pressures follow as often
+/// as near what moves fast.
+const CALM: f64 = 1e-3;
+/// With a predicted space, one sweep in so many goes over the whole tissue; and after one in so many it is chosen.
 const WHOLE_EVERY: u32 = 3;
 
 /// Constants of the sweeps.
@@ -38,6 +46,8 @@ pub(crate) struct Descent {
     films: FilmsAround,
     /// Largest coordinate at rest, mm.
     reach: f32,
+    /// Mean way of the vertices in a sweep below which the tissue is calm, mm.
+    calm: f64,
     /// No vertex is held.
     free: bool,
     /// Largest damping time of the regions, s.
@@ -61,6 +71,8 @@ pub(crate) struct DescentScratch {
     total: Vec<f32>,
     memory: [Vec<Memory>; 2],
     touches: Touches,
+    near: Near,
+    calm: bool,
     /// Vertices in the predicted space last chosen.
     active_nodes: usize,
 }
@@ -75,23 +87,47 @@ pub(crate) struct Substep {
 }
 
 impl Substep {
-    /// Whether sweep `k` goes over the whole tissue.
-    fn is_whole(&self, k: u32) -> bool {
-        !self.predicted_space || k.is_multiple_of(WHOLE_EVERY)
+    /// Sweeps that are left after sweep `k`: rhythms are counted from the end, where all that there is comes together.
+    fn left(&self, k: u32) -> u32 {
+        self.iterations - 1 - k
     }
 
-    /// Whether the pressures take a step after sweep `k`: with a predicted space, when the whole has followed it.
-    fn steps_pressures(&self, k: u32) -> bool {
-        let due = if self.predicted_space { k > 0 && self.is_whole(k) } else { (k + 1).is_multiple_of(SWEEPS_A_STEP) };
-        due || k + 1 == self.iterations
+    /// Whether sweep `k` goes over the whole tissue.
+    fn is_whole(&self, k: u32) -> bool {
+        !self.predicted_space || k == 0 || self.left(k).is_multiple_of(WHOLE_EVERY)
+    }
+
+    /// Whether sweep `k` is followed by a choice of what goes on, or is near.
+    fn chooses(&self, k: u32) -> bool {
+        self.left(k) > 0 && (k == 0 || self.left(k).is_multiple_of(WHOLE_EVERY))
+    }
+
+    /// How far sweep `k` goes.
+    fn beyond(&self, k: u32) -> f32 {
+        match self.left(k) {
+            0 => 1.0,
+            _ if self.predicted_space && self.is_whole(k) => FAR_BEYOND,
+            _ => BEYOND,
+        }
+    }
+
+    /// Which pressures take a step after sweep `k`.
+    fn press(&self, k: u32) -> Option<Press> {
+        match self.left(k) {
+            0 => Some(Press::End),
+            left if k > 0 && left.is_multiple_of(SWEEPS_A_WHOLE_STEP) => Some(Press::Between),
+            left if k > 0 && left.is_multiple_of(SWEEPS_A_STEP) => Some(Press::Near),
+            _ => None,
+        }
     }
 }
 
-/// When pressures follow the positions: before the first sweep, without a step of their own; between sweeps; and after the
-/// last, when nobody asks for the elements.
+/// When pressures follow the positions: before the first sweep, without a step of their own; between sweeps, all or near
+/// what moves fast; and after the last, when nobody asks for the elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Press {
     Begin,
+    Near,
     Between,
     End,
 }
@@ -134,6 +170,7 @@ impl Descent {
             pressures: Pressures::new(elastic, region, regions),
             films: FilmsAround::new(&elastic.films, rest),
             reach: rest.iter().flat_map(|p| &p[..3]).fold(0f32, |m, v| m.max(v.abs())),
+            calm: CALM * mean_edge(&elastic.volume),
             free: rest.iter().all(|p| p[3] > 0.0),
             damping_s: region.iter().map(|&r| regions[r as usize].material.damping_s as f32).fold(0.0, f32::max),
         };
@@ -196,18 +233,13 @@ impl Descent {
         self.begin(body, scratch, step, pool);
         let (damping, inertia) = (damping_ratio(self.damping_s, step.dt), 1.0 / (step.dt * step.dt));
         for k in 0..step.iterations {
-            let whole = step.is_whole(k);
-            scratch.memory.iter_mut().flatten().for_each(|m| m.only_active = !whole);
-            let beyond = if k + 1 < step.iterations { BEYOND } else { 1.0 };
-            self.sweep(body, scratch, (damping, inertia, beyond), false, pool);
-            if step.predicted_space && whole && k + 1 < step.iterations {
-                let (touches, films) = (&scratch.touches, &self.films);
-                let touching = Touching { touches, films, couplings: body.couplings, rest: body.rest, first: 0 };
-                scratch.active_nodes =
-                    region::predict(&self.rounds, &mut scratch.memory, touching, (k == 0, self.reach));
+            let (part, tells) = (!step.is_whole(k), step.chooses(k));
+            scratch.memory.iter_mut().flatten().for_each(|m| (m.only_active, m.tells) = (part, tells));
+            self.sweep(body, scratch, (damping, inertia, step.beyond(k)), false, pool);
+            if tells {
+                self.choose(body, scratch, (k == 0, step.predicted_space));
             }
-            if step.steps_pressures(k) {
-                let when = if k + 1 < step.iterations { Press::Between } else { Press::End };
+            if let Some(when) = step.press(k) {
                 self.press(body, scratch, when, pool);
             }
         }
@@ -227,7 +259,7 @@ impl Descent {
     fn begin(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, step: Substep, pool: &Pool) {
         for (memory, (_, parts)) in scratch.memory.iter_mut().zip(&self.rounds) {
             memory.resize_with(parts.len(), Memory::default);
-            memory.iter_mut().for_each(|m| m.only_active = false);
+            memory.iter_mut().for_each(|m| (m.only_active, m.tells) = (false, false));
         }
         scratch.touches.list(body.couplings, body.tethers, body.positions.len());
         scratch.active_nodes = body.positions.len();
@@ -238,9 +270,37 @@ impl Descent {
         self.press(body, scratch, Press::Begin, pool);
     }
 
+    /// Chooses the predicted space, if there is to be one, from the last sweep, and `anew`, at the start of a substep, what
+    /// is near.
+    fn choose(&self, body: &Body<'_>, scratch: &mut DescentScratch, (anew, predicted_space): (bool, bool)) {
+        let DescentScratch { memory, touches, near, calm, active_nodes, .. } = scratch;
+        let (couplings, rest) = (&*body.couplings, body.rest);
+        let touching = Touching { touches, films: &self.films, couplings, rest, first: 0 };
+        let mean = region::mean_way(&self.rounds, memory);
+        if predicted_space {
+            *active_nodes = region::predict(&self.rounds, memory, touching, (anew, mean, self.reach));
+        }
+        if !anew {
+            return;
+        }
+        *calm = mean < self.calm;
+        if !*calm {
+            return;
+        }
+        self.pressures.clear_near(near);
+        near.choose(&self.rounds, memory, touching, (mean, self.pressures.elements()));
+        self.pressures.complete_near(body.tissue(), near);
+    }
+
     /// Makes pressures follow the positions.
     fn press(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, when: Press, pool: &Pool) {
-        let DescentScratch { elements, still, total, .. } = scratch;
+        let DescentScratch { elements, still, total, near, calm, .. } = scratch;
+        if when == Press::Near && *calm {
+            let (tissue, fluid_kpa) = (body.tissue(), body.fluid_kpa);
+            let numbers = (&mut *body.pressure, &mut body.growth[..], &mut total[..]);
+            self.pressures.update_near(near, (tissue, body.positions), numbers, (still, elements), fluid_kpa);
+            return;
+        }
         let (tissue, numbers) = (body.tissue(), (&mut *body.pressure, &mut *body.growth));
         let elements = (when != Press::End).then_some((&*still, elements));
         let how = (when != Press::Begin, body.fluid_kpa, pool);
@@ -331,14 +391,20 @@ impl DescentScratch {
     pub(crate) fn bytes(&self) -> usize {
         let nodes = bytes::of(&self.target) + bytes::of(&self.far) + bytes::of(&self.displacement);
         let elements = bytes::of(&self.elements) + self.still.bytes() + self.undamped.bytes() + bytes::of(&self.total);
-        let memory = |m: &Memory| bytes::of(&m.before) + bytes::of(&m.motion) + bytes::of(&m.active);
-        nodes + elements + self.memory.iter().flatten().map(memory).sum::<usize>()
+        let memory =
+            |m: &Memory| bytes::of(&m.before) + bytes::of(&m.motion) + bytes::of(&m.way) + bytes::of(&m.active);
+        nodes + elements + self.near.bytes() + self.memory.iter().flatten().map(memory).sum::<usize>()
     }
 
     /// Vertices in the predicted space of the last substep.
     pub(crate) fn active_nodes(&self) -> usize {
         self.active_nodes
     }
+}
+
+/// Edge of a regular tetrahedron of the mean volume, mm.
+fn mean_edge(volumes: &[f64]) -> f64 {
+    (72f64.sqrt() * volumes.iter().sum::<f64>() / volumes.len().max(1) as f64).cbrt()
 }
 
 /// Damping time over time step. Implicit Euler damps like one time step by itself, and that is taken off.

@@ -12,6 +12,7 @@ pub(crate) mod descent;
 mod differences;
 pub(crate) mod elastic;
 pub(crate) mod film;
+mod near;
 mod pressure;
 mod region;
 mod rings;

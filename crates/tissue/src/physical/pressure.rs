@@ -2,6 +2,7 @@
 
 use super::around::Element;
 use super::elastic::{ELEMENT_BULK, Elastic};
+use super::near::Near;
 use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, WIDTH, widest};
 use crate::model::Region;
 use crate::volumes::Volumes;
@@ -158,19 +159,14 @@ impl Pressures {
         // Each piece has its part of the nodal pressures and, as its slot, the same part of the totals.
         let mut totals = slabs::split(total, &self.patch_cuts);
         pool.each_part(nodal, &self.patch_cuts, &mut totals, &|i, nodal, total| {
-            let (first, end) = (self.patch_cuts[i], self.patch_cuts[i + 1]);
-            let (rate, share) = (&self.rate[first..end], &self.share[first..end]);
-            self.around.of_piece(i, growth.as_flattened(), |k, sum| {
-                let step = rate[k] * sum;
-                if advance {
-                    nodal[k] = (nodal[k] + step) * share[k];
-                }
-                total[k] = nodal[k] + step;
+            let first = self.patch_cuts[i];
+            self.around.of_piece(i, growth.as_flattened(), |p, sum| {
+                self.step(p, sum, advance, (&mut nodal[p - first], &mut total[p - first]));
             });
         });
         let Some((still, elements)) = elements else { return };
         if fluid_kpa != 0.0 {
-            self.add_fluid(fluid_kpa, nodal, total);
+            self.add_fluid(fluid_kpa, (nodal, total), |_| true);
         }
         elements.resize(self.tets + 1, [0.0; 2]);
         pool.each_part(elements, &self.element_cuts(), &mut [(); slabs::PIECES], &|i, elements, ()| {
@@ -178,10 +174,64 @@ impl Pressures {
         });
     }
 
-    /// Adds the fluid's pressure to its patches; no suction where nothing is left to drain, which would draw elements ever
+    /// As [`Pressures::update`] with `advance`, for what is near: no other vertex has moved since the last update, or none
+    /// has far.
+    pub(super) fn update_near(
+        &self,
+        near: &Near,
+        (of, positions): (Tissue<'_>, &[[f32; 4]]),
+        (nodal, growth, total): (&mut [f32], &mut [Row], &mut [f32]),
+        (still, elements): (&Still, &mut [Element]),
+        fluid_kpa: f32,
+    ) {
+        of.volumes.measure_rows(positions, near.rows(), growth);
+        self.around.of_batches(near.batches(), growth.as_flattened(), |p, sum| {
+            self.step(p, sum, near.has_patch(p as u32), (&mut nodal[p], &mut total[p]));
+        });
+        if fluid_kpa != 0.0 {
+            self.add_fluid(fluid_kpa, (nodal, total), |p| near.has_batch(self.around.batch_of(p)));
+        }
+        let spread = Spread { of, total, growth, still, first: 0 };
+        widest(SomeRows { spread: &spread, rows: near.rows(), elements });
+        near.rows().iter().for_each(|&r| self.spread_walls(&spread, elements, self.walls_of(r as usize)));
+    }
+
+    /// Forgets what was near, before it is chosen anew.
+    pub(super) fn clear_near(&self, near: &mut Near) {
+        near.clear((self.tets.div_ceil(WIDTH), self.around.batches(), self.len()));
+    }
+
+    /// Marks what belongs to the elements and vertices that are near: all patches of these, and the sums of those.
+    pub(super) fn complete_near(&self, of: Tissue<'_>, near: &mut Near) {
+        for i in 0..near.rows().len() {
+            let row = near.rows()[i] as usize;
+            let corners = of.volumes.corners().row(row);
+            corners.iter().flatten().for_each(|&v| near.mark_batch(self.around.batch_of(v as usize)));
+            for (t, patches) in self.walls_of(row) {
+                for (corner, &patch) in corners.iter().zip(patches) {
+                    near.mark_batch(self.around.batch_of(patch as usize));
+                    if near.has_patch(corner[*t as usize % WIDTH]) {
+                        near.mark_patch(patch);
+                    }
+                }
+            }
+        }
+    }
+
+    /// One step of patch `p`, whose elements have grown by `sum`, and its pressure with the penalty.
+    #[inline(always)]
+    fn step(&self, p: usize, sum: f32, advance: bool, (nodal, total): (&mut f32, &mut f32)) {
+        let step = self.rate[p] * sum;
+        if advance {
+            *nodal = (*nodal + step) * self.share[p];
+        }
+        *total = *nodal + step;
+    }
+
+    /// Adds the fluid's pressure to those of its patches that are asked for; no suction where nothing is left to drain, which would draw elements ever
     /// further inside out.
-    fn add_fluid(&self, kpa: f32, nodal: &[f32], total: &mut [f32]) {
-        for &(p, carried) in &self.fluid {
+    fn add_fluid(&self, kpa: f32, (nodal, total): (&[f32], &mut [f32]), asked: impl Fn(usize) -> bool) {
+        for &(p, carried) in self.fluid.iter().filter(|f| asked(f.0 as usize)) {
             let p = p as usize;
             // What is no multiplier yet is the stiffness times the growth.
             let left = 1.0 + (total[p] - nodal[p]) / carried;
@@ -194,10 +244,25 @@ impl Pressures {
     /// Pressures of the elements from row `first` on.
     fn spread(&self, spread: &Spread<'_>, elements: &mut [Element]) {
         widest(Rows { spread, elements });
+        let rows = spread.first..spread.first + elements.len().div_ceil(WIDTH);
+        self.spread_walls(spread, elements, self.walls_between(rows));
+    }
+
+    /// The walls among the elements of some rows.
+    fn walls_between(&self, rows: core::ops::Range<usize>) -> &[(u32, [u32; 4])] {
+        let from = |row: usize| self.walls.partition_point(|w| (w.0 as usize) < row * WIDTH);
+        &self.walls[from(rows.start)..from(rows.end)]
+    }
+
+    /// The walls among the elements of a row.
+    fn walls_of(&self, row: usize) -> &[(u32, [u32; 4])] {
+        self.walls_between(row..row + 1)
+    }
+
+    /// Pressures of elements at walls; `elements` are those from the first row on.
+    fn spread_walls(&self, spread: &Spread<'_>, elements: &mut [Element], walls: &[(u32, [u32; 4])]) {
         let first = spread.first * WIDTH;
-        let end = first + elements.len();
-        let from = self.walls.partition_point(|w| (w.0 as usize) < first);
-        for &(t, patches) in self.walls[from..].iter().take_while(|w| (w.0 as usize) < end) {
+        for &(t, patches) in walls {
             let t = t as usize;
             let [a, b, c, d] = patches.map(|p| spread.total[p as usize]);
             let [start, rise] = spread.still.elements[t];
@@ -238,25 +303,52 @@ impl Kernel for Rows<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) {
         let corners = self.spread.of.volumes.corners().numbers(self.spread.total);
-        let still = &self.spread.still.elements[self.spread.first * WIDTH..][..self.elements.len()];
-        let ((rows, rest), (still, last)) = (self.elements.as_chunks_mut::<WIDTH>(), still.as_chunks::<WIDTH>());
-        for (k, (row, still)) in rows.iter_mut().zip(still).enumerate() {
-            *row = self.spread.row::<V>(&corners, k, still);
+        for (row, elements) in (self.spread.first..).zip(self.elements.chunks_mut(WIDTH)) {
+            self.spread.put::<V>(&corners, row, elements);
         }
-        if !rest.is_empty() {
-            let mut padded = [[0.0; 2]; WIDTH];
-            padded[..last.len()].copy_from_slice(last);
-            let row = self.spread.row::<V>(&corners, rows.len(), &padded);
-            rest.copy_from_slice(&row[..rest.len()]);
+    }
+}
+
+/// As [`Rows`], of some rows of all.
+struct SomeRows<'a> {
+    spread: &'a Spread<'a>,
+    rows: &'a [u32],
+    /// All elements, and one more that is nothing.
+    elements: &'a mut [Element],
+}
+
+impl Kernel for SomeRows<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let corners = self.spread.of.volumes.corners().numbers(self.spread.total);
+        let tets = self.elements.len() - 1;
+        for row in self.rows.iter().map(|&r| r as usize) {
+            let own = row * WIDTH..((row + 1) * WIDTH).min(tets);
+            self.spread.put::<V>(&corners, row, &mut self.elements[own]);
         }
     }
 }
 
 impl Spread<'_> {
-    /// Sixteen elements, `k` rows on.
+    /// The elements of a row, sixteen but in the last.
     #[inline(always)]
-    fn row<V: Lanes>(&self, corners: &Numbers<'_, 4, u32>, k: usize, still: &[Element; WIDTH]) -> [Element; WIDTH] {
-        let row = self.first + k;
+    fn put<V: Lanes>(&self, corners: &Numbers<'_, 4, u32>, row: usize, elements: &mut [Element]) {
+        let still = &self.still.elements[row * WIDTH..][..elements.len()];
+        match (elements.as_chunks_mut::<WIDTH>().0, still.as_chunks::<WIDTH>().0) {
+            ([elements], [still]) => *elements = self.row::<V>(corners, row, still),
+            _ => {
+                let mut padded = [[0.0; 2]; WIDTH];
+                padded[..still.len()].copy_from_slice(still);
+                elements.copy_from_slice(&self.row::<V>(corners, row, &padded)[..elements.len()]);
+            }
+        }
+    }
+
+    /// The elements of a row.
+    #[inline(always)]
+    fn row<V: Lanes>(&self, corners: &Numbers<'_, 4, u32>, row: usize, still: &[Element; WIDTH]) -> [Element; WIDTH] {
         let regions = &self.of.region[row * WIDTH..self.of.region.len().min((row + 1) * WIDTH)];
         let carried = |&r: &u8| self.still.carried[r as usize];
         let alike = regions.iter().all(|&r| r == regions[0]);

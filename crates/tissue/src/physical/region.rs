@@ -8,7 +8,6 @@
 use super::rings::Part;
 use super::sweep::Memory;
 use super::touch::Touching;
-use crate::fast::Row;
 use crate::slabs::Round;
 
 /// Motion below this share of the model's size is none: the last digits of single precision.
@@ -18,29 +17,22 @@ const JOIN: f64 = 1.0;
 /// Mean motion over the whole's at which it leaves again.
 const LEAVE: f64 = 0.6;
 
-/// Chooses the space from the last sweep over all; `anew` at the start of a substep. `reach` is the size of the model, mm.
-/// Returns the number of vertices in it.
+/// Chooses the space from the last sweep over all; `anew` at the start of a substep. `whole` is the mean way of all
+/// vertices in it, and `reach` the size of the model, mm. Returns the number of vertices in it.
 pub(super) fn predict(
     parts: &[(Round, Vec<Part>); 2],
     memory: &mut [Vec<Memory>; 2],
     touching: Touching<'_>,
-    (anew, reach): (bool, f32),
+    (anew, whole, reach): (bool, f64, f32),
 ) -> usize {
-    let (mut sum, mut count) = (0.0, 0usize);
-    for (part, memory) in parts.iter().flat_map(|r| &r.1).zip(memory.iter().flatten()) {
-        for (batch, motion) in part.batches.iter().zip(&memory.motion) {
-            sum += gone(motion, batch.count);
-            count += batch.count;
-        }
-    }
-    let (whole, still) = (sum / count.max(1) as f64, STILL * f64::from(reach));
+    let still = STILL * f64::from(reach);
     let mut nodes = 0;
     for (part, memory) in parts.iter().flat_map(|r| &r.1).zip(memory.iter_mut().flatten()) {
         let before = core::mem::take(&mut memory.active);
-        for (b, (batch, motion)) in part.batches.iter().zip(&memory.motion).enumerate() {
+        for (b, (batch, &way)) in part.batches.iter().zip(&memory.way).enumerate() {
             let inside = !anew && before.binary_search(&(b as u32)).is_ok();
             let least = (whole * if inside { LEAVE } else { JOIN }).max(still);
-            if gone(motion, batch.count) / batch.count as f64 > least || touching.held(batch) {
+            if f64::from(way) / batch.count as f64 > least || touching.held(batch) {
                 memory.active.push(b as u32);
                 nodes += batch.count;
             }
@@ -49,10 +41,9 @@ pub(super) fn predict(
     nodes
 }
 
-/// The way that the first `count` vertices of a batch have gone, mm, from its squares.
-fn gone(squares: &Row, count: usize) -> f64 {
-    let ways: Row = core::array::from_fn(|l| if l < count { squares[l].sqrt() } else { 0.0 });
-    // Four sums at a time: one after the other would wait for each addition.
-    let sums: [f32; 4] = core::array::from_fn(|l| (ways[l] + ways[l + 4]) + (ways[l + 8] + ways[l + 12]));
-    f64::from((sums[0] + sums[1]) + (sums[2] + sums[3]))
+/// The mean way of all vertices in the last sweep that told, mm.
+pub(super) fn mean_way(parts: &[(Round, Vec<Part>); 2], memory: &[Vec<Memory>; 2]) -> f64 {
+    let count: usize = parts.iter().flat_map(|r| &r.1).flat_map(|p| &p.batches).map(|b| b.count).sum();
+    let sum: f64 = memory.iter().flatten().flat_map(|m| &m.way).map(|&w| f64::from(w)).sum();
+    sum / count.max(1) as f64
 }

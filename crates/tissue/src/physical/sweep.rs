@@ -29,9 +29,13 @@ pub(super) struct Memory {
     pub(super) before: Vec<[Row; 3]>,
     /// Square of each vertex's motion in the last sweep it had, mm2.
     pub(super) motion: Vec<Row>,
-    /// Batches in the predicted deformation space, and whether the next sweep keeps to them.
+    /// The way that each batch's vertices went together in the last sweep that was asked to tell, mm.
+    pub(super) way: Vec<f32>,
+    /// Batches in the predicted deformation space.
     pub(super) active: Vec<u32>,
+    /// Whether the next sweep keeps to them, and whether it tells the ways.
     pub(super) only_active: bool,
+    pub(super) tells: bool,
 }
 
 /// A sweep, or only forces.
@@ -62,7 +66,21 @@ impl Kernel for Sweep<'_> {
                 self.batch::<V>(b);
             }
         }
+        if self.memory.tells {
+            let (memory, batches) = (self.memory, self.part.batches.iter());
+            memory.way.clear();
+            memory.way.extend(batches.zip(&memory.motion).map(|(batch, motion)| way(motion, batch.count)));
+        }
     }
+}
+
+/// The way that the first `count` vertices of a batch have gone together, mm, from its squares.
+#[inline(always)]
+fn way(squares: &Row, count: usize) -> f32 {
+    let ways: Row = core::array::from_fn(|l| if l < count { squares[l].sqrt() } else { 0.0 });
+    // Four sums at a time: one after the other would wait for each addition.
+    let sums: [f32; 4] = core::array::from_fn(|l| (ways[l] + ways[l + 4]) + (ways[l + 8] + ways[l + 12]));
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
 }
 
 impl<'a> Sweep<'a> {

@@ -67,6 +67,11 @@ impl Touching<'_> {
         self.touches.any && batch.vertices[..batch.count].iter().any(|&v| self.touches.touched[v as usize])
     }
 
+    /// Whether a tool or a spring acts on a vertex.
+    pub(super) fn holds(&self, v: u32) -> bool {
+        self.touches.touched[v as usize]
+    }
+
     /// Whether anything acts on a vertex of the batch.
     #[inline(always)]
     pub(super) fn any(&self, batch: &Batch) -> bool {

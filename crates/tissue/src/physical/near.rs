@@ -1,0 +1,118 @@
+//! Where pressures follow the positions more often than everywhere.
+//!
+//! Pressures that are held while vertices sweep on push as hard as they did at first. Where a membrane has just given way,
+//! what it was in balance with is then thrown out, on fine meshes further in three sweeps than any later sweep takes back.
+//! So around the few vertices that go much further than the mean, or that a tool or a spring holds, they follow every second
+//! sweep, everywhere else every sixth: the rest of the tissue needs no more as long as it is calm.
+
+use super::rings::Part;
+use super::sweep::Memory;
+use super::touch::Touching;
+use crate::bytes;
+use crate::slabs::Round;
+
+/// Way over the mean of all from which a vertex is near.
+const FAST: f64 = 4.0;
+
+/// Numbers that are marked, each once.
+#[derive(Debug, Clone, Default)]
+struct Marks {
+    is: Vec<bool>,
+    list: Vec<u32>,
+}
+
+impl Marks {
+    /// Takes all marks away, for numbers below `count`.
+    fn clear(&mut self, count: usize) {
+        self.list.drain(..).for_each(|i| self.is[i as usize] = false);
+        self.is.resize(count, false);
+    }
+
+    fn mark(&mut self, i: u32) {
+        if !core::mem::replace(&mut self.is[i as usize], true) {
+            self.list.push(i);
+        }
+    }
+}
+
+/// What follows more often.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Near {
+    /// Rows of sixteen elements with one around a near vertex.
+    rows: Marks,
+    /// Batches of sums with a patch of such an element.
+    batches: Marks,
+    /// Patches of the near vertices: their pressures take steps.
+    patches: Marks,
+}
+
+impl Near {
+    /// Forgets all, for a model of so many rows of elements, batches of sums and patches.
+    pub(super) fn clear(&mut self, (rows, batches, patches): (usize, usize, usize)) {
+        self.rows.clear(rows);
+        self.batches.clear(batches);
+        self.patches.clear(patches);
+    }
+
+    /// Marks the elements around the vertices that went far in the last sweep over all, and their patches of the same
+    /// number; `whole` is the mean way of all vertices, mm. `none` stands for no element.
+    pub(super) fn choose(
+        &mut self,
+        parts: &[(Round, Vec<Part>); 2],
+        memory: &[Vec<Memory>; 2],
+        touching: Touching<'_>,
+        (whole, none): (f64, usize),
+    ) {
+        let least = (FAST * whole) as f32;
+        for (part, memory) in parts.iter().flat_map(|r| &r.1).zip(memory.iter().flatten()) {
+            for ((batch, motion), &way) in part.batches.iter().zip(&memory.motion).zip(&memory.way) {
+                if way < least && !touching.held(batch) {
+                    continue;
+                }
+                for lane in (0..batch.count).filter(|&l| {
+                    motion[l] > least * least || touching.holds(batch.vertices[l])
+                }) {
+                    self.patches.mark(batch.vertices[lane]);
+                    let rows = batch.elements..batch.elements + batch.steps.len().saturating_sub(2);
+                    let around = rows.map(|row| part.tets.row(row)[0][lane]).filter(|&t| (t as usize) < none);
+                    around.for_each(|t| self.rows.mark(t / crate::fast::WIDTH as u32));
+                }
+            }
+        }
+    }
+
+    /// Marks a batch of sums.
+    pub(super) fn mark_batch(&mut self, batch: u32) {
+        self.batches.mark(batch);
+    }
+
+    /// Marks a patch whose pressure takes steps.
+    pub(super) fn mark_patch(&mut self, patch: u32) {
+        self.patches.mark(patch);
+    }
+
+    /// Rows of sixteen elements.
+    pub(super) fn rows(&self) -> &[u32] {
+        &self.rows.list
+    }
+
+    /// Batches of sums.
+    pub(super) fn batches(&self) -> &[u32] {
+        &self.batches.list
+    }
+
+    /// Whether a batch of sums is marked.
+    pub(super) fn has_batch(&self, batch: u32) -> bool {
+        self.batches.is[batch as usize]
+    }
+
+    /// Whether a patch's pressure takes steps.
+    pub(super) fn has_patch(&self, patch: u32) -> bool {
+        self.patches.is[patch as usize]
+    }
+
+    /// Bytes that it takes.
+    pub(super) fn bytes(&self) -> usize {
+        [&self.rows, &self.batches, &self.patches].iter().map(|m| bytes::of(&m.is) + bytes::of(&m.list)).sum()
+    }
+}
