@@ -7,6 +7,9 @@ use super::lanes::{Kernel, Lanes, Numbers, Places, WIDTH};
 use crate::bytes;
 use core::ops::Range;
 
+/// Sums side by side that are sorted by their lengths: many end together, few stay near each other.
+const NEIGHBOURHOOD: usize = 64;
+
 /// Sixteen sums.
 #[derive(Debug, Clone)]
 struct Batch {
@@ -37,7 +40,9 @@ impl Sums {
         out.batch_of = vec![0; start.len().saturating_sub(1)];
         for piece in cuts.windows(2) {
             let mut order: Vec<usize> = (piece[0]..piece[1]).collect();
-            order.sort_by_key(|&sum| (core::cmp::Reverse(list(sum).len()), sum));
+            order
+                .chunks_mut(NEIGHBOURHOOD)
+                .for_each(|c| c.sort_by_key(|&sum| (core::cmp::Reverse(list(sum).len()), sum)));
             for sums in order.chunks(WIDTH) {
                 let (first, most) = (rows.len(), list(sums[0]).len());
                 for k in 0..most {

@@ -9,10 +9,11 @@ use super::rings::Part;
 use super::sweep::Memory;
 use super::touch::Touching;
 use crate::bytes;
+use crate::fast::WIDTH;
 use crate::slabs::Round;
 
 /// Way over the mean of all from which a vertex is near.
-const FAST: f64 = 4.0;
+const FAST: f64 = 3.0;
 
 /// Numbers that are marked, each once.
 #[derive(Debug, Clone, Default)]
@@ -38,7 +39,8 @@ impl Marks {
 /// What follows more often.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Near {
-    /// Rows of sixteen elements with one around a near vertex.
+    /// Elements around the near vertices, and rows of sixteen with such an element.
+    elements: Marks,
     rows: Marks,
     /// Batches of sums with a patch of such an element.
     batches: Marks,
@@ -47,9 +49,10 @@ pub(super) struct Near {
 }
 
 impl Near {
-    /// Forgets all, for a model of so many rows of elements, batches of sums and patches.
-    pub(super) fn clear(&mut self, (rows, batches, patches): (usize, usize, usize)) {
-        self.rows.clear(rows);
+    /// Forgets all, for a model of so many elements, batches of sums and patches.
+    pub(super) fn clear(&mut self, (elements, batches, patches): (usize, usize, usize)) {
+        self.elements.clear(elements);
+        self.rows.clear(elements.div_ceil(WIDTH));
         self.batches.clear(batches);
         self.patches.clear(patches);
     }
@@ -75,10 +78,15 @@ impl Near {
                     self.patches.mark(batch.vertices[lane]);
                     let rows = batch.elements..batch.elements + batch.steps.len().saturating_sub(2);
                     let around = rows.map(|row| part.tets.row(row)[0][lane]).filter(|&t| (t as usize) < none);
-                    around.for_each(|t| self.rows.mark(t / crate::fast::WIDTH as u32));
+                    around.for_each(|t| self.elements.mark(t));
                 }
             }
         }
+    }
+
+    /// Marks the rows of the elements that are marked.
+    pub(super) fn mark_rows(&mut self) {
+        self.elements.list.iter().for_each(|t| self.rows.mark(t / WIDTH as u32));
     }
 
     /// Marks a batch of sums.
@@ -91,7 +99,12 @@ impl Near {
         self.patches.mark(patch);
     }
 
-    /// Rows of sixteen elements.
+    /// Elements around the near vertices.
+    pub(super) fn elements(&self) -> &[u32] {
+        &self.elements.list
+    }
+
+    /// Rows of sixteen elements with one of them.
     pub(super) fn rows(&self) -> &[u32] {
         &self.rows.list
     }
@@ -113,6 +126,6 @@ impl Near {
 
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
-        [&self.rows, &self.batches, &self.patches].iter().map(|m| bytes::of(&m.is) + bytes::of(&m.list)).sum()
+        [&self.elements, &self.rows, &self.batches, &self.patches].iter().map(|m| bytes::of(&m.is) + bytes::of(&m.list)).sum()
     }
 }

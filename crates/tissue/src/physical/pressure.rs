@@ -198,19 +198,24 @@ impl Pressures {
 
     /// Forgets what was near, before it is chosen anew.
     pub(super) fn clear_near(&self, near: &mut Near) {
-        near.clear((self.tets.div_ceil(WIDTH), self.around.batches(), self.len()));
+        near.clear((self.tets, self.around.batches(), self.len()));
     }
 
     /// Marks what belongs to the elements and vertices that are near: all patches of these, and the sums of those.
     pub(super) fn complete_near(&self, of: Tissue<'_>, near: &mut Near) {
+        near.mark_rows();
+        for i in 0..near.elements().len() {
+            let t = near.elements()[i] as usize;
+            for corner in of.volumes.corners().row(t / WIDTH) {
+                near.mark_batch(self.around.batch_of(corner[t % WIDTH] as usize));
+            }
+        }
         for i in 0..near.rows().len() {
-            let row = near.rows()[i] as usize;
-            let corners = of.volumes.corners().row(row);
-            corners.iter().flatten().for_each(|&v| near.mark_batch(self.around.batch_of(v as usize)));
-            for (t, patches) in self.walls_of(row) {
-                for (corner, &patch) in corners.iter().zip(patches) {
+            for (t, patches) in self.walls_of(near.rows()[i] as usize) {
+                let corners = of.volumes.corners().row(*t as usize / WIDTH).map(|c| c[*t as usize % WIDTH]);
+                for (corner, &patch) in corners.into_iter().zip(patches) {
                     near.mark_batch(self.around.batch_of(patch as usize));
-                    if near.has_patch(corner[*t as usize % WIDTH]) {
+                    if near.has_patch(corner) {
                         near.mark_patch(patch);
                     }
                 }
