@@ -72,9 +72,8 @@ impl Near {
                 if way < least && !touching.held(batch) {
                     continue;
                 }
-                for lane in (0..batch.count).filter(|&l| {
-                    motion[l] > least * least || touching.holds(batch.vertices[l])
-                }) {
+                for lane in (0..batch.count).filter(|&l| motion[l] > least * least || touching.holds(batch.vertices[l]))
+                {
                     self.patches.mark(batch.vertices[lane]);
                     let rows = batch.elements..batch.elements + batch.steps.len().saturating_sub(2);
                     let around = rows.map(|row| part.tets.row(row)[0][lane]).filter(|&t| (t as usize) < none);
@@ -126,6 +125,9 @@ impl Near {
 
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
-        [&self.elements, &self.rows, &self.batches, &self.patches].iter().map(|m| bytes::of(&m.is) + bytes::of(&m.list)).sum()
+        [&self.elements, &self.rows, &self.batches, &self.patches]
+            .iter()
+            .map(|m| bytes::of(&m.is) + bytes::of(&m.list))
+            .sum()
     }
 }
