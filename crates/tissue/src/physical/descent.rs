@@ -411,3 +411,84 @@ fn mean_edge(volumes: &[f64]) -> f64 {
 fn damping_ratio(damping_s: f32, dt: f32) -> f32 {
     (damping_s / dt - 1.0).max(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Solver;
+    use crate::model::tests::block;
+    use crate::{CollisionResponse, Material, Mode, Model, ModelOptions, PhysicalOptions};
+    use std::collections::BTreeMap;
+
+    /// What pressures have come to: of patches, with the penalty, and of elements.
+    type Pressed = (Vec<f32>, Vec<f32>, Vec<Element>);
+
+    /// Two regions that meet.
+    fn model() -> Model {
+        let mut mesh = block([6, 4, 3], 5.0);
+        let far = |t: &[u32; 4]| t.iter().all(|&v| mesh.vertices[v as usize].x > 14.0);
+        mesh.labels = mesh.tets.iter().map(|t| if far(t) { 5 } else { 4 }).collect();
+        let options = ModelOptions {
+            mode: Mode::Physical(PhysicalOptions::default()),
+            materials: BTreeMap::from([(4, Material::BRAIN), (5, Material::VENTRICLE)]),
+            attachments: Vec::new(),
+            collision: CollisionResponse::Insertion,
+        };
+        Model::new(&mesh, &options).expect("model")
+    }
+
+    /// Makes pressures follow after a few vertices have moved fast and no other has at all.
+    fn followed(model: &Model, few: impl Fn(u32) -> bool, when: Press) -> Pressed {
+        let Solver::Physical(physical) = &model.solver else { panic!("physical mode was asked for") };
+        let (descent, pool) = (&physical.descent, Pool::new(2));
+        let (mut state, mut scratch, mut growth) = (model.rest_state(), DescentScratch::default(), Vec::new());
+        let mut body = Body {
+            fluid_kpa: 0.7,
+            positions: &mut state.positions,
+            velocities: &state.velocities,
+            pressure: &mut state.pressure,
+            growth: &mut growth,
+            rest: &model.rest,
+            volumes: &model.volumes,
+            region: &model.region,
+            tethers: &[],
+            couplings: &mut [],
+        };
+        let step = Substep { dt: 0.01, iterations: 10, gravity: [0.0; 3], predicted_space: false };
+        descent.begin(&mut body, &mut scratch, step, &pool);
+        for (part, memory) in descent.rounds.iter().flat_map(|r| &r.1).zip(scratch.memory.iter_mut().flatten()) {
+            let fast = |v: u32| if few(v) { 1.0 } else { 0.0 };
+            memory.motion = part.batches.iter().map(|b| b.vertices.map(fast)).collect();
+            memory.way = memory.motion.iter().map(|m| m.iter().sum()).collect();
+        }
+        for v in (0..body.positions.len()).filter(|&v| few(v as u32)) {
+            (0..3).for_each(|a| body.positions[v][a] += 0.3 + 0.1 * ((v * (a + 2)) as f32).sin());
+        }
+        let touching =
+            Touching { touches: &scratch.touches, films: &descent.films, couplings: &[], rest: &model.rest, first: 0 };
+        descent.pressures.clear_near(&mut scratch.near);
+        let whole = (0.1, descent.pressures.elements());
+        scratch.near.choose(&descent.rounds, &scratch.memory, touching, whole);
+        descent.pressures.complete_near(body.tissue(), &mut scratch.near);
+        scratch.calm = true;
+        descent.press(&mut body, &mut scratch, when, &pool);
+        (state.pressure.clone(), scratch.total, scratch.elements)
+    }
+
+    #[test]
+    fn pressures_near_all_vertices_are_those_of_all_to_the_last_bit() {
+        let model = model();
+        assert_eq!(followed(&model, |_| true, Press::Near), followed(&model, |_| true, Press::Between));
+    }
+
+    #[test]
+    fn pressures_near_few_vertices_are_as_if_all_followed_and_no_others_take_a_step() {
+        let (model, few) = (model(), |v: u32| v % 23 == 4);
+        let [near, all, none] = [Press::Near, Press::Between, Press::Begin].map(|when| followed(&model, few, when));
+        for p in 0..model.rest.len() {
+            let from = if few(p as u32) { &all } else { &none };
+            assert_eq!((near.0[p], near.1[p]), (from.0[p], from.1[p]), "patch of vertex {p}");
+        }
+        assert!(near.0 != none.0 && near.0 != all.0 && near.2 != none.2);
+    }
+}

@@ -4,8 +4,8 @@
 //! descent, Chen et al. 2024). With this energy (see [`elastic`]) each vertex's own problem is exactly quadratic, so its
 //! 3x3 solve is its exact minimum, and no step of less than twice its length can raise the energy (over-relaxation, half as
 //! far again, carries smooth motion further). The large volumetric modulus would make that crawl; it is carried by a nodal
-//! pressure instead, updated after every second sweep (Uzawa) and kept from step to step, whose fixed point is the same
-//! equilibrium.
+//! pressure instead, updated between sweeps (Uzawa; more often near what moves fast, [`near`]) and kept from step to step,
+//! whose fixed point is the same equilibrium.
 
 mod around;
 pub(crate) mod descent;
