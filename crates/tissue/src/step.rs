@@ -30,7 +30,7 @@ const MOST_SUBSTEPS: u32 = 64;
 const RETRIES: u32 = 4;
 /// How often one that ended in turned elements is. The solver turns most of them back by itself; but where elements are
 /// finer than the tool, those left after a membrane gave way were thrown further with every frame.
-const RETRIES_TURNED: u32 = 3;
+const RETRIES_TURNED: u32 = 4;
 /// Frames that tissue is given to come out of a knot by itself.
 const PATIENCE: u32 = 15;
 /// Elements that are worth a thread of their own.
@@ -135,7 +135,10 @@ impl Stepper {
         let mut substeps = substeps_for(&settings, tools);
         for attempt in 0..=RETRIES {
             self.events.clear();
-            self.attempt(model, state, tools, &settings, substeps, done);
+            // What a part of the tissue could not do is tried with all of it.
+            let predicted_space = settings.predicted_space && attempt == 0;
+            let how = FrameSettings { predicted_space, ..settings.clone() };
+            self.attempt(model, state, tools, &how, substeps, done);
             report.substeps = substeps;
             survey = match model.solver {
                 Solver::Paper(_) => self.survey(model, &state.positions),

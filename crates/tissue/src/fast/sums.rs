@@ -9,6 +9,8 @@ use core::ops::Range;
 
 /// Sums side by side that are sorted by their lengths: many end together, few stay near each other.
 const NEIGHBOURHOOD: usize = 64;
+// The first sum of each batch is its longest.
+const _: () = assert!(NEIGHBOURHOOD.is_multiple_of(WIDTH));
 
 /// Sixteen sums.
 #[derive(Debug, Clone)]

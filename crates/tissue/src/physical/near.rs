@@ -3,9 +3,10 @@
 //! Pressures that are held while vertices sweep on push as hard as they did at first. Where a membrane has just given way,
 //! what it was in balance with is then thrown out, on fine meshes further in three sweeps than any later sweep takes back.
 //! So around the few vertices that go much further than the mean, or that a tool or a spring holds, they follow every second
-//! sweep, everywhere else every sixth: the rest of the tissue needs no more as long as it is calm.
+//! sweep, everywhere else every sixth: the rest of the tissue needs no more as long as it is calm. While it is not, nothing
+//! is near, and all follow as often.
 
-use super::rings::Part;
+use super::rings::{Batch, Part};
 use super::sweep::Memory;
 use super::touch::Touching;
 use crate::bytes;
@@ -58,15 +59,15 @@ impl Near {
     }
 
     /// Marks the elements around the vertices that went far in the last sweep over all, and their patches of the same
-    /// number; `whole` is the mean way of all vertices, mm. `none` stands for no element.
+    /// number; `mean` is the mean way of all vertices, mm. There are `tets` elements, and larger numbers are none.
     pub(super) fn choose(
         &mut self,
         parts: &[(Round, Vec<Part>); 2],
         memory: &[Vec<Memory>; 2],
         touching: Touching<'_>,
-        (whole, none): (f64, usize),
+        (mean, tets): (f64, usize),
     ) {
-        let least = (FAST * whole) as f32;
+        let least = (FAST * mean) as f32;
         for (part, memory) in parts.iter().flat_map(|r| &r.1).zip(memory.iter().flatten()) {
             for ((batch, motion), &way) in part.batches.iter().zip(&memory.motion).zip(&memory.way) {
                 if way < least && !touching.held(batch) {
@@ -76,7 +77,7 @@ impl Near {
                 {
                     self.patches.mark(batch.vertices[lane]);
                     let rows = batch.elements..batch.elements + batch.steps.len().saturating_sub(2);
-                    let around = rows.map(|row| part.tets.row(row)[0][lane]).filter(|&t| (t as usize) < none);
+                    let around = rows.map(|row| part.tets.row(row)[0][lane]).filter(|&t| (t as usize) < tets);
                     around.for_each(|t| self.elements.mark(t));
                 }
             }
@@ -96,6 +97,16 @@ impl Near {
     /// Marks a patch whose pressure takes steps.
     pub(super) fn mark_patch(&mut self, patch: u32) {
         self.patches.mark(patch);
+    }
+
+    /// Whether a vertex of the batch is near.
+    pub(super) fn has_any(&self, batch: &Batch) -> bool {
+        !self.patches.list.is_empty() && batch.vertices[..batch.count].iter().any(|&v| self.has_patch(v))
+    }
+
+    /// Whether an element is around a near vertex.
+    pub(super) fn has_element(&self, element: usize) -> bool {
+        self.elements.is[element]
     }
 
     /// Elements around the near vertices.

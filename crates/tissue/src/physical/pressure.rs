@@ -174,8 +174,8 @@ impl Pressures {
         });
     }
 
-    /// As [`Pressures::update`] with `advance`, for what is near: no other vertex has moved since the last update, or none
-    /// has far.
+    /// As [`Pressures::update`] with `advance`, for what is near: its elements see how far they and their patches have grown.
+    /// All other elements keep what they have of both, since one without the other would make them soft.
     pub(super) fn update_near(
         &self,
         near: &Near,
@@ -192,8 +192,11 @@ impl Pressures {
             self.add_fluid(fluid_kpa, (nodal, total), |p| near.has_batch(self.around.batch_of(p)));
         }
         let spread = Spread { of, total, growth, still, first: 0 };
-        widest(SomeRows { spread: &spread, rows: near.rows(), elements });
-        near.rows().iter().for_each(|&r| self.spread_walls(&spread, elements, self.walls_of(r as usize)));
+        widest(NearRows { spread: &spread, near, elements });
+        for row in near.rows() {
+            let walls = self.walls_of(*row as usize).iter().filter(|w| near.has_element(w.0 as usize));
+            self.spread_walls(&spread, elements, walls);
+        }
     }
 
     /// Forgets what was near, before it is chosen anew.
@@ -212,6 +215,9 @@ impl Pressures {
         }
         for i in 0..near.rows().len() {
             for (t, patches) in self.walls_of(near.rows()[i] as usize) {
+                if !near.has_element(*t as usize) {
+                    continue;
+                }
                 let corners = of.volumes.corners().row(*t as usize / WIDTH).map(|c| c[*t as usize % WIDTH]);
                 for (corner, &patch) in corners.into_iter().zip(patches) {
                     near.mark_batch(self.around.batch_of(patch as usize));
@@ -250,7 +256,7 @@ impl Pressures {
     fn spread(&self, spread: &Spread<'_>, elements: &mut [Element]) {
         widest(Rows { spread, elements });
         let rows = spread.first..spread.first + elements.len().div_ceil(WIDTH);
-        self.spread_walls(spread, elements, self.walls_between(rows));
+        self.spread_walls(spread, elements, self.walls_between(rows).iter());
     }
 
     /// The walls among the elements of some rows.
@@ -265,7 +271,12 @@ impl Pressures {
     }
 
     /// Pressures of elements at walls; `elements` are those from the first row on.
-    fn spread_walls(&self, spread: &Spread<'_>, elements: &mut [Element], walls: &[(u32, [u32; 4])]) {
+    fn spread_walls<'w>(
+        &self,
+        spread: &Spread<'_>,
+        elements: &mut [Element],
+        walls: impl Iterator<Item = &'w (u32, [u32; 4])>,
+    ) {
         let first = spread.first * WIDTH;
         for &(t, patches) in walls {
             let t = t as usize;
@@ -314,24 +325,28 @@ impl Kernel for Rows<'_> {
     }
 }
 
-/// As [`Rows`], of some rows of all.
-struct SomeRows<'a> {
+/// As [`Rows`], of the elements that are near.
+struct NearRows<'a> {
     spread: &'a Spread<'a>,
-    rows: &'a [u32],
+    near: &'a Near,
     /// All elements, and one more that is nothing.
     elements: &'a mut [Element],
 }
 
-impl Kernel for SomeRows<'_> {
+impl Kernel for NearRows<'_> {
     type Out = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
         let corners = self.spread.of.volumes.corners().numbers(self.spread.total);
         let tets = self.elements.len() - 1;
-        for row in self.rows.iter().map(|&r| r as usize) {
+        for row in self.near.rows().iter().map(|&r| r as usize) {
             let own = row * WIDTH..((row + 1) * WIDTH).min(tets);
-            self.spread.put::<V>(&corners, row, &mut self.elements[own]);
+            let mut all = [[0.0; 2]; WIDTH];
+            self.spread.put::<V>(&corners, row, &mut all[..own.len()]);
+            for (t, element) in own.zip(all).filter(|(t, _)| self.near.has_element(*t)) {
+                self.elements[t] = element;
+            }
         }
     }
 }

@@ -5,6 +5,7 @@
 //! and leaves when it falls below [`LEAVE`] times (hysteresis within a substep). Chosen anew in each substep, the space
 //! forgets nothing that a snapshot would miss.
 
+use super::near::Near;
 use super::rings::Part;
 use super::sweep::Memory;
 use super::touch::Touching;
@@ -17,13 +18,13 @@ const JOIN: f64 = 1.0;
 /// Mean motion over the whole's at which it leaves again.
 const LEAVE: f64 = 0.6;
 
-/// Chooses the space from the last sweep over all; `anew` at the start of a substep. `whole` is the mean way of all
-/// vertices in it, and `reach` the size of the model, mm. Returns the number of vertices in it.
+/// Chooses the space from the last sweep over all; `anew` at the start of a substep. `mean` is the mean way of all
+/// vertices in that sweep, and `reach` the size of the model, mm. Returns the number of vertices in the space.
 pub(super) fn predict(
     parts: &[(Round, Vec<Part>); 2],
     memory: &mut [Vec<Memory>; 2],
-    touching: Touching<'_>,
-    (anew, whole, reach): (bool, f64, f32),
+    (touching, near): (Touching<'_>, &Near),
+    (anew, mean, reach): (bool, f64, f32),
 ) -> usize {
     let still = STILL * f64::from(reach);
     let mut nodes = 0;
@@ -31,8 +32,8 @@ pub(super) fn predict(
         let before = core::mem::take(&mut memory.active);
         for (b, (batch, &way)) in part.batches.iter().zip(&memory.way).enumerate() {
             let inside = !anew && before.binary_search(&(b as u32)).is_ok();
-            let least = (whole * if inside { LEAVE } else { JOIN }).max(still);
-            if f64::from(way) / batch.count as f64 > least || touching.held(batch) {
+            let least = (mean * if inside { LEAVE } else { JOIN }).max(still);
+            if f64::from(way) / batch.count as f64 > least || touching.held(batch) || near.has_any(batch) {
                 memory.active.push(b as u32);
                 nodes += batch.count;
             }
