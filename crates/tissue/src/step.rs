@@ -137,7 +137,7 @@ impl Stepper {
             self.events.clear();
             // What a part of the tissue could not do is tried with all of it.
             let predicted_space = settings.predicted_space && attempt == 0;
-            let how = FrameSettings { predicted_space, ..settings.clone() };
+            let how = FrameSettings { predicted_space, ..settings };
             self.attempt(model, state, tools, &how, substeps, done);
             report.substeps = substeps;
             survey = match model.solver {
