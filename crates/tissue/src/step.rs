@@ -26,11 +26,10 @@ use std::sync::Arc;
 const STRIDE: f64 = 0.5;
 /// No frame is cut finer than this for speed alone; what moves faster than that has been put elsewhere.
 const MOST_SUBSTEPS: u32 = 64;
-/// How often a frame that ended in numbers that are not finite is tried again with half the step.
+/// How often a frame that ended in numbers that are not finite, or in turned elements, is tried again with half the step.
+/// The solver turns most of these back by itself; but where they are finer than the tool, those left after a membrane gave
+/// way were thrown further with every frame.
 const RETRIES: u32 = 4;
-/// How often one that ended in turned elements is. The solver turns most of them back by itself; but where elements are
-/// finer than the tool, those left after a membrane gave way were thrown further with every frame.
-const RETRIES_TURNED: u32 = 4;
 /// Frames that tissue is given to come out of a knot by itself.
 const PATIENCE: u32 = 15;
 /// Elements that are worth a thread of their own.
@@ -153,7 +152,7 @@ impl Stepper {
             let verdict = self.judge(model, state, survey.inverted);
             match verdict {
                 Verdict::Good => break,
-                Verdict::Inverted(_) if attempt >= RETRIES_TURNED => break,
+                Verdict::Inverted(_) if attempt == RETRIES => break,
                 verdict => {
                     let inverted = if let Verdict::Inverted(n) = verdict { Some(n) } else { None };
                     failures.push(Event::RolledBack { substeps, inverted });
