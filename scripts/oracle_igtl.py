@@ -85,8 +85,25 @@ def check_reading():
         check("metadata", found["TRANSFORM"].metadata == wanted, str(found["TRANSFORM"].metadata))
 
 
+def whole_message(stream):
+    """The next message of our codec's output with its header (58 bytes, the body's length at 42); empty at its end."""
+
+    def exactly(count):
+        data = b""
+        while len(data) < count and (piece := stream.read(count - len(data))):
+            data += piece
+        return data
+
+    header = exactly(58)
+    return header + exactly(int.from_bytes(header[42:50], "big"))
+
+
 def relay(connection):
-    """Lets our codec sit at a socket: what comes goes through it and back."""
+    """Lets our codec sit at a socket: what comes goes through it and back.
+
+    Back it goes a message at a time: our codec's standard output breaks off behind every byte 10, and pyigtl loses the
+    beginning of a header whose rest is not there within 10 ms, as on a busy machine.
+    """
     process = subprocess.Popen([FILTER, "echo"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
 
     def forth():
@@ -98,7 +115,7 @@ def relay(connection):
         process.stdin.close()
 
     def back():
-        while data := process.stdout.read(4096):
+        while data := whole_message(process.stdout):
             try:
                 connection.sendall(data)
             except OSError:
