@@ -14,13 +14,38 @@ const READ: [(&str, &[&str]); 6] = [
     ("embedded_rod", &["radius", "p0", "p1", "displacement", "coupling"]),
 ];
 
-/// Entries that only tell a reader, or a comparison, something.
-const TOLD: [&str; 8] =
-    ["description", "imposed_mm", "reference", "compare_set", "rigid_body_free", "F", "note", "name"];
+/// Entries of a scene that are read, and of a mesh of it.
+const READ_OF_SCENE: [&str; 4] = ["cases", "meshes", "energy", "units"];
+const READ_OF_MESH: [&str; 5] = ["file", "nodes", "tets", "face_sets", "faces"];
 
-pub(super) fn all(case: &Value, problem: &StaticProblem, sets: &[(String, Vec<u32>)]) -> Vec<String> {
+/// Entries that only tell a reader, or a comparison, something.
+const TOLD: [&str; 13] = [
+    "description",
+    "imposed_mm",
+    "reference",
+    "compare_set",
+    "rigid_body_free",
+    "F",
+    "note",
+    "name",
+    "scene",
+    "title",
+    "sets",
+    "dihedral_min_max_deg",
+    "discretisation_error_mm",
+];
+
+/// Remarks on a scene, of which one mesh and one case are meant.
+pub(super) fn all(
+    (scene, mesh, case): (&Value, &Value, &Value),
+    problem: &StaticProblem,
+    sets: &[(String, Vec<u32>)],
+) -> Vec<String> {
     let parts: Vec<&str> = READ.map(|(name, _)| name).to_vec();
-    let mut out: Vec<String> = unread("the case", case, &parts).into_iter().collect();
+    let around =
+        [("the scene", scene, &READ_OF_SCENE[..]), ("the mesh", mesh, &READ_OF_MESH), ("the case", case, &parts)];
+    let mut out: Vec<String> =
+        around.into_iter().filter_map(|(place, entry, read)| unread(place, entry, read)).collect();
     for (part, read) in READ.into_iter().filter(|(_, read)| !read.is_empty()) {
         let entries: Vec<(String, &Value)> = match &case[part] {
             Value::Array(items) => items.iter().enumerate().map(|(i, v)| (format!("{part} {i}"), v)).collect(),
@@ -35,7 +60,27 @@ pub(super) fn all(case: &Value, problem: &StaticProblem, sets: &[(String, Vec<u3
         }
     }
     out.extend(conflicts(problem, sets));
+    out.extend(repeated(problem));
     out
+}
+
+/// Faces that several pressures act on.
+fn repeated(problem: &StaticProblem) -> Option<String> {
+    let faces = problem.pressures.iter().enumerate().flat_map(|(i, p)| p.faces.iter().map(move |f| (sorted(*f), i)));
+    let mut on = BTreeMap::<[u32; 3], Vec<usize>>::new();
+    faces.for_each(|(face, i)| on.entry(face).or_default().push(i));
+    let several = || on.iter().filter(|(_, entries)| entries.len() > 1);
+    let (face, entries) = several().next()?;
+    let list = entries.iter().map(usize::to_string).collect::<Vec<_>>().join(" and ");
+    Some(format!(
+        "the entries {list} of \"pressure\" act on the same faces ({} in all, the first is {face:?}): their pressures add up",
+        several().count()
+    ))
+}
+
+fn sorted(mut face: [u32; 3]) -> [u32; 3] {
+    face.sort_unstable();
+    face
 }
 
 /// Entries that nothing reads: most likely one is misspelt.

@@ -70,7 +70,7 @@ fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Resu
     let materials = materials::read(case).with_context(in_case)?;
     let tets = mesh_mm(&grid, &materials).with_context(|| file.display().to_string())?;
     let (problem, sets) = problem(&grid, mesh, case).with_context(in_case)?;
-    let mut remarks = remarks::all(case, &problem, &sets);
+    let mut remarks = remarks::all((scene, mesh, case), &problem, &sets);
     remarks.extend(materials::odd(&materials));
     remarks.extend(materials::unused(&materials, &tets.labels));
     remarks.extend(remarks::nothing_to_find(tets.vertices.len(), &problem));

@@ -119,6 +119,37 @@ fn a_misspelt_field_is_named() {
     assert!(!remarks(&told).contains("description"));
 }
 
+/// Only keys within a case were looked at: "unit" for "units" was read as SI without a word.
+#[test]
+fn a_misspelt_field_beside_the_cases_is_named() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |s| {
+        (s["unit"], s["title"]) = (json!("mm"), json!("nothing odd"));
+        s["meshes"]["cube"]["face_set"] = json!({});
+    });
+    let said = remarks(&json(&args.each_ref().map(String::as_str)));
+    says(&said, &["not read in the scene: unit (", "not read in the mesh: face_set ("]);
+    assert!(!said.contains("title"), "{said}");
+}
+
+/// The same entry given twice pushed twice as hard without a word.
+#[test]
+fn faces_that_two_pressures_act_on_are_named() {
+    let twice = |second: Value| {
+        let dir = tempfile::tempdir().expect("temp");
+        let args = changed(dir.path(), |s| {
+            s["meshes"]["cube"]["face_sets"] = json!({ "top": [[4, 5, 6]], "same": second });
+            let entry = |faces| json!({ "faces": faces, "pressure": 10.0 });
+            s["cases"]["stretch"]["pressure"] = json!([entry("top"), entry("same")]);
+        });
+        let coarse = args.iter().map(String::as_str).chain(["--refine", "0"]);
+        remarks(&json(&coarse.collect::<Vec<_>>()))
+    };
+    says(&twice(json!([[6, 4, 5]])), &["entries 0 and 1", "1 in all", "[4, 5, 6]", "add up"]);
+    let apart = twice(json!([[4, 6, 7]]));
+    assert!(!apart.contains("add up"), "{apart}");
+}
+
 #[test]
 fn millimetres_written_as_metres_are_seen() {
     says(&refused(|case| case["dirichlet"][3]["value"] = json!([6, 0, 0])), &["\"x1\"", "6000 mm", "34.6", "0.006"]);
