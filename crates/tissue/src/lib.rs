@@ -73,6 +73,7 @@ mod csf;
 mod cuts;
 mod error;
 mod fast;
+mod identity;
 mod material;
 mod membrane;
 mod model;

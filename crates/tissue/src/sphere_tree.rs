@@ -9,15 +9,11 @@
 
 use crate::fast::Pool;
 use crate::vec3::{V3, axpy, dot, longest_way, norm, scale, sub, xyz};
-use crate::{bytes, slabs};
-use core::sync::atomic::{AtomicU64, Ordering};
+use crate::{bytes, identity, slabs};
 
 const LEAF: usize = 8;
 /// Spheres are fitted anew when a vertex has moved by more than this share of the mean radius of the leaves.
 const SLACK: f32 = 0.5;
-
-/// The number of the next tree.
-static NEXT: AtomicU64 = AtomicU64::new(0);
 
 /// Topology of the tree: constant, part of the model.
 #[derive(Debug, Clone)]
@@ -90,7 +86,7 @@ impl SphereTree {
             starts.push(vertices.len() as u32);
         }
         let cuts = slabs::even_cuts(starts.len() - 1);
-        Self { id: NEXT.fetch_add(1, Ordering::Relaxed), nodes, order, vertices, starts, cuts }
+        Self { id: identity::unique(), nodes, order, vertices, starts, cuts }
     }
 
     /// Bytes that it takes.

@@ -32,7 +32,7 @@ impl Volumes {
         let none = vec![[0.0; WIDTH]; rows];
         let mut out = Self { corners: Places::new(places), rest: none.clone(), tets: tets.len(), cuts: Vec::new() };
         let mut at_rest = none;
-        widest(Growth { of: &out, positions: rest, first: 0, out: &mut at_rest });
+        widest(Growth { of: &out, positions: rest, rows: 0..rows, first: 0, out: &mut at_rest });
         out.rest = at_rest;
         out.cuts = slabs::even_cuts(rows);
         out
@@ -57,13 +57,15 @@ impl Volumes {
     pub(crate) fn measure(&self, positions: &[[f32; 4]], growth: &mut Vec<Row>, pool: &Pool) {
         growth.resize(self.rest.len(), [0.0; WIDTH]);
         pool.each_part(growth, &self.cuts, &mut [(); slabs::PIECES], &|i, out, ()| {
-            widest(Growth { of: self, positions, first: self.cuts[i], out });
+            let first = self.cuts[i];
+            widest(Growth { of: self, positions, rows: first..first + out.len(), first, out });
         });
     }
 
     /// Measures the elements of some rows anew, all having been measured before.
     pub(crate) fn measure_rows(&self, positions: &[[f32; 4]], rows: &[u32], growth: &mut [Row]) {
-        widest(GrowthOfRows { of: self, positions, rows, growth });
+        let rows = rows.iter().map(|&r| r as usize);
+        widest(Growth { of: self, positions, rows, first: 0, out: growth });
     }
 
     /// Lists the elements with less than `share` of their volume at rest, with six times that at rest (mm3), as `growth`
@@ -110,44 +112,24 @@ impl Volumes {
     }
 }
 
-/// Six times the growth of elements against rest.
-struct Growth<'a> {
+/// Six times the growth of the elements of some rows against rest.
+struct Growth<'a, R> {
     of: &'a Volumes,
     positions: &'a [[f32; 4]],
+    rows: R,
     /// Row that the output begins with.
     first: usize,
     out: &'a mut [Row],
 }
 
-impl Kernel for Growth<'_> {
+impl<R: Iterator<Item = usize>> Kernel for Growth<'_, R> {
     type Out = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
         let corners = self.of.corners.view(self.positions);
-        for (r, out) in (self.first..).zip(self.out) {
-            grown::<V>(&corners, r, &self.of.rest[r], out);
-        }
-    }
-}
-
-/// As [`Growth`], of some rows.
-struct GrowthOfRows<'a> {
-    of: &'a Volumes,
-    positions: &'a [[f32; 4]],
-    rows: &'a [u32],
-    /// Of all rows.
-    growth: &'a mut [Row],
-}
-
-impl Kernel for GrowthOfRows<'_> {
-    type Out = ();
-
-    #[inline(always)]
-    fn run<V: Lanes>(self) {
-        let corners = self.of.corners.view(self.positions);
-        for &r in self.rows {
-            grown::<V>(&corners, r as usize, &self.of.rest[r as usize], &mut self.growth[r as usize]);
+        for r in self.rows {
+            grown::<V>(&corners, r, &self.of.rest[r], &mut self.out[r - self.first]);
         }
     }
 }

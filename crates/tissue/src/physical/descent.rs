@@ -48,8 +48,8 @@ pub(crate) struct Descent {
     reach: f32,
     /// Mean way of the vertices in a sweep below which the tissue is calm, mm.
     calm_mm: f64,
-    /// No vertex is held.
-    free: bool,
+    /// Vertices that move.
+    free_vertices: usize,
     /// Largest damping time of the regions, s.
     pub(crate) damping_s: f32,
 }
@@ -174,7 +174,7 @@ impl Descent {
             films: FilmsAround::new(&elastic.films, rest),
             reach: rest.iter().flat_map(|p| &p[..3]).fold(0f32, |m, v| m.max(v.abs())),
             calm_mm: CALM * mean_edge(&elastic.volume),
-            free: rest.iter().all(|p| p[3] > 0.0),
+            free_vertices: rest.iter().filter(|p| p[3] > 0.0).count(),
             damping_s: region.iter().map(|&r| regions[r as usize].material.damping_s as f32).fold(0.0, f32::max),
         };
         out.balance(rest, Tissue { volumes, region });
@@ -208,10 +208,9 @@ impl Descent {
 
     /// Unknowns and elements of a sweep.
     pub(crate) fn counts(&self) -> Vec<(&'static str, usize)> {
-        let batches = self.rounds.iter().flat_map(|r| &r.1).flat_map(|p| &p.batches);
         vec![
             ("elements", self.pressures.elements()),
-            ("free_vertices", batches.map(|b| b.count).sum()),
+            ("free_vertices", self.free_vertices),
             ("pressures", self.patches()),
         ]
     }
@@ -246,7 +245,7 @@ impl Descent {
                 self.press(body, scratch, when, pool);
             }
         }
-        if self.free && body.couplings.is_empty() && body.tethers.is_empty() {
+        if self.free_vertices == body.positions.len() && body.couplings.is_empty() && body.tethers.is_empty() {
             keep_momentum(body.positions, &scratch.target);
             body.volumes.measure(body.positions, body.growth, pool);
         }
@@ -279,17 +278,28 @@ impl Descent {
         let DescentScratch { memory, touches, near, is_calm, active_nodes, .. } = scratch;
         let (couplings, rest) = (&*body.couplings, body.rest);
         let touching = Touching { touches, films: &self.films, couplings, rest, first: 0 };
-        let mean = region::mean_way(&self.rounds, memory);
+        let mean = region::mean_way(memory, self.free_vertices);
         if anew {
             *is_calm = mean < self.calm_mm;
-            self.pressures.clear_near(near);
-        }
-        if anew && *is_calm {
-            near.choose(&self.rounds, memory, touching, (mean, self.pressures.elements()));
-            self.pressures.complete_near(body.tissue(), near);
+            self.choose_near(near, (memory, touching), body.tissue(), is_calm.then_some(mean));
         }
         if predicted_space {
             *active_nodes = region::predict(&self.rounds, memory, (touching, near), (anew, mean, self.reach));
+        }
+    }
+
+    /// Chooses what is near, given the mean way of all vertices, mm; nothing is without one.
+    fn choose_near(
+        &self,
+        near: &mut Near,
+        (memory, touching): (&[Vec<Memory>; 2], Touching<'_>),
+        tissue: Tissue<'_>,
+        mean: Option<f64>,
+    ) {
+        self.pressures.clear_near(near);
+        if let Some(mean) = mean {
+            near.choose(&self.rounds, memory, touching, (mean, self.pressures.elements()));
+            self.pressures.complete_near(tissue, near);
         }
     }
 
@@ -468,10 +478,7 @@ mod tests {
         }
         let touching =
             Touching { touches: &scratch.touches, films: &descent.films, couplings: &[], rest: &model.rest, first: 0 };
-        descent.pressures.clear_near(&mut scratch.near);
-        let all = (0.1, descent.pressures.elements());
-        scratch.near.choose(&descent.rounds, &scratch.memory, touching, all);
-        descent.pressures.complete_near(body.tissue(), &mut scratch.near);
+        descent.choose_near(&mut scratch.near, (&scratch.memory, touching), body.tissue(), Some(0.1));
         if let Some(when) = when {
             descent.press(&mut body, &mut scratch, when, &pool);
         }

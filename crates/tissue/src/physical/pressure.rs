@@ -6,15 +6,11 @@ use super::near::Near;
 use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, WIDTH, widest};
 use crate::model::Region;
 use crate::volumes::Volumes;
-use crate::{bytes, slabs};
-use core::sync::atomic::{AtomicU64, Ordering};
+use crate::{bytes, identity, slabs};
 
 /// Volumetric stiffness that the sweeps carry themselves, over the shear modulus; the rest is the pressure's.
 /// With over-relaxed sweeps more than with plain ones, where 2 was best.
 const PENALTY: f64 = 4.0;
-
-/// The number of the next model.
-static NEXT: AtomicU64 = AtomicU64::new(0);
 
 /// Constants of elements and patches.
 #[derive(Debug, Clone)]
@@ -80,7 +76,7 @@ impl Pressures {
         let patch_cuts = slabs::even_cuts(patches);
         let wall = (0..).zip(elastic.patch.iter().zip(&elastic.tets));
         Self {
-            id: NEXT.fetch_add(1, Ordering::Relaxed),
+            id: identity::unique(),
             regions: moduli,
             tets: elastic.tets.len(),
             walls: wall.filter(|(_, (patches, corners))| patches != corners).map(|(t, (p, _))| (t, *p)).collect(),

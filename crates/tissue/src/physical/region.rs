@@ -42,9 +42,8 @@ pub(super) fn predict(
     nodes
 }
 
-/// The mean way of all vertices in the last sweep that told, mm.
-pub(super) fn mean_way(parts: &[(Round, Vec<Part>); 2], memory: &[Vec<Memory>; 2]) -> f64 {
-    let count: usize = parts.iter().flat_map(|r| &r.1).flat_map(|p| &p.batches).map(|b| b.count).sum();
+/// The mean way of all `vertices` in the last sweep that told, mm.
+pub(super) fn mean_way(memory: &[Vec<Memory>; 2], vertices: usize) -> f64 {
     let sum: f64 = memory.iter().flatten().flat_map(|m| &m.way).map(|&w| f64::from(w)).sum();
-    sum / count.max(1) as f64
+    sum / vertices.max(1) as f64
 }

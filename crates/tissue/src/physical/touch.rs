@@ -64,10 +64,11 @@ pub(super) struct Touching<'a> {
 impl Touching<'_> {
     /// Whether a tool or a spring acts on a vertex of the batch.
     pub(super) fn held(&self, batch: &Batch) -> bool {
-        self.touches.any && batch.vertices[..batch.count].iter().any(|&v| self.touches.touched[v as usize])
+        self.touches.any && batch.vertices[..batch.count].iter().any(|&v| self.holds(v))
     }
 
     /// Whether a tool or a spring acts on a vertex.
+    #[inline(always)]
     pub(super) fn holds(&self, v: u32) -> bool {
         self.touches.touched[v as usize]
     }
@@ -82,7 +83,7 @@ impl Touching<'_> {
     /// Whether anything acts on a vertex.
     #[inline(always)]
     pub(super) fn touches(&self, v: u32) -> bool {
-        self.touches.touched[v as usize] || self.films.on(v)
+        self.holds(v) || self.films.on(v)
     }
 
     /// Adds what couplings, springs and thin membranes do to vertex `v`; `vertices` are those of the part.
