@@ -1,6 +1,10 @@
 //! What follows the soft body: high-resolution surfaces, single points, and the CT itself.
 
 use monro_geometry::{Embedding, EmbeddingError, Patient, Point, TetLocator, TetMesh, TetMeshError, Vector};
+use rayon::prelude::*;
+
+/// Points that are worth a thread.
+const CHUNK: usize = 1 << 13;
 
 /// Points bound to the tetrahedra of a case (paper, section II.2), moved with them.
 #[derive(Debug, Clone)]
@@ -18,10 +22,15 @@ impl Follower {
         Ok(Self { embedding: Embedding::new(tets, points)?, moved: vec![[0.0; 4]; points.len()] })
     }
 
-    /// Moves the points with the nodes (mm from `origin`) and returns them in the patient frame.
-    pub fn follow(&mut self, nodes: &[[f32; 4]], origin: Point<Patient>) -> Vec<Point<Patient>> {
-        self.embedding.apply(nodes, &mut self.moved);
-        self.moved.iter().map(|p| at(p, origin)).collect()
+    /// Moves the points with the nodes (mm from any one origin). No allocation.
+    pub fn follow(&mut self, nodes: &[[f32; 4]]) {
+        let Self { embedding, moved } = self;
+        moved.par_chunks_mut(CHUNK).enumerate().for_each(|(c, out)| embedding.apply_from(c * CHUNK, nodes, out));
+    }
+
+    /// Where the points are in the patient frame, from the nodes' origin.
+    pub fn points(&self, origin: Point<Patient>) -> impl ExactSizeIterator<Item = Point<Patient>> {
+        self.moved.iter().map(move |p| at(p, origin))
     }
 }
 
@@ -124,7 +133,8 @@ mod tests {
                 [d.x as f32, d.y as f32, d.z as f32, 0.0]
             })
             .collect();
-        for (moved, p) in follower.follow(&nodes, origin).into_iter().zip(points) {
+        follower.follow(&nodes);
+        for (moved, p) in follower.points(origin).zip(points) {
             assert!(moved.distance(bent(p)) < 1e-5, "{moved:?}");
         }
     }

@@ -171,7 +171,8 @@ impl Insertion {
 
     fn read(&mut self, pose: ToolPose, step: StepReport) -> Result<Frame, SessionError> {
         let needle = NeedlePose::new(pose.tip, pose.tip - pose.tail)?;
-        let target_now = self.target.follow(&self.nodes, self.model.origin())[0];
+        self.target.follow(&self.nodes);
+        let target_now = self.target.points(self.model.origin()).next().unwrap_or(self.plan.target());
         let reading = Reading::new(&self.plan, &needle);
         let label = step.tools.first().and_then(|t| t.label);
         Ok(Frame {

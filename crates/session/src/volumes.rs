@@ -52,7 +52,7 @@ impl StructureVolumes {
     fn sums_ml(&self, at: impl Fn(u32) -> [f64; 3]) -> Vec<f64> {
         let mut sums = vec![0.0; self.structures.len()];
         for (tet, &place) in self.tets.iter().zip(&self.place) {
-            let p = tet.map(&at);
+            let p = [at(tet[0]), at(tet[1]), at(tet[2]), at(tet[3])];
             let [a, b, c] = [1, 2, 3].map(|i| [0, 1, 2].map(|k| p[i][k] - p[0][k]));
             let n = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
             sums[place as usize] += n[0] * c[0] + n[1] * c[1] + n[2] * c[2];

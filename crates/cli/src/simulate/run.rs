@@ -4,7 +4,7 @@ use crate::console::Console;
 use anyhow::Result;
 use monro_case::Case;
 use monro_cli::report::quantile;
-use monro_geometry::{PassedThrough, Patient, Point, TetMesh, TriangleMesh, Walls};
+use monro_geometry::{PassedThrough, TetMesh, TriangleMesh, Walls};
 use monro_guidance::Plan;
 use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode, StructureVolumes};
 use std::time::Instant;
@@ -101,7 +101,6 @@ impl Run {
 struct Surfaces {
     brain: Follower,
     ventricles: Follower,
-    now: [Vec<Point<Patient>>; 2],
 }
 
 impl Surfaces {
@@ -109,13 +108,12 @@ impl Surfaces {
         Ok(Self {
             brain: Follower::new(&case.tets, &case.brain.vertices)?,
             ventricles: Follower::new(&case.tets, &case.ventricles.vertices)?,
-            now: [Vec::new(), Vec::new()],
         })
     }
 
     fn update(&mut self, insertion: &Insertion) {
-        let (nodes, origin) = (insertion.nodes(), insertion.origin());
-        self.now = [self.brain.follow(nodes, origin), self.ventricles.follow(nodes, origin)];
+        self.brain.follow(insertion.nodes());
+        self.ventricles.follow(insertion.nodes());
     }
 }
 
@@ -129,7 +127,8 @@ pub(crate) fn insert(case: &Case, settings: &InsertionSettings, console: &Consol
         let walls = Walls::new(insertion.rest());
         snapshots.iter_mut().for_each(|s| s.self_crossing = walls.passed_through(&s.mesh.vertices));
     });
-    let [brain, ventricles] = surfaces.now;
+    let [brain, ventricles] =
+        [&surfaces.brain, &surfaces.ventricles].map(|s| s.points(insertion.origin()).collect::<Vec<_>>());
     Ok(Run {
         rows,
         snapshots,
