@@ -220,7 +220,8 @@ In --json and summary.json:
   drained_ml      asked and reached; null without --drain-ml
   volumes         of the brain (with the CSF around it, which is simulated as brain: more than labels and report of the
                   case say) and of each ventricle, ml: rest_ml, change_ml at the end, largest_change_ml
-  mode, speed_mm_s, diameter_mm, gravity_m_s2, csf_pressure_mmhg, materials, materials_file, case, plan
+  mode, speed_mm_s, diameter_mm, gravity_m_s2, csf_pressure_mmhg, iterations, predicted_space, materials,
+  materials_file, case, plan
                   what was asked; what is not as usual stands also on stdout and at the head of report.html
   max_whole_volume_change_percent
                   of brain and ventricles together, which the skull holds: hardly anything, whatever moves inside
@@ -261,6 +262,14 @@ pub(crate) struct SimulateArgs {
     /// As "0,9.81,0" or as three numbers after each other.
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
     pub(crate) gravity: Option<[f64; 3]>,
+    /// Iterations of the solver in each step, 1 to 10000. More carry smooth motion further (docs/speed.md says how far ten do)
+    /// and take as much longer.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(crate) iterations: u32,
+    /// Go on only where the tissue moves more than on average, in two iterations of three (the paper's predicted deformation
+    /// space): a little faster, and not quite the same.
+    #[arg(long)]
+    pub(crate) predicted_space: bool,
     /// Overwrite an existing output folder.
     #[arg(long)]
     pub(crate) force: bool,

@@ -103,7 +103,7 @@ pub struct FrameSettings {
     pub iterations: u32,
     /// Gravity, mm/s2, patient frame.
     pub gravity_mm_s2: [f64; 3],
-    /// Physical mode: do two iterations of three only where the tissue moves more than on average (the paper's predicted
+    /// Do two iterations of three only where the tissue moves more than on average (the paper's predicted
     /// deformation space).
     pub predicted_space: bool,
     /// Physical mode: what is done to the fluid of the ventricles.

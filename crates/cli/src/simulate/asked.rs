@@ -3,7 +3,7 @@
 
 use super::{KPA_PER_MMHG, Run};
 use crate::materials;
-use monro_tissue::Csf;
+use monro_tissue::{Csf, FrameSettings};
 use serde_json::{Value, json};
 
 /// Standard gravity and the like to a thousandth.
@@ -51,6 +51,13 @@ pub(super) fn extras(run: &Run) -> Vec<String> {
         let brain = run.settings.model.materials.brain;
         out.push(format!("materials of {file} (brain {} kPa, Poisson's ratio {})", brain.young_kpa, brain.poisson));
     }
+    let frame = run.settings.frame;
+    if frame.iterations != FrameSettings::default().iterations {
+        out.push(format!("{} iterations in each step", frame.iterations));
+    }
+    if frame.predicted_space {
+        out.push("with the predicted deformation space".into());
+    }
     out
 }
 
@@ -63,6 +70,8 @@ pub(super) fn json(run: &Run) -> Value {
         "speed_mm_s": settings.speed_mm_s,
         "diameter_mm": settings.diameter_mm,
         "gravity_m_s2": gravity_m_s2(run),
+        "iterations": settings.frame.iterations,
+        "predicted_space": settings.frame.predicted_space,
         "csf_pressure_mmhg": pressure,
         "materials": run.has_units().then(|| materials::json(&settings.model.materials)),
         "materials_file": run.materials_file,

@@ -111,10 +111,14 @@ fn what_was_asked_was_in_no_result(case: &Path, dir: &Path) {
     let (out, soft) = (dir.join("asked"), dir.join("soft.toml"));
     fs::write(&soft, "[brain]\nyoung_kpa = 1.25\n").expect("write");
     let asked = ["--speed", "80", "--gravity", "0,9.81,0", "--drain-ml", "2", "--materials", text(&soft)];
-    let done = monro(&[&["simulate", text(case), "--out", text(&out)][..], &asked].concat());
+    let solver = ["--iterations", "12", "--predicted-space"];
+    let done = monro(&[&["simulate", text(case), "--out", text(&out)][..], &asked, &solver].concat());
     let stdout = String::from_utf8_lossy(&done.stdout).into_owned();
     let html = fs::read_to_string(out.join("report.html")).expect("report");
-    for words in ["at 80 mm/s", "gravity 0, 9.81, 0 m/s2", "of 2.0 ml", "mmHg", "soft.toml", "1.25 kPa"] {
+    let solver = ["12 iterations in each step", "predicted deformation space"];
+    for words in
+        ["at 80 mm/s", "gravity 0, 9.81, 0 m/s2", "of 2.0 ml", "mmHg", "soft.toml", "1.25 kPa"].iter().chain(&solver)
+    {
         assert!(stdout.contains(words), "{words}: {stdout}");
         assert!(html.contains(words), "{words} is not in the report");
     }
@@ -124,6 +128,7 @@ fn what_was_asked_was_in_no_result(case: &Path, dir: &Path) {
     let summary: Value =
         serde_json::from_str(&fs::read_to_string(out.join("summary.json")).expect("summary")).expect("JSON");
     assert_eq!(summary["gravity_m_s2"], serde_json::json!([0.0, 9.81, 0.0]));
+    assert_eq!((&summary["iterations"], &summary["predicted_space"]), (&12.into(), &true.into()), "{summary}");
     assert!(summary["materials_file"].as_str().is_some_and(|f| f.ends_with("soft.toml")), "{summary}");
     assert_eq!((&summary["plan"]["side"], &summary["mode"]), (&"left".into(), &"physical".into()), "{summary}");
     assert!(summary["volumes"]["brain"]["of"].as_str().is_some_and(|of| of.contains("CSF")), "{summary}");
