@@ -208,6 +208,8 @@ In --json and summary.json:
   tip_error_mm    at the end, from the tip to the target's tissue, where that is now; tip_error_rigid_mm: to the planned
                   point, as if nothing had moved
   target_shift_mm how far the target's tissue has moved at the end; max_target_shift_mm: at most on the way
+  wall_shift_mm   how far the wall of the ventricles has moved at the end, where most; max_wall_shift_mm: on the way, mostly
+                  just before it gives way
   remarks         why, and whatever else is to be said; also on stderr and at the head of report.html
   inverted_most, inverted_at_end
                   turned elements: most in a frame, and in the last one
@@ -332,7 +334,8 @@ pub(crate) fn joined(given: impl IntoIterator<Item = OsString>) -> Vec<OsString>
 }
 
 fn milliseconds(text: &str) -> Result<u64, String> {
-    text.parse().map_err(|_| "wanted whole milliseconds from 0, as 60000 for a minute".into())
+    let positive = text.parse().ok().filter(|ms: &u64| *ms > 0);
+    positive.ok_or_else(|| "wanted whole milliseconds from 1, as 60000 for a minute".into())
 }
 
 // A case of a static scene on one of its meshes. (A doc comment here would become the about of the commands.)
@@ -367,7 +370,7 @@ pub(crate) struct SolveArgs {
     /// Stop after so many milliseconds with the best so far, and say so [default: 600000, ten minutes].
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = milliseconds)]
     pub(crate) budget_ms: Option<u64>,
-    /// How often every element is cut into eight inside the solver (physical mode; default: as long as that gives no more
+    /// How often every element is cut into eight inside the solver, 0 to 3 (physical mode; default: as long as that gives no more
     /// than 80,000, then smaller where the answer is least certain). Around rods and spheres the mesh is refined in any case.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=3))]
     pub(crate) refine: Option<u32>,

@@ -58,6 +58,7 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
     let (mesh, mut report) =
         console.stage("mesh", || tetra::mesh_observed(&input.labels, &options, |s| parts.done(s)))?;
     report.remarks.extend(of_fine(&input));
+    report.remarks.extend(of_path(&input));
     report.remarks.extend(of_size(&mesh.vertices));
     let of_mesh = json!({ "bounds_mm": bounds(&mesh.vertices), "report": args.report });
     let mesh = AnyMesh::Tetrahedra(mesh);
@@ -100,6 +101,23 @@ fn of_fine(input: &Input) -> Option<String> {
     let instead =
         if input.path.is_some() { "the mesh is fine along the path only" } else { "edges are alike everywhere" };
     Some(format!("none of the labels to be fine around is meshed: {instead}"))
+}
+
+/// Points along a path that are looked at.
+const ALONG: usize = 1000;
+
+/// A path that lies outside of what is meshed for more than half of its length; one that passes it by is another matter.
+fn of_path(input: &Input) -> Option<String> {
+    let [from, to] = input.path?;
+    let meshed = |p| input.labels.nearest(p).is_some_and(|l| input.keep.contains(&l));
+    let within = (0..=ALONG).filter(|&i| meshed(from + (to - from) * (i as f64 / ALONG as f64))).count();
+    let length = from.distance(to);
+    let outside = length * (1.0 - within as f64 / (ALONG + 1) as f64);
+    (within > 0 && 2.0 * outside > length).then(|| {
+        format!(
+            "the path is {length:.1} mm long, {outside:.1} mm of it outside of the labels that are meshed: its ends are LPS, in mm"
+        )
+    })
 }
 
 /// Seconds of each part of the meshing.

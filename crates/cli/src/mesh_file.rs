@@ -137,7 +137,12 @@ impl Format {
             Self::Msh => msh::decode(&bytes).map(Read::from).map_err(Into::into),
             Self::Ply => ply::decode_stated(&bytes).map(Read::from).map_err(Into::into),
             Self::Stl => stl::decode_stated(&bytes).map(Read::from).map_err(Into::into),
-            Self::Obj | Self::Glb => bail!("{}: .obj and .glb are written, not read", path.display()),
+            Self::Obj | Self::Glb => {
+                bail!(
+                    "{}: .obj and .glb are written, not read; give the mesh as .vtu, .msh, .ply or .stl",
+                    path.display()
+                )
+            }
         };
         mesh.and_then(Read::sound).with_context(|| format!("{} is refused", path.display()))
     }

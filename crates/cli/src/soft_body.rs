@@ -27,11 +27,31 @@ pub(crate) fn model(mode: ModeArg, file: Option<&Path>) -> Result<ModelSettings>
     Ok(model)
 }
 
+/// Young's moduli of brains that are believed, kPa: measured ones lie between 0.5 and 15.
+const BRAIN_KPA: core::ops::RangeInclusive<f64> = 0.1..=50.0;
+
 /// What a reader of the materials would not expect.
-pub(crate) fn remarks(model: &ModelSettings) -> Option<String> {
+pub(crate) fn remarks(model: &ModelSettings) -> Vec<String> {
+    if !matches!(model.mode, Mode::Physical(_)) {
+        return Vec::new();
+    }
+    damping(model).into_iter().chain(stiffness(model)).collect()
+}
+
+fn stiffness(model: &ModelSettings) -> Option<String> {
+    let kpa = model.materials.brain.young_kpa;
+    (!BRAIN_KPA.contains(&kpa)).then(|| {
+        format!(
+            "The brain's young_kpa is {kpa} kPa; measured brains have 0.5 to 15. Moduli are in kPa: {kpa} Pa would be {}.",
+            kpa * 1e-3
+        )
+    })
+}
+
+fn damping(model: &ModelSettings) -> Option<String> {
     let [brain, ventricles] = [model.materials.brain, model.materials.ventricles].map(|m| m.damping_s);
     let used = brain.max(ventricles);
-    (matches!(model.mode, Mode::Physical(_)) && brain != ventricles).then(|| {
+    (brain != ventricles).then(|| {
         format!(
             "damping_s is {brain} s for the brain and {ventricles} s for the ventricles, but a soft body has one damping \
              time: the larger, {used} s, was used for both."
@@ -66,6 +86,20 @@ pub(crate) fn known(name: &str) -> Option<ModelSettings> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// 3000 (Pa were meant) and 30 million kPa were simulated "without trouble".
+    #[test]
+    fn a_modulus_that_no_brain_has_is_told_with_the_unit() {
+        let remarks_at = |kpa| {
+            let mut model = of(ModeArg::Physical);
+            model.materials.brain.young_kpa = kpa;
+            remarks(&model)
+        };
+        assert_eq!(remarks_at(3.0), Vec::<String>::new());
+        let said = remarks_at(3000.0).concat();
+        assert!(said.contains("3000 kPa") && said.contains("3000 Pa would be 3."), "{said}");
+        assert!(!remarks_at(0.003).is_empty());
+    }
 
     #[test]
     fn a_recording_knows_the_soft_body_by_its_name() {

@@ -35,7 +35,7 @@ pub(super) fn check_options(args: &MeshArgs) -> Result<()> {
         return Ok(());
     }
     bail!(
-        "{} is about meshing labels, but {} is a mesh already, which is checked and converted as it is; leave the option out, or give the label volume",
+        "{} says how labels are meshed, but {} is a mesh already, which is checked and converted as it is; leave that out, or give the label volume",
         given.join(", "),
         args.labels.display()
     )

@@ -130,6 +130,7 @@ fn labels_section(prepared: &Prepared) -> Result<Section> {
 
 /// Slices through the places where the border of a ventricle is a guess.
 fn doubtful_slices(prepared: &Prepared) -> Result<Vec<Figure>> {
+    let surface_mm2 = prepared.case.ventricles.area();
     let picture = |doubt: &DoubtfulSpot| {
         let at = Point::from_array(doubt.at_mm);
         let view = SliceView::standard(Orientation::Axial, at, 0.5 * FIELD_MM, PIXELS);
@@ -138,10 +139,11 @@ fn doubtful_slices(prepared: &Prepared) -> Result<Vec<Figure>> {
         overlays.push(Overlay::Mark { at, colour: Colour::WHITE, name: "doubt" });
         let [x, y, z] = doubt.at_mm;
         let caption = format!(
-            "Doubtful: {:.0} mm2 of the border of the {name}, around ({x:.0}, {y:.0}, {z:.0}) mm LPS, have no edge in the \
+            "Doubtful: {:.0} mm2 of the border of the {name} ({:.0} % of the surface of all ventricles), around ({x:.0}, {y:.0}, {z:.0}) mm LPS, have no edge in the \
              scan that stands out from its blur and noise. The outline may be right all the same: look along it, and \
              correct it with \"monro edit CASE\" where it is not.",
-            doubt.area_mm2
+            doubt.area_mm2,
+            100.0 * doubt.area_mm2 / surface_mm2
         );
         let (sample, title) = (sampler(&prepared.scan.volume), "Doubtful".into());
         let request = SliceRequest { view, sampler: &sample, window: Window::BRAIN, overlays, title, caption };

@@ -1,6 +1,6 @@
 //! The report of an insertion: before and after in slices, the head, and plots over time.
 
-use super::output::{largest_motion, small};
+use super::output::small;
 use super::{Run, asked};
 use crate::NOTICE;
 use anyhow::Result;
@@ -45,7 +45,7 @@ pub(crate) fn report(case_dir: &Path, case: &Case, done: &Run) -> Result<String>
         pseudonym: case.manifest.pseudonym.clone(),
         side: Some(case.plan.side()),
         details: iter::once(asked::headline(done)).chain(asked::extras(done)).chain([NOTICE.into()]).collect(),
-        key_numbers: key_numbers(case, done),
+        key_numbers: key_numbers(done),
         findings: findings(done, ct.is_some()),
         sections,
         written_by: case.manifest.generator.clone(),
@@ -53,10 +53,10 @@ pub(crate) fn report(case_dir: &Path, case: &Case, done: &Run) -> Result<String>
     Ok(report_html(&input))
 }
 
-fn key_numbers(case: &Case, done: &Run) -> Vec<KeyNumber> {
+fn key_numbers(done: &Run) -> Vec<KeyNumber> {
     let csf = done.csf().map_or("none".into(), |f| format!("{:.1}", f.depth_mm));
     let last = |of: fn(&Frame) -> f64| done.last().map_or("none".into(), |f| small(of(f)));
-    let motion = largest_motion(&case.ventricles, &done.ventricles);
+    let wall_mm = done.rows.last().map_or("none".into(), |r| small(r.wall_mm));
     vec![
         KeyNumber::new("CSF at a depth of", csf, "mm").noted("under the skin, along the path"),
         KeyNumber::new("Tip to target, deformed", last(|f| f.distance_deformed_mm), "mm")
@@ -64,7 +64,8 @@ fn key_numbers(case: &Case, done: &Run) -> Vec<KeyNumber> {
         KeyNumber::new("Tip to target, rigid", last(|f| f.distance_rigid_mm), "mm").noted("the planned point"),
         KeyNumber::new("Target moved", last(|f| f.target_displacement_mm), "mm")
             .noted(format!("at the end; at most {} mm on the way", small(done.largest(|f| f.target_displacement_mm)))),
-        KeyNumber::new("Ventricle wall moved up to", small(motion), "mm"),
+        KeyNumber::new("Ventricle wall moved up to", wall_mm, "mm")
+            .noted(format!("at the end; at most {} mm on the way", small(done.largest_wall_mm()))),
         KeyNumber::new("Frame", format!("{:.2}", done.ms_quantile(0.5)), "ms")
             .noted(format!("median; 99 % below {:.2} ms", done.ms_quantile(0.99))),
     ]

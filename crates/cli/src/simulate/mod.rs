@@ -1,6 +1,7 @@
 //! `monro simulate`: the catheter goes in, and everything is written down.
 
 mod asked;
+mod coarse;
 mod crossed;
 mod figures;
 mod output;
@@ -44,7 +45,6 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<()> {
     let guard = Guard::new(&staging);
     let case = console.stage("open case", || Case::open(&args.case))?;
     let mut done = insert(&case, &asked(args)?, console)?;
-    done.of_case.clone_from(&case.manifest.findings);
     done.materials_file = args.materials.as_ref().map(|file| file.display().to_string());
     write(&args.case, &case, &done, &staging, console)?;
     let out = staging.finish()?;

@@ -5,7 +5,7 @@ use crate::NOTICE;
 use anyhow::{Context, Result};
 use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
 use monro_case::{OutputKind, Staging, nothing_known, ply};
-use monro_geometry::{Structure, TetMesh, TriangleMesh};
+use monro_geometry::{Structure, TetMesh};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::fs;
@@ -142,12 +142,19 @@ fn numbers(done: &Run) -> Value {
         "ms_per_frame": { "median": done.ms_quantile(0.5), "p99": done.ms_quantile(0.99) },
         "max_whole_volume_change_percent": done.largest(|f| f.step.volume_change.abs() * 100.0),
         "max_target_shift_mm": done.largest(|f| f.target_displacement_mm),
+        "wall_shift_mm": done.rows.last().map(|r| r.wall_mm),
+        "max_wall_shift_mm": done.largest_wall_mm(),
         format!("max_{}", done.force_name()): done.largest(|f| f.axial_force_mn().unwrap_or(0.0)),
         "elements": done.rest.tets.len(),
     })
 }
 
 impl Run {
+    /// How far the wall of the ventricles moved at most on the way, mm.
+    pub(super) fn largest_wall_mm(&self) -> f64 {
+        self.rows.iter().map(|r| r.wall_mm).fold(0.0, f64::max)
+    }
+
     /// The largest of a value over all frames, 0 for none.
     pub(super) fn largest(&self, of: impl Fn(&monro_session::Frame) -> f64) -> f64 {
         self.rows.iter().map(|r| of(&r.frame)).fold(0.0, f64::max)
@@ -196,7 +203,9 @@ pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
         }
         (None, _) => "the tip never entered a ventricle".into(),
     };
-    let Some(last) = done.last() else { return "nothing was simulated".into() };
+    let Some((last, last_wall)) = done.rows.last().map(|r| (&r.frame, r.wall_mm)) else {
+        return "nothing was simulated".into();
+    };
     let mut head = vec![format!("{}; {} side", asked::headline(done), done.plan.side().name())];
     head.extend(asked::extras(done));
     head.push(if done.reliable() {
@@ -212,13 +221,15 @@ pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
     }
     format!(
         "{}\n{csf}; at the end the tip is {} mm from the target's tissue ({} mm from the planned point), in {}.\n\
-         The target moved {} mm ({} mm at most on the way). {} frames, {:.2} ms each (median; p99 {:.2}).\nReport: {}",
+         The target moved {} mm ({} mm at most on the way), the ventricles' wall up to {} mm ({} mm). {} frames, {:.2} ms each (median; p99 {:.2}).\nReport: {}",
         head.join("\n"),
         small(last.distance_deformed_mm),
         small(last.distance_rigid_mm),
         last.at_tip.map_or_else(|| "no simulated tissue".into(), Structure::words),
         small(last.target_displacement_mm),
         small(done.largest(|f| f.target_displacement_mm)),
+        small(last_wall),
+        small(done.largest_wall_mm()),
         done.rows.len(),
         done.ms_quantile(0.5),
         done.ms_quantile(0.99),
@@ -229,9 +240,4 @@ pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
 /// A number with as many digits as say something: a usual insertion moves the target by hundredths of a millimetre.
 pub(super) fn small(value: f64) -> String {
     if value.abs() < 0.95 { format!("{value:.2}") } else { format!("{value:.1}") }
-}
-
-/// Largest displacement of the vertices of a surface, mm.
-pub(crate) fn largest_motion(rest: &TriangleMesh, now: &TriangleMesh) -> f64 {
-    rest.vertices.iter().zip(&now.vertices).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
 }

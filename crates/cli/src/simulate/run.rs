@@ -4,7 +4,7 @@ use crate::console::Console;
 use anyhow::Result;
 use monro_case::Case;
 use monro_cli::report::quantile;
-use monro_geometry::{PassedThrough, TetMesh, TriangleMesh, Walls};
+use monro_geometry::{PassedThrough, Patient, Point, TetMesh, TriangleMesh, Walls};
 use monro_guidance::Plan;
 use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode, StructureVolumes};
 use std::time::Instant;
@@ -19,6 +19,8 @@ pub(crate) struct Row {
     pub(crate) frame: Frame,
     /// Collision, deformation and update of the surfaces, ms.
     pub(crate) ms: f64,
+    /// How far the wall of the ventricles has moved where it has moved most, mm.
+    pub(crate) wall_mm: f64,
     /// What each structure has more than at rest, ml, in the order of [`Run::volumes`].
     pub(crate) change_ml: Vec<f64>,
 }
@@ -65,6 +67,15 @@ impl Run {
     /// The first frame with the tip in a ventricle.
     pub(crate) fn csf(&self) -> Option<&Frame> {
         self.rows.iter().map(|r| &r.frame).find(|f| f.in_ventricle())
+    }
+
+    /// Where the tip, in a ventricle before and at some time after, was last outside: from which depth to which, mm.
+    pub(crate) fn lost_ventricle(&self) -> Option<[f64; 2]> {
+        let frames = || self.rows.iter().map(|r| &r.frame);
+        let again = frames().rposition(Frame::in_ventricle)?;
+        let out = frames().take(again).rposition(|f| !f.in_ventricle())?;
+        let before = frames().take(out).rposition(Frame::in_ventricle)?;
+        Some([before + 1, again.min(out + 1)].map(|i| self.rows[i].frame.depth_mm))
     }
 
     /// How the tip, in a ventricle on the way, came out of it again; `None` where it never was in one, or is at the end.
@@ -122,7 +133,8 @@ pub(crate) fn insert(case: &Case, settings: &InsertionSettings, console: &Consol
     let (mut insertion, mut surfaces) = console
         .stage("build soft body", || -> Result<_> { Ok((Insertion::new(case, settings)?, Surfaces::new(case)?)) })?;
     let volumes = StructureVolumes::new(insertion.rest());
-    let (rows, mut snapshots) = console.stage("insert", || frames(&mut insertion, &mut surfaces, &volumes, console))?;
+    let seen = (&volumes, &case.ventricles.vertices[..]);
+    let (rows, mut snapshots) = console.stage("insert", || frames(&mut insertion, &mut surfaces, seen, console))?;
     console.stage("check walls", || {
         let walls = Walls::new(insertion.rest());
         snapshots.iter_mut().for_each(|s| s.self_crossing = walls.passed_through(&s.mesh.vertices));
@@ -136,7 +148,7 @@ pub(crate) fn insert(case: &Case, settings: &InsertionSettings, console: &Consol
         ventricles: TriangleMesh { vertices: ventricles, triangles: case.ventricles.triangles.clone() },
         settings: *settings,
         materials_file: None,
-        of_case: Vec::new(),
+        of_case: case.manifest.findings.clone(),
         pseudonym: case.manifest.pseudonym.clone(),
         plan: case.plan,
         rest: insertion.rest().clone(),
@@ -147,7 +159,7 @@ pub(crate) fn insert(case: &Case, settings: &InsertionSettings, console: &Consol
 fn frames(
     insertion: &mut Insertion,
     surfaces: &mut Surfaces,
-    volumes: &StructureVolumes,
+    (volumes, walls): (&StructureVolumes, &[Point<Patient>]),
     console: &Console,
 ) -> Result<(Vec<Row>, Vec<Snapshot>)> {
     let (mut rows, mut snapshots) = (Vec::new(), Vec::new());
@@ -169,7 +181,9 @@ fn frames(
             let (time_s, mesh) = (frame.time_s, insertion.deformed());
             snapshots.push(Snapshot { time_s, mesh, self_crossing: None });
         }
-        rows.push(Row { frame, ms, change_ml: volumes.change_ml(insertion.nodes()) });
+        let walls_now = surfaces.ventricles.points(insertion.origin());
+        let wall_mm = walls.iter().zip(walls_now).map(|(rest, now)| rest.distance(now)).fold(0.0, f64::max);
+        rows.push(Row { frame, ms, wall_mm, change_ml: volumes.change_ml(insertion.nodes()) });
     }
     Ok((rows, snapshots))
 }

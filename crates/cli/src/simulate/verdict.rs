@@ -2,7 +2,7 @@
 //! the console.
 
 use super::output::small;
-use super::{KPA_PER_MMHG, Run, crossed};
+use super::{KPA_PER_MMHG, Run, coarse, crossed};
 use crate::soft_body;
 use monro_cli::report::{Finding, Severity};
 use monro_geometry::Structure;
@@ -118,6 +118,13 @@ fn doubts(run: &Run) -> Vec<String> {
              target's tissue. No CSF would drip."
         ));
     }
+    if let Some([from, to]) = run.lost_ventricle() {
+        out.push(format!(
+            "The tip left the ventricle on the way and came into one again: it was outside from {from:.1} to {to:.1} mm under the \
+             skin. Look at where the path meets the walls."
+        ));
+    }
+    out.extend(coarse::remark(&run.rest, &run.plan));
     if trouble.rollbacks > 0 {
         let n = trouble.rollbacks;
         let them = if n == 1 { "a step and repeated it" } else { &format!("{n} steps and repeated them") };

@@ -27,7 +27,7 @@ impl<'de> Visitor<'de> for Reader {
         while let Some(key) = from.next_key::<String>()? {
             let Unique(value) = from.next_value()?;
             if all.contains_key(&key) {
-                return Err(A::Error::custom(format!("the key \"{key}\" stands twice in one object: leave one")));
+                return Err(A::Error::custom(format!("the key \"{key}\" stands twice in one object")));
             }
             all.insert(key, value);
         }

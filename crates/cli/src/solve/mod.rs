@@ -45,6 +45,10 @@ pub(crate) struct Found {
 
 /// Runs the command.
 pub(crate) fn run(args: &SolveArgs, console: &Console) -> Result<()> {
+    ensure!(
+        args.mode == ModeArg::Physical || args.refine.is_none(),
+        "paper mode does not refine the mesh: --refine needs --mode physical"
+    );
     let mut scene = console.stage("read", || scene::read(&args.of.scene, &args.of.mesh, &args.of.case))?;
     writable(&args.out, args.force, &scene.sources)?;
     scene.remarks.iter().for_each(|r| console.warn(r));

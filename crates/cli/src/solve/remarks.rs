@@ -35,17 +35,20 @@ const TOLD: [&str; 13] = [
     "discretisation_error_mm",
 ];
 
-/// Remarks on a scene, of which one mesh and one case are meant.
-pub(super) fn all(
-    (scene, mesh, case): (&Value, &Value, &Value),
-    problem: &StaticProblem,
-    sets: &[(String, Vec<u32>)],
-) -> Vec<String> {
+/// Remarks on a problem and the sets that are held in it, by entry.
+pub(super) fn all(problem: &StaticProblem, sets: &[(String, Vec<u32>)]) -> Vec<String> {
+    let pushed = problem.supports.is_empty() && problem.rods.is_empty() && !problem.contacts.is_empty();
+    let loose = "nothing holds the body (there is no \"dirichlet\"): spheres only push it along".to_owned();
+    pushed.then_some(loose).into_iter().chain(conflicts(problem, sets)).chain(repeated(problem)).collect()
+}
+
+/// Entries that nothing reads, of a scene of which one mesh and one case are meant.
+pub(super) fn unread(scene: &Value, mesh: &Value, case: &Value) -> Vec<String> {
     let parts: Vec<&str> = READ.map(|(name, _)| name).to_vec();
     let around =
         [("the scene", scene, &READ_OF_SCENE[..]), ("the mesh", mesh, &READ_OF_MESH), ("the case", case, &parts)];
     let mut out: Vec<String> =
-        around.into_iter().filter_map(|(place, entry, read)| unread(place, entry, read)).collect();
+        around.into_iter().filter_map(|(place, entry, read)| unread_in(place, entry, read)).collect();
     for (part, read) in READ.into_iter().filter(|(_, read)| !read.is_empty()) {
         let entries: Vec<(String, &Value)> = match &case[part] {
             Value::Array(items) => items.iter().enumerate().map(|(i, v)| (format!("{part} {i}"), v)).collect(),
@@ -55,12 +58,10 @@ pub(super) fn all(
             other => vec![(part.to_owned(), other)],
         };
         for (place, entry) in entries {
-            out.extend(unread(&place, entry, read));
-            out.extend(unread(&place, &entry["rigid_sphere"], read));
+            out.extend(unread_in(&place, entry, read));
+            out.extend(unread_in(&place, &entry["rigid_sphere"], read));
         }
     }
-    out.extend(conflicts(problem, sets));
-    out.extend(repeated(problem));
     out
 }
 
@@ -84,7 +85,7 @@ fn sorted(mut face: [u32; 3]) -> [u32; 3] {
 }
 
 /// Entries that nothing reads: most likely one is misspelt.
-fn unread(place: &str, entry: &Value, read: &[&str]) -> Option<String> {
+fn unread_in(place: &str, entry: &Value, read: &[&str]) -> Option<String> {
     let known = |k: &str| read.contains(&k) || TOLD.contains(&k) || k.ends_with("_note");
     let keys = entry.as_object().into_iter().flat_map(Map::keys).map(String::as_str);
     let names: Vec<&str> = keys.filter(|k| !known(k)).collect();
@@ -109,7 +110,7 @@ fn conflicts(problem: &StaticProblem, sets: &[(String, Vec<u32>)]) -> Vec<String
     let name = |set: u32| &sets[set as usize].0;
     let told = |(&(a, b), &(node, count)): (&(u32, u32), &(u32, usize))| {
         format!(
-            "the sets \"{}\" and \"{}\" give {count} components different displacements (first at node {node}); the latter counts",
+            "the entries {a} (set \"{}\") and {b} (set \"{}\") of \"dirichlet\" give {count} components different displacements (first at node {node}); the latter counts",
             name(a),
             name(b)
         )

@@ -36,7 +36,7 @@ pub(crate) struct Scene {
 pub(crate) fn read(path: &Path, mesh: &str, case: &str) -> Result<Scene> {
     let file = if path.is_dir() { path.join("scene.json") } else { path.to_owned() };
     let text = fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
-    let scene = parse(&text).with_context(|| format!("{}: not JSON", file.display()))?;
+    let scene = parse(&text).with_context(|| file.display().to_string())?;
     let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
     let mut built = build(&scene, &folder, mesh, case).with_context(|| file.display().to_string())?;
     let meshes = scene["meshes"].as_object().into_iter().flat_map(Map::values);
@@ -46,17 +46,36 @@ pub(crate) fn read(path: &Path, mesh: &str, case: &str) -> Result<Scene> {
 
 fn parse(text: &str) -> Result<Value> {
     let hint = |e: &serde_json::Error| {
+        if e.is_data() {
+            return "leave one of them";
+        }
         let line = text.lines().nth(e.line().saturating_sub(1)).unwrap_or_default().to_lowercase();
         let endless = ["nan", "infinity"].iter().any(|w| line.contains(w));
         if endless { "JSON has no NaN and no Infinity: write a finite number" } else { "mend it there" }
     };
     let read = serde_json::from_str(text.trim_start_matches('\u{feff}'));
-    read.map(|Unique(value)| value).map_err(|e| anyhow!("{e}: {}", hint(&e)))
+    let what = |e: &serde_json::Error| if e.is_data() { "" } else { "not JSON: " };
+    read.map(|Unique(value)| value).map_err(|e| anyhow!("{}{e}: {}", what(&e), hint(&e)))
 }
 
 fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Result<Scene> {
     let mesh = pick(scene, "meshes", "mesh", mesh_name)?;
     let case = pick(scene, "cases", "case", case_name)?;
+    let unread = remarks::unread(scene, mesh, case);
+    let mut built = built((scene, mesh, case), folder, [mesh_name, case_name]).map_err(|e| {
+        // A field that is missing has most likely been misspelt.
+        if unread.is_empty() { e } else { anyhow!("{e:#}; {}", unread.join("; ")) }
+    })?;
+    built.remarks.splice(0..0, unread);
+    Ok(built)
+}
+
+/// A scene of which one mesh and one case are meant.
+fn built(
+    (scene, mesh, case): (&Value, &Value, &Value),
+    folder: &Path,
+    [mesh_name, case_name]: [&str; 2],
+) -> Result<Scene> {
     let energy = [&scene["energy"]["name"], &scene["energy"]].into_iter().find_map(Value::as_str);
     let energy = energy.unwrap_or("stable_neo_hookean");
     ensure!(energy == "stable_neo_hookean", "the energy is \"{energy}\"; only stable_neo_hookean is known");
@@ -70,7 +89,7 @@ fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Resu
     let materials = materials::read(case).with_context(in_case)?;
     let tets = mesh_mm(&grid, &materials).with_context(|| file.display().to_string())?;
     let (problem, sets) = problem(&grid, mesh, case).with_context(in_case)?;
-    let mut remarks = remarks::all((scene, mesh, case), &problem, &sets);
+    let mut remarks = remarks::all(&problem, &sets);
     remarks.extend(materials::odd(&materials));
     remarks.extend(materials::unused(&materials, &tets.labels));
     remarks.extend(remarks::nothing_to_find(tets.vertices.len(), &problem));
@@ -98,9 +117,12 @@ fn counts(mesh: &Value, grid: &UnstructuredGrid) -> Result<()> {
 
 /// The entry of a map by name, or an error that lists the names there are.
 fn pick<'a>(scene: &'a Value, map: &str, what: &str, name: &str) -> Result<&'a Value> {
-    let entries = scene[map].as_object().with_context(|| format!("no \"{map}\""))?;
-    let names = || entries.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
-    entries.get(name).with_context(|| format!("no {what} \"{name}\"; there are: {}", names()))
+    let entries = scene[map].as_object().with_context(|| format!("no \"{map}\"; there are: {}", keys(scene)))?;
+    entries.get(name).with_context(|| format!("no {what} \"{name}\"; there are: {}", keys(&scene[map])))
+}
+
+fn keys(of: &Value) -> String {
+    of.as_object().into_iter().flat_map(Map::keys).map(String::as_str).collect::<Vec<_>>().join(", ")
 }
 
 fn mesh_mm(grid: &UnstructuredGrid, materials: &BTreeMap<u16, Material>) -> Result<TetMesh> {
@@ -190,7 +212,7 @@ fn set(grid: &UnstructuredGrid, name: &str) -> Result<Vec<u32>> {
 
 fn hold(grid: &UnstructuredGrid, entry: &Value, nodes: &[u32], set: u32, out: &mut Vec<Support>) -> Result<()> {
     let given = &entry["components"];
-    let components = given.as_str().with_context(|| format!("\"components\" is {given}, wanted letters of \"xyz\""))?;
+    let components = given.as_str().with_context(|| wanted(given, "components", "letters of \"xyz\""))?;
     ensure!(
         !components.is_empty() && components.chars().all(|c| "xyz".contains(c)),
         "components \"{components}\"; wanted letters of \"xyz\""
@@ -262,11 +284,20 @@ fn rod(r: &Value) -> Result<EmbeddedRod> {
 }
 
 fn number(value: &Value, name: &str) -> Result<f64> {
-    value.as_f64().with_context(|| format!("\"{name}\" is {value}, wanted a number"))
+    value.as_f64().with_context(|| wanted(value, name, "a number"))
 }
 
 fn vector(value: &Value, name: &str) -> Result<[f64; 3]> {
     let numbers = value.as_array().and_then(|v| v.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>());
     let three = numbers.and_then(|v| <[f64; 3]>::try_from(v).ok());
-    three.with_context(|| format!("\"{name}\" is {value}, wanted three numbers"))
+    three.with_context(|| wanted(value, name, "three numbers"))
+}
+
+/// That a field is not there, or is something else.
+fn wanted(value: &Value, name: &str, what: &str) -> String {
+    if value.is_null() {
+        format!("there is no \"{name}\", wanted {what}")
+    } else {
+        format!("\"{name}\" is {value}, wanted {what}")
+    }
 }

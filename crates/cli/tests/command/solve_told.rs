@@ -119,6 +119,50 @@ fn a_misspelt_field_is_named() {
     assert!(!remarks(&told).contains("description"));
 }
 
+/// The error told that the right name was null, and the wrong name was never told.
+#[test]
+fn a_field_that_is_missing_is_told_with_what_was_not_read() {
+    let from_to = |case: &mut Value| {
+        case["contact"] = json!([{ "radius": 0.02, "center_start": [0, 0, 0.05], "centre_end": [0, 0, 0.04] }]);
+    };
+    says(&refused(from_to), &["there is no \"centre_start\", wanted three numbers", "contact 0: center_start"]);
+    says(
+        &refused(|case| case["dirichlet"][0] = json!({ "set": "x0", "component": "x", "value": [0, 0, 0] })),
+        &["there is no \"components\"", "dirichlet 0: component"],
+    );
+    let dir = tempfile::tempdir().expect("temp");
+    let args =
+        changed(dir.path(), |s| s["meshs"] = s.as_object_mut().and_then(|s| s.remove("meshes")).expect("meshes"));
+    says(&refusal(&args.each_ref().map(String::as_str)), &["no \"meshes\"; there are: energy, cases, meshs"]);
+}
+
+#[test]
+fn a_key_that_stands_twice_was_called_no_json() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |_| ());
+    fs::write(&args[1], "{\"units\": \"SI\",\n \"units\": \"SI\"}").expect("scene");
+    let said = refusal(&args.each_ref().map(String::as_str));
+    says(&said, &["the key \"units\" stands twice in one object at line 2", "leave one of them"]);
+    assert!(!said.contains("not JSON"), "{said}");
+}
+
+#[test]
+fn a_sphere_on_a_body_that_nothing_holds_is_told() {
+    let loose = told(|case| {
+        punched([0.01, 0.01, 0.041], [0.01, 0.01, 0.039])(case);
+        case["dirichlet"] = json!([]);
+    });
+    says(&remarks(&loose), &["nothing holds the body", "push it along"]);
+}
+
+#[test]
+fn paper_mode_took_refine_without_a_word() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |_| ());
+    let args = [&args.each_ref().map(String::as_str)[..], &["--mode", "paper", "--refine", "1"]].concat();
+    says(&refusal(&args), &["--refine needs --mode physical"]);
+}
+
 /// Only keys within a case were looked at: "unit" for "units" was read as SI without a word.
 #[test]
 fn a_misspelt_field_beside_the_cases_is_named() {
@@ -215,7 +259,7 @@ fn a_negative_budget_is_named() {
     let dir = tempfile::tempdir().expect("temp");
     let args = changed(dir.path(), |_| ());
     let args = [&args.each_ref().map(String::as_str)[..], &["--budget-ms", "-5"]].concat();
-    says(&refusal(&args), &["-5", "--budget-ms", "milliseconds from 0"]);
+    says(&refusal(&args), &["-5", "--budget-ms", "milliseconds from 1"]);
 }
 
 #[test]
