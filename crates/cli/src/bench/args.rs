@@ -132,7 +132,7 @@ pub(crate) struct FrameArgs {
     #[arg(long, value_name = "FILE.vtu")]
     pub(crate) mesh: Option<PathBuf>,
     /// What turns the unit of the file into mm: 1000 for metres.
-    #[arg(long, value_name = "FACTOR", default_value_t = 1000.0, requires = "mesh")]
+    #[arg(long, value_name = "FACTOR", default_value_t = 1000.0, requires = "mesh", conflicts_with = "elements")]
     pub(crate) scale: f64,
     /// Which work is done.
     #[arg(long, value_enum, default_value_t = ConstraintsArg::Physical)]
