@@ -15,7 +15,7 @@ use crate::physical::descent::{Body, Descent, DescentScratch, Substep};
 use crate::report::{Event, StepReport, ToolReport};
 use crate::sphere_tree::Spheres;
 use crate::tool::{Rod, ToolMotion, travel};
-use crate::untangle::{CRUSHED, unknot, untangle};
+use crate::untangle::{CRUSHED, Crushed, unknot, untangle};
 use crate::vec3::{V3, dot, longest_way, norm, scale, sub, xyz};
 use crate::volumes::Survey;
 use crate::{Csf, Model, State};
@@ -64,8 +64,8 @@ pub struct Stepper {
     space: f64,
     /// Memory for volumes.
     pub(crate) growth: Vec<Row>,
-    /// Memory for turned elements.
-    pub(crate) turned: Vec<(u32, f32)>,
+    /// Memory for crushed elements.
+    pub(crate) crushed: Crushed,
     pool: Arc<Pool>,
 }
 
@@ -92,7 +92,7 @@ impl Stepper {
             residual: 0.0,
             space: 1.0,
             growth: Vec::new(),
-            turned: Vec::new(),
+            crushed: Crushed::default(),
             pool: Arc::new(Pool::new(threads)),
         }
     }
@@ -145,7 +145,7 @@ impl Stepper {
                 Solver::Physical(_) => model.volumes.measured(&mut self.growth, &self.pool),
             };
             if survey.inverted > 0 {
-                let memory = (&mut self.growth, &mut self.turned);
+                let memory = (&mut self.growth[..], &mut self.crushed);
                 let elements = (&model.volumes, &model.tets[..]);
                 survey = untangle(elements, &mut state.positions, survey, memory, &self.pool);
             }
@@ -195,10 +195,11 @@ impl Stepper {
             state.knotted = 0;
             return;
         }
-        model.volumes.smaller(CRUSHED, &self.growth, &mut self.turned);
-        state.knotted = if self.turned.is_empty() { 0 } else { state.knotted.saturating_add(1) };
+        let crushed = &mut self.crushed.list;
+        model.volumes.smaller(CRUSHED, 0..model.volumes.rows(), &self.growth, crushed);
+        state.knotted = if crushed.is_empty() { 0 } else { state.knotted.saturating_add(1) };
         if let Some(late) = state.knotted.checked_sub(PATIENCE) {
-            unknot(&self.turned, (&model.tets, &model.rest), state, (0.1 * late as f32).min(1.0));
+            unknot(crushed, (&model.tets, &model.rest), state, (0.1 * late as f32).min(1.0));
         }
     }
 

@@ -10,10 +10,11 @@
 //! Lengths alone do not know on which side of its neighbours a vertex is, so in paper mode tissue can stay knotted: elements
 //! remain crushed though nothing acts on them any more. Then their corners are drawn to where they are at rest.
 
-use crate::State;
 use crate::fast::{Pool, Row};
+use crate::marks::Marks;
 use crate::vec3::{add, cross, dot, scale, shift, sub, xyz};
 use crate::volumes::{Survey, Volumes};
+use crate::{State, bytes};
 
 /// Share of its volume at rest that an element is opened to.
 const LEAST: f32 = 0.02;
@@ -25,19 +26,37 @@ const ROUNDS: u32 = 5;
 /// An element is pushed by this multiple of what it lacks, since neighbours push back.
 const EAGERNESS: f32 = 1.3;
 
-/// Opens turned elements; returns what the elements are after it. `growth` and `list` are memory to work in.
+/// Memory to work in.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Crushed {
+    /// Crushed elements, with six times their volume at rest, mm3.
+    pub(crate) list: Vec<(u32, f32)>,
+    /// Rows with an element around a vertex of them.
+    rows: Marks,
+}
+
+impl Crushed {
+    /// Bytes that it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        bytes::of(&self.list) + self.rows.bytes()
+    }
+}
+
+/// Opens turned elements; returns what the elements are after it. `growth` was measured, and is in the end.
 pub(crate) fn untangle(
     (volumes, tets): (&Volumes, &[[u32; 4]]),
     positions: &mut [[f32; 4]],
-    mut survey: Survey,
-    (growth, list): (&mut Vec<Row>, &mut Vec<(u32, f32)>),
+    survey: Survey,
+    (growth, crushed): (&mut [Row], &mut Crushed),
     pool: &Pool,
 ) -> Survey {
+    if survey.inverted == 0 {
+        return survey;
+    }
+    let Crushed { list, rows } = crushed;
+    let mut inverted = survey.inverted;
+    volumes.smaller(CRUSHED, 0..volumes.rows(), growth, list);
     for _ in 0..ROUNDS {
-        if survey.inverted == 0 {
-            break;
-        }
-        volumes.smaller(CRUSHED, growth, list);
         for _ in 0..PASSES {
             let opened = |n: u32, &(tet, six_rest): &(u32, f32)| {
                 n + u32::from(open(&tets[tet as usize], LEAST * six_rest, positions))
@@ -46,9 +65,20 @@ pub(crate) fn untangle(
                 break;
             }
         }
-        survey = volumes.survey(positions, growth, pool);
+        // Elements elsewhere are as they were: what is crushed and what is turned changes around these alone.
+        rows.clear(volumes.rows());
+        let corners = list.iter().flat_map(|&(t, _)| tets[t as usize]);
+        corners.flat_map(|v| volumes.rows_around(v)).for_each(|&r| rows.mark(r));
+        rows.sort();
+        let before = volumes.turned(rows.list(), growth);
+        volumes.measure_rows(positions, rows.list(), growth);
+        inverted = inverted - before + volumes.turned(rows.list(), growth);
+        if inverted == 0 {
+            break;
+        }
+        volumes.smaller(CRUSHED, rows.list().iter().map(|&r| r as usize), growth, list);
     }
-    survey
+    volumes.measured(growth, pool)
 }
 
 /// Brings the corners of the listed elements to a stop, a share of the way to where they are at rest.
@@ -102,7 +132,7 @@ mod tests {
             })
             .collect();
         let (volumes, pool) = (Volumes::new(&mesh.tets, &rest), Pool::new(1));
-        let (mut growth, mut list) = (Vec::new(), Vec::new());
+        let (mut growth, mut crushed) = (Vec::new(), Crushed::default());
         let mut now = rest.clone();
         for (i, p) in now.iter_mut().enumerate() {
             (0..3).for_each(|a| p[a] += ((i * 7919 + a * 104_729) % 1000) as f32 / 500.0 - 1.0);
@@ -113,9 +143,11 @@ mod tests {
         let before = volumes.survey(&now, &mut growth, &pool);
         assert!(before.inverted > 10, "{before:?}");
         let start = momentum(&now);
-        let memory = (&mut growth, &mut list);
+        let memory = (&mut growth[..], &mut crushed);
         let after = untangle((&volumes, &mesh.tets), &mut now, before, memory, &pool);
         assert_eq!(after.inverted, 0);
+        let measured = growth.clone();
+        assert_eq!((after, measured), (volumes.survey(&now, &mut growth, &pool), growth.clone()));
         for (a, b) in momentum(&now).into_iter().zip(start) {
             assert!((a - b).abs() < 1e-3 * b.abs(), "{a} {b}");
         }

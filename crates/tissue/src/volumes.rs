@@ -10,6 +10,8 @@ pub(crate) struct Volumes {
     /// Six times the volume at rest, mm3.
     rest: Vec<Row>,
     tets: usize,
+    /// Rows with an element around each vertex: where those of each begin, and the rows in order.
+    around: (Vec<u32>, Vec<u32>),
     /// Pieces for threads.
     cuts: Vec<usize>,
 }
@@ -30,7 +32,9 @@ impl Volumes {
         let lane = |r: usize, l: usize| tets[(r * WIDTH + l).min(tets.len() - 1)];
         let places = (0..rows).map(|r| [0, 1, 2, 3].map(|c| core::array::from_fn(|l| lane(r, l)[c]))).collect();
         let none = vec![[0.0; WIDTH]; rows];
-        let mut out = Self { corners: Places::new(places), rest: none.clone(), tets: tets.len(), cuts: Vec::new() };
+        let around = around(tets, rest.len());
+        let mut out =
+            Self { corners: Places::new(places), rest: none.clone(), tets: tets.len(), around, cuts: Vec::new() };
         let mut at_rest = none;
         widest(Growth { of: &out, positions: rest, rows: 0..rows, first: 0, out: &mut at_rest });
         out.rest = at_rest;
@@ -40,7 +44,7 @@ impl Volumes {
 
     /// Bytes that they take.
     pub(crate) fn bytes(&self) -> usize {
-        self.corners.bytes() + bytes::of(&self.rest)
+        self.corners.bytes() + bytes::of(&self.rest) + bytes::of(&self.around.0) + bytes::of(&self.around.1)
     }
 
     /// Corners of all elements.
@@ -68,11 +72,29 @@ impl Volumes {
         widest(Growth { of: self, positions, rows, first: 0, out: growth });
     }
 
-    /// Lists the elements with less than `share` of their volume at rest, with six times that at rest (mm3), as `growth`
-    /// was measured.
-    pub(crate) fn smaller(&self, share: f32, growth: &[Row], list: &mut Vec<(u32, f32)>) {
+    /// Number of rows.
+    pub(crate) fn rows(&self) -> usize {
+        self.rest.len()
+    }
+
+    /// Rows with an element around a vertex.
+    pub(crate) fn rows_around(&self, vertex: u32) -> &[u32] {
+        let (start, rows) = &self.around;
+        &rows[start[vertex as usize] as usize..start[vertex as usize + 1] as usize]
+    }
+
+    /// Lists the elements of some rows with less than `share` of their volume at rest, with six times that at rest (mm3), as
+    /// `growth` was measured.
+    pub(crate) fn smaller(
+        &self,
+        share: f32,
+        rows: impl Iterator<Item = usize>,
+        growth: &[Row],
+        list: &mut Vec<(u32, f32)>,
+    ) {
         list.clear();
-        for (row, (growth, rest)) in growth.iter().zip(&self.rest).enumerate() {
+        for row in rows {
+            let (growth, rest) = (&growth[row], &self.rest[row]);
             let lacks: [bool; WIDTH] = core::array::from_fn(|l| growth[l] < (share - 1.0) * rest[l]);
             // Few rows have any.
             if lacks.iter().fold(false, |any, l| any | l) {
@@ -96,6 +118,12 @@ impl Volumes {
         Survey { growth, inverted: pieces.iter().map(|p| p.inverted).sum() }
     }
 
+    /// Turned elements among those of some rows, as `growth` was measured.
+    pub(crate) fn turned(&self, rows: &[u32], growth: &[Row]) -> usize {
+        let of_row = |r: usize| self.sums(r, &growth[r..r + 1]).inverted;
+        rows.iter().map(|&r| of_row(r as usize)).sum()
+    }
+
     /// Sums over the elements of some rows, from row `first` on.
     fn sums(&self, first: usize, growth: &[Row]) -> Survey {
         let (mut sums, mut inverted) = ([0f64; WIDTH], [0u32; WIDTH]);
@@ -110,6 +138,27 @@ impl Volumes {
         }
         Survey { growth: sums.iter().sum::<f64>() / 6.0, inverted: inverted.iter().sum::<u32>() as usize }
     }
+}
+
+/// Where the rows with an element around each vertex begin, and these rows in order.
+fn around(tets: &[[u32; 4]], vertices: usize) -> (Vec<u32>, Vec<u32>) {
+    let row = |t: usize| (t / WIDTH) as u32;
+    let all = || tets.iter().enumerate().flat_map(|(t, corners)| corners.iter().map(move |&v| (v as usize, row(t))));
+    // The row that was met last at each vertex: rows come in order, so each is counted once.
+    let (mut start, mut last) = (vec![0u32; vertices + 1], vec![u32::MAX; vertices]);
+    for (v, r) in all() {
+        start[v + 1] += u32::from(core::mem::replace(&mut last[v], r) != r);
+    }
+    (0..vertices).for_each(|v| start[v + 1] += start[v]);
+    last.fill(u32::MAX);
+    let (mut next, mut rows) = (start.clone(), vec![0; start[vertices] as usize]);
+    for (v, r) in all() {
+        if core::mem::replace(&mut last[v], r) != r {
+            rows[next[v] as usize] = r;
+            next[v] += 1;
+        }
+    }
+    (start, rows)
 }
 
 /// Six times the growth of the elements of some rows against rest.
@@ -174,5 +223,14 @@ mod tests {
         again[1].fill(f32::NAN);
         volumes.measure_rows(&now, &[1], &mut again);
         assert_eq!(again, growth);
+        let rows: Vec<u32> = (0..volumes.rows() as u32).collect();
+        assert_eq!(volumes.turned(&rows, &growth), turned);
+        for v in 0..rest.len() as u32 {
+            let around = |r: &&u32| {
+                let own = **r as usize * WIDTH..mesh.tets.len().min((**r as usize + 1) * WIDTH);
+                mesh.tets[own].iter().flatten().any(|&c| c == v)
+            };
+            assert_eq!(volumes.rows_around(v), rows.iter().filter(around).copied().collect::<Vec<_>>(), "{v}");
+        }
     }
 }

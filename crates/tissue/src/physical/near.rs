@@ -9,33 +9,12 @@
 use super::rings::{Batch, Part};
 use super::sweep::Memory;
 use super::touch::Touching;
-use crate::bytes;
 use crate::fast::WIDTH;
+use crate::marks::Marks;
 use crate::slabs::Round;
 
 /// Way over the mean of all from which a vertex is near.
 const FAST: f64 = 3.0;
-
-/// Numbers that are marked, each once.
-#[derive(Debug, Clone, Default)]
-struct Marks {
-    is: Vec<bool>,
-    list: Vec<u32>,
-}
-
-impl Marks {
-    /// Takes all marks away, for numbers below `count`.
-    fn clear(&mut self, count: usize) {
-        self.list.drain(..).for_each(|i| self.is[i as usize] = false);
-        self.is.resize(count, false);
-    }
-
-    fn mark(&mut self, i: u32) {
-        if !core::mem::replace(&mut self.is[i as usize], true) {
-            self.list.push(i);
-        }
-    }
-}
 
 /// What follows more often.
 #[derive(Debug, Clone, Default)]
@@ -86,7 +65,7 @@ impl Near {
 
     /// Marks the rows of the elements that are marked.
     pub(super) fn mark_rows(&mut self) {
-        self.elements.list.iter().for_each(|t| self.rows.mark(t / WIDTH as u32));
+        self.elements.list().iter().for_each(|t| self.rows.mark(t / WIDTH as u32));
     }
 
     /// Marks a batch of sums.
@@ -101,44 +80,41 @@ impl Near {
 
     /// Whether a vertex of the batch is near.
     pub(super) fn has_any(&self, batch: &Batch) -> bool {
-        !self.patches.list.is_empty() && batch.vertices[..batch.count].iter().any(|&v| self.has_patch(v))
+        !self.patches.list().is_empty() && batch.vertices[..batch.count].iter().any(|&v| self.has_patch(v))
     }
 
     /// Whether an element is around a near vertex.
     pub(super) fn has_element(&self, element: usize) -> bool {
-        self.elements.is[element]
+        self.elements.has(element)
     }
 
     /// Elements around the near vertices.
     pub(super) fn elements(&self) -> &[u32] {
-        &self.elements.list
+        self.elements.list()
     }
 
     /// Rows of sixteen elements with one of them.
     pub(super) fn rows(&self) -> &[u32] {
-        &self.rows.list
+        self.rows.list()
     }
 
     /// Batches of sums.
     pub(super) fn batches(&self) -> &[u32] {
-        &self.batches.list
+        self.batches.list()
     }
 
     /// Whether a batch of sums is marked.
     pub(super) fn has_batch(&self, batch: u32) -> bool {
-        self.batches.is[batch as usize]
+        self.batches.has(batch as usize)
     }
 
     /// Whether a patch's pressure takes steps.
     pub(super) fn has_patch(&self, patch: u32) -> bool {
-        self.patches.is[patch as usize]
+        self.patches.has(patch as usize)
     }
 
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
-        [&self.elements, &self.rows, &self.batches, &self.patches]
-            .iter()
-            .map(|m| bytes::of(&m.is) + bytes::of(&m.list))
-            .sum()
+        [&self.elements, &self.rows, &self.batches, &self.patches].map(Marks::bytes).into_iter().sum()
     }
 }
