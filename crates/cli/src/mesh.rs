@@ -106,17 +106,15 @@ fn of_fine(input: &Input) -> Option<String> {
 /// Points along a path that are looked at.
 const ALONG: usize = 1000;
 
-/// A path that lies outside of what is meshed for more than half of its length; one that passes it by is another matter.
+/// A path that lies outside of all labels for more than half of its length; one that passes them by is another matter.
 fn of_path(input: &Input) -> Option<String> {
     let [from, to] = input.path?;
-    let meshed = |p| input.labels.nearest(p).is_some_and(|l| input.keep.contains(&l));
-    let within = (0..=ALONG).filter(|&i| meshed(from + (to - from) * (i as f64 / ALONG as f64))).count();
+    let labelled = |p| input.labels.nearest(p).is_some_and(|l| l != 0);
+    let within = (0..=ALONG).filter(|&i| labelled(from + (to - from) * (i as f64 / ALONG as f64))).count();
     let length = from.distance(to);
     let outside = length * (1.0 - within as f64 / (ALONG + 1) as f64);
     (within > 0 && 2.0 * outside > length).then(|| {
-        format!(
-            "the path is {length:.1} mm long, {outside:.1} mm of it outside of the labels that are meshed: its ends are LPS, in mm"
-        )
+        format!("the path is {length:.1} mm long, {outside:.1} mm of it outside of all labels: its ends are LPS, in mm")
     })
 }
 

@@ -40,12 +40,13 @@ pub(crate) fn remarks(model: &ModelSettings) -> Vec<String> {
 
 fn stiffness(model: &ModelSettings) -> Option<String> {
     let kpa = model.materials.brain.young_kpa;
-    (!BRAIN_KPA.contains(&kpa)).then(|| {
-        format!(
-            "The brain's young_kpa is {kpa} kPa; measured brains have 0.5 to 15. Moduli are in kPa: {kpa} Pa would be {}.",
-            kpa * 1e-3
-        )
-    })
+    let unit = if kpa > *BRAIN_KPA.end() {
+        format!("{kpa} Pa would be {}", kpa / 1e3)
+    } else {
+        format!("{kpa} MPa would be {}", kpa * 1e3)
+    };
+    (!BRAIN_KPA.contains(&kpa))
+        .then(|| format!("The brain's young_kpa is {kpa}; measured brains have 0.5 to 15. Moduli are in kPa: {unit}."))
 }
 
 fn damping(model: &ModelSettings) -> Option<String> {
@@ -97,8 +98,9 @@ mod tests {
         };
         assert_eq!(remarks_at(3.0), Vec::<String>::new());
         let said = remarks_at(3000.0).concat();
-        assert!(said.contains("3000 kPa") && said.contains("3000 Pa would be 3."), "{said}");
-        assert!(!remarks_at(0.003).is_empty());
+        assert!(said.contains("is 3000;") && said.contains("3000 Pa would be 3."), "{said}");
+        let said = remarks_at(0.003).concat();
+        assert!(said.contains("0.003 MPa would be 3."), "{said}");
     }
 
     #[test]

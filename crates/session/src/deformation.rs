@@ -22,7 +22,7 @@ impl Follower {
         Ok(Self { embedding: Embedding::new(tets, points)?, moved: vec![[0.0; 4]; points.len()] })
     }
 
-    /// Moves the points with the nodes (mm from any one origin). No allocation.
+    /// Moves the points with the nodes (mm from any one origin), on all processors, to the same bits. No allocation of its own.
     pub fn follow(&mut self, nodes: &[[f32; 4]]) {
         let Self { embedding, moved } = self;
         moved.par_chunks_mut(CHUNK).enumerate().for_each(|(c, out)| embedding.apply_from(c * CHUNK, nodes, out));
@@ -122,7 +122,10 @@ mod tests {
     #[test]
     fn followers_move_with_the_nodes_around_any_origin() {
         let rest = block();
-        let points = [Point::new(0.5, 0.25, 1.0), Point::new(1.5, 1.5, 1.5)];
+        // More than threads take at a time.
+        let points: Vec<_> = (0..2 * CHUNK + 5)
+            .map(|i| Point::new((i % 41) as f64 * 0.04, (i % 37) as f64 * 0.05, (i % 29) as f64 * 0.06))
+            .collect();
         let mut follower = Follower::new(&rest, &points).expect("sound");
         let origin = Point::new(-7.0, 8.0, 9.0);
         let nodes: Vec<[f32; 4]> = rest

@@ -139,7 +139,7 @@ fn doubtful_slices(prepared: &Prepared) -> Result<Vec<Figure>> {
         overlays.push(Overlay::Mark { at, colour: Colour::WHITE, name: "doubt" });
         let [x, y, z] = doubt.at_mm;
         let caption = format!(
-            "Doubtful: {:.0} mm2 of the border of the {name} ({:.0} % of the surface of all ventricles), around ({x:.0}, {y:.0}, {z:.0}) mm LPS, have no edge in the \
+            "Doubtful: {:.0} mm2 of the border of the {name} (about {:.0} % of the surface of all ventricles), around ({x:.0}, {y:.0}, {z:.0}) mm LPS, have no edge in the \
              scan that stands out from its blur and noise. The outline may be right all the same: look along it, and \
              correct it with \"monro edit CASE\" where it is not.",
             doubt.area_mm2,

@@ -69,13 +69,11 @@ impl Run {
         self.rows.iter().map(|r| &r.frame).find(|f| f.in_ventricle())
     }
 
-    /// Where the tip, in a ventricle before and at some time after, was last outside: from which depth to which, mm.
-    pub(crate) fn lost_ventricle(&self) -> Option<[f64; 2]> {
-        let frames = || self.rows.iter().map(|r| &r.frame);
-        let again = frames().rposition(Frame::in_ventricle)?;
-        let out = frames().take(again).rposition(|f| !f.in_ventricle())?;
-        let before = frames().take(out).rposition(Frame::in_ventricle)?;
-        Some([before + 1, again.min(out + 1)].map(|i| self.rows[i].frame.depth_mm))
+    /// The frames between which the tip, in a ventricle before and after, was last outside: the first there, and the first
+    /// that was back.
+    pub(crate) fn lost_ventricle(&self) -> Option<[&Frame; 2]> {
+        let within: Vec<bool> = self.rows.iter().map(|r| r.frame.in_ventricle()).collect();
+        last_gap(&within).map(|gap| gap.map(|i| &self.rows[i].frame))
     }
 
     /// How the tip, in a ventricle on the way, came out of it again; `None` where it never was in one, or is at the end.
@@ -106,6 +104,14 @@ impl Run {
         // As in the histogram of the same page.
         quantile(&ms, share).unwrap_or(f64::NAN)
     }
+}
+
+/// The last run of `false` with `true` before and after it: where it begins, and where it is over.
+fn last_gap(within: &[bool]) -> Option<[usize; 2]> {
+    let last = within.iter().rposition(|w| *w)?;
+    let end = within[..last].iter().rposition(|w| !*w)? + 1;
+    let begin = within[..end].iter().rposition(|w| *w)? + 1;
+    Some([begin, end])
 }
 
 /// Surfaces that follow the mesh.
@@ -186,4 +192,18 @@ fn frames(
         rows.push(Row { frame, ms, wall_mm, change_ml: volumes.change_ml(insertion.nodes()) });
     }
     Ok((rows, snapshots))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ventricle_left_on_the_way_is_found_wherever_the_run_ends() {
+        let gap = |text: &str| last_gap(&text.chars().map(|c| c == '#').collect::<Vec<_>>());
+        assert_eq!(gap("..##...#"), Some([4, 7]));
+        assert_eq!(gap("##.#..."), Some([2, 3]));
+        assert_eq!(gap("#.##..##"), Some([4, 6]));
+        assert_eq!([gap(""), gap("..##"), gap("##.."), gap("....")], [None; 4]);
+    }
 }

@@ -120,8 +120,9 @@ fn doubts(run: &Run) -> Vec<String> {
     }
     if let Some([from, to]) = run.lost_ventricle() {
         out.push(format!(
-            "The tip left the ventricle on the way and came into one again: it was outside from {from:.1} to {to:.1} mm under the \
-             skin. Look at where the path meets the walls."
+            "The tip left the ventricle and came into one again: it was last outside from {:.1} to {:.1} mm under the skin \
+             ({:.2} to {:.2} s). Look at where the path meets the walls.",
+            from.depth_mm, to.depth_mm, from.time_s, to.time_s
         ));
     }
     out.extend(coarse::remark(&run.rest, &run.plan));

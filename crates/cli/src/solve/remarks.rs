@@ -14,41 +14,32 @@ const READ: [(&str, &[&str]); 6] = [
     ("embedded_rod", &["radius", "p0", "p1", "displacement", "coupling"]),
 ];
 
-/// Entries of a scene that are read, and of a mesh of it.
+/// Entries of a scene that are read, and of a mesh of it; and those that only tell a reader something there.
 const READ_OF_SCENE: [&str; 4] = ["cases", "meshes", "energy", "units"];
+const TOLD_OF_SCENE: [&str; 3] = ["scene", "title", "discretisation_error_mm"];
 const READ_OF_MESH: [&str; 5] = ["file", "nodes", "tets", "face_sets", "faces"];
+const TOLD_OF_MESH: [&str; 2] = ["sets", "dihedral_min_max_deg"];
 
-/// Entries that only tell a reader, or a comparison, something.
-const TOLD: [&str; 13] = [
-    "description",
-    "imposed_mm",
-    "reference",
-    "compare_set",
-    "rigid_body_free",
-    "F",
-    "note",
-    "name",
-    "scene",
-    "title",
-    "sets",
-    "dihedral_min_max_deg",
-    "discretisation_error_mm",
-];
+/// Entries that only tell a reader, or a comparison, something anywhere.
+const TOLD: [&str; 8] =
+    ["description", "imposed_mm", "reference", "compare_set", "rigid_body_free", "F", "note", "name"];
 
 /// Remarks on a problem and the sets that are held in it, by entry.
 pub(super) fn all(problem: &StaticProblem, sets: &[(String, Vec<u32>)]) -> Vec<String> {
-    let pushed = problem.supports.is_empty() && problem.rods.is_empty() && !problem.contacts.is_empty();
-    let loose = "nothing holds the body (there is no \"dirichlet\"): spheres only push it along".to_owned();
+    let held = !problem.supports.is_empty() || !problem.rods.is_empty();
+    let loaded = !problem.pressures.is_empty() || problem.body_force_mn_mm3 != [0.0; 3];
+    let pushed = !held && !loaded && problem.contacts.len() == 1;
+    let loose = "nothing holds the body: a sphere by itself only pushes it along; hold a set".to_owned();
     pushed.then_some(loose).into_iter().chain(conflicts(problem, sets)).chain(repeated(problem)).collect()
 }
 
 /// Entries that nothing reads, of a scene of which one mesh and one case are meant.
 pub(super) fn unread(scene: &Value, mesh: &Value, case: &Value) -> Vec<String> {
     let parts: Vec<&str> = READ.map(|(name, _)| name).to_vec();
-    let around =
-        [("the scene", scene, &READ_OF_SCENE[..]), ("the mesh", mesh, &READ_OF_MESH), ("the case", case, &parts)];
-    let mut out: Vec<String> =
-        around.into_iter().filter_map(|(place, entry, read)| unread_in(place, entry, read)).collect();
+    let of_scene = unread_in("the scene", scene, (&READ_OF_SCENE, &TOLD_OF_SCENE));
+    let of_mesh = unread_in("the mesh", mesh, (&READ_OF_MESH, &TOLD_OF_MESH));
+    let of_case = unread_in("the case", case, (&parts, &[]));
+    let mut out: Vec<String> = [of_scene, of_mesh, of_case].into_iter().flatten().collect();
     for (part, read) in READ.into_iter().filter(|(_, read)| !read.is_empty()) {
         let entries: Vec<(String, &Value)> = match &case[part] {
             Value::Array(items) => items.iter().enumerate().map(|(i, v)| (format!("{part} {i}"), v)).collect(),
@@ -58,25 +49,35 @@ pub(super) fn unread(scene: &Value, mesh: &Value, case: &Value) -> Vec<String> {
             other => vec![(part.to_owned(), other)],
         };
         for (place, entry) in entries {
-            out.extend(unread_in(&place, entry, read));
-            out.extend(unread_in(&place, &entry["rigid_sphere"], read));
+            out.extend(unread_in(&place, entry, (read, &[])));
+            out.extend(unread_in(&place, &entry["rigid_sphere"], (read, &[])));
         }
     }
     out
 }
 
-/// Faces that several pressures act on.
-fn repeated(problem: &StaticProblem) -> Option<String> {
-    let faces = problem.pressures.iter().enumerate().flat_map(|(i, p)| p.faces.iter().map(move |f| (sorted(*f), i)));
+/// Faces that several pressures act on, by the entries.
+fn repeated(problem: &StaticProblem) -> Vec<String> {
     let mut on = BTreeMap::<[u32; 3], Vec<usize>>::new();
-    faces.for_each(|(face, i)| on.entry(face).or_default().push(i));
-    let several = || on.iter().filter(|(_, entries)| entries.len() > 1);
-    let (face, entries) = several().next()?;
-    let list = entries.iter().map(usize::to_string).collect::<Vec<_>>().join(" and ");
-    Some(format!(
-        "the entries {list} of \"pressure\" act on the same faces ({} in all, the first is {face:?}): their pressures add up",
-        several().count()
-    ))
+    for (i, p) in problem.pressures.iter().enumerate() {
+        p.faces.iter().for_each(|f| on.entry(sorted(*f)).or_default().push(i));
+    }
+    let mut shared = BTreeMap::<Vec<usize>, ([u32; 3], usize)>::new();
+    for (face, mut entries) in on {
+        // A face that stands twice in one entry is refused by the solver.
+        entries.dedup();
+        if entries.len() > 1 {
+            shared.entry(entries).or_insert((face, 0)).1 += 1;
+        }
+    }
+    let told = |(entries, (face, count)): (Vec<usize>, ([u32; 3], usize))| {
+        let list = entries.iter().map(usize::to_string).collect::<Vec<_>>().join(" and ");
+        format!(
+            "the entries {list} of \"pressure\" act on the same faces ({count} in all, the first is {face:?}): their \
+             pressures add up"
+        )
+    };
+    shared.into_iter().map(told).collect()
 }
 
 fn sorted(mut face: [u32; 3]) -> [u32; 3] {
@@ -84,9 +85,9 @@ fn sorted(mut face: [u32; 3]) -> [u32; 3] {
     face
 }
 
-/// Entries that nothing reads: most likely one is misspelt.
-fn unread_in(place: &str, entry: &Value, read: &[&str]) -> Option<String> {
-    let known = |k: &str| read.contains(&k) || TOLD.contains(&k) || k.ends_with("_note");
+/// Entries that nothing reads and that tell a reader nothing there: most likely one is misspelt.
+fn unread_in(place: &str, entry: &Value, (read, told): (&[&str], &[&str])) -> Option<String> {
+    let known = |k: &str| [read, told, &TOLD].iter().any(|l| l.contains(&k)) || k.ends_with("_note");
     let keys = entry.as_object().into_iter().flat_map(Map::keys).map(String::as_str);
     let names: Vec<&str> = keys.filter(|k| !known(k)).collect();
     let told = || format!("not read in {place}: {} (read are {})", names.join(", "), read.join(", "));

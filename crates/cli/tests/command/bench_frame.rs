@@ -96,6 +96,9 @@ fn a_mesh_in_another_unit_is_refused_with_a_way_out() {
     let dir = tempfile::tempdir().expect("temp");
     let file = dir.path().join("column.vtu");
     column(&file);
+    // It was ignored.
+    let said = refusal(&["bench", "frame", "--elements", "612", "--scale", "1"]);
+    assert!(said.contains("--scale") && said.contains("cannot be used"), "{said}");
     let said = refusal(&["bench", "frame", "--mesh", text(&file), "--scale", "1"]);
     assert!(said.contains("--scale") && said.contains("0.098 mm"), "{said}");
 }

@@ -342,12 +342,12 @@ fn labels_and_paths_that_are_not_in_the_volume_are_told() {
     assert!(remarks.iter().any(|r| r.contains("label 9") && r.contains("4, 5")), "{remarks:?}");
     assert!(remarks.iter().any(|r| r.contains("the path passes")), "{remarks:?}");
     // 900 of 1000 mm beside the body were taken without a word.
-    let [low, high] = ["bounds_mm"].map(|b| done[b].clone()).map(|b| [b[0].clone(), b[1].clone()])[0].clone();
+    let [low, high] = [0, 1].map(|i| &done["bounds_mm"][i]);
     let middle: Vec<f64> =
         (0..3).map(|a| 0.5 * (low[a].as_f64().expect("low") + high[a].as_f64().expect("high"))).collect();
     let path = format!("{},{},{}:1000,0,0", middle[0], middle[1], middle[2]);
     let far = json(&[&mesh(&[])[..], &["--path", &path]].concat());
-    assert!(far["remarks"].to_string().contains("outside of the labels that are meshed"), "{far}");
+    assert!(far["remarks"].to_string().contains("outside of all labels"), "{far}");
     let absent = json(&mesh(&["--fine", "8"]));
     assert!(absent["remarks"].to_string().contains("edges are alike everywhere"), "{absent}");
     let outer = &done["outer"];

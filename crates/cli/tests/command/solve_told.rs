@@ -152,7 +152,7 @@ fn a_sphere_on_a_body_that_nothing_holds_is_told() {
         punched([0.01, 0.01, 0.041], [0.01, 0.01, 0.039])(case);
         case["dirichlet"] = json!([]);
     });
-    says(&remarks(&loose), &["nothing holds the body", "push it along"]);
+    says(&remarks(&loose), &["nothing holds the body", "pushes it along"]);
 }
 
 #[test]
@@ -259,7 +259,7 @@ fn a_negative_budget_is_named() {
     let dir = tempfile::tempdir().expect("temp");
     let args = changed(dir.path(), |_| ());
     let args = [&args.each_ref().map(String::as_str)[..], &["--budget-ms", "-5"]].concat();
-    says(&refusal(&args), &["-5", "--budget-ms", "milliseconds from 1"]);
+    says(&refusal(&args), &["-5", "--budget-ms", "milliseconds from 0"]);
 }
 
 #[test]

@@ -129,6 +129,9 @@ fn what_was_asked_was_in_no_result(case: &Path, dir: &Path) {
         serde_json::from_str(&fs::read_to_string(out.join("summary.json")).expect("summary")).expect("JSON");
     assert_eq!(summary["gravity_m_s2"], serde_json::json!([0.0, 9.81, 0.0]));
     assert_eq!((&summary["iterations"], &summary["predicted_space"]), (&12.into(), &true.into()), "{summary}");
+    let wall = ["wall_shift_mm", "max_wall_shift_mm"].map(|k| summary[k].as_f64().expect("mm"));
+    assert!(wall[0] > 0.0 && wall[1] >= wall[0] && wall[1] < 20.0, "{wall:?}");
+    assert!(html.contains(&format!("at most {:.1} mm on the way", wall[1])), "{wall:?}");
     assert!(summary["materials_file"].as_str().is_some_and(|f| f.ends_with("soft.toml")), "{summary}");
     assert_eq!((&summary["plan"]["side"], &summary["mode"]), (&"left".into(), &"physical".into()), "{summary}");
     assert!(summary["volumes"]["brain"]["of"].as_str().is_some_and(|of| of.contains("CSF")), "{summary}");
