@@ -110,7 +110,7 @@ const ALONG: usize = 1000;
 fn of_path(input: &Input) -> Option<String> {
     let [from, to] = input.path?;
     let labelled = |p| input.labels.nearest(p).is_some_and(|l| l != 0);
-    let within = (0..=ALONG).filter(|&i| labelled(from + (to - from) * (i as f64 / ALONG as f64))).count();
+    let within = (0..=ALONG).filter(|&i| labelled(from.lerp(to, i as f64 / ALONG as f64))).count();
     let length = from.distance(to);
     let outside = length * (1.0 - within as f64 / (ALONG + 1) as f64);
     (within > 0 && 2.0 * outside > length).then(|| {

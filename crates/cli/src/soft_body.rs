@@ -40,13 +40,15 @@ pub(crate) fn remarks(model: &ModelSettings) -> Vec<String> {
 
 fn stiffness(model: &ModelSettings) -> Option<String> {
     let kpa = model.materials.brain.young_kpa;
+    if BRAIN_KPA.contains(&kpa) {
+        return None;
+    }
     let unit = if kpa > *BRAIN_KPA.end() {
         format!("{kpa} Pa would be {}", kpa / 1e3)
     } else {
         format!("{kpa} MPa would be {}", kpa * 1e3)
     };
-    (!BRAIN_KPA.contains(&kpa))
-        .then(|| format!("The brain's young_kpa is {kpa}; measured brains have 0.5 to 15. Moduli are in kPa: {unit}."))
+    Some(format!("The brain's young_kpa is {kpa}; measured brains have 0.5 to 15. Moduli are in kPa: {unit}."))
 }
 
 fn damping(model: &ModelSettings) -> Option<String> {

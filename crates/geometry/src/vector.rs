@@ -86,6 +86,13 @@ impl<F> Point<F> {
     pub fn lerp(self, other: Self, t: f64) -> Self {
         self + (other - self) * t
     }
+
+    /// The point of the segment between two others that is nearest to this one.
+    pub fn nearest_on_segment(self, from: Self, to: Self) -> Self {
+        let along = to - from;
+        let length = along.dot(along);
+        from.lerp(to, if length > 0.0 { ((self - from).dot(along) / length).clamp(0.0, 1.0) } else { 0.0 })
+    }
 }
 
 impl<F> Vector<F> {

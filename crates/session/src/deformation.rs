@@ -28,6 +28,14 @@ impl Follower {
         moved.par_chunks_mut(CHUNK).enumerate().for_each(|(c, out)| embedding.apply_from(c * CHUNK, nodes, out));
     }
 
+    /// Where one of the points is in the patient frame, from the nodes' origin.
+    ///
+    /// # Panics
+    /// When there are not so many points.
+    pub fn point(&self, index: usize, origin: Point<Patient>) -> Point<Patient> {
+        at(&self.moved[index], origin)
+    }
+
     /// Where the points are in the patient frame, from the nodes' origin.
     pub fn points(&self, origin: Point<Patient>) -> impl ExactSizeIterator<Item = Point<Patient>> {
         self.moved.iter().map(move |p| at(p, origin))

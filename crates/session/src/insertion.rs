@@ -172,7 +172,7 @@ impl Insertion {
     fn read(&mut self, pose: ToolPose, step: StepReport) -> Result<Frame, SessionError> {
         let needle = NeedlePose::new(pose.tip, pose.tip - pose.tail)?;
         self.target.follow(&self.nodes);
-        let target_now = self.target.points(self.model.origin()).next().unwrap_or(self.plan.target());
+        let target_now = self.target.point(0, self.model.origin());
         let reading = Reading::new(&self.plan, &needle);
         let label = step.tools.first().and_then(|t| t.label);
         Ok(Frame {

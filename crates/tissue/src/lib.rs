@@ -74,6 +74,7 @@ mod cuts;
 mod error;
 mod fast;
 mod identity;
+mod incidence;
 mod marks;
 mod material;
 mod membrane;

@@ -147,7 +147,7 @@ impl Stepper {
             if survey.inverted > 0 {
                 let memory = (&mut self.growth[..], &mut self.crushed);
                 let elements = (&model.volumes, &model.tets[..]);
-                survey = untangle(elements, &mut state.positions, survey, memory, &self.pool);
+                survey = untangle(elements, &mut state.positions, memory, &self.pool);
             }
             let verdict = self.judge(model, state, survey.inverted);
             match verdict {

@@ -42,21 +42,21 @@ impl Crushed {
     }
 }
 
-/// Opens turned elements; returns what the elements are after it. `growth` was measured, and is in the end.
+/// Opens turned elements, of which there are some; returns what the elements are after it. `growth` was measured, and is in
+/// the end.
 pub(crate) fn untangle(
     (volumes, tets): (&Volumes, &[[u32; 4]]),
     positions: &mut [[f32; 4]],
-    survey: Survey,
     (growth, crushed): (&mut [Row], &mut Crushed),
     pool: &Pool,
 ) -> Survey {
-    if survey.inverted == 0 {
-        return survey;
-    }
     let Crushed { list, rows } = crushed;
-    let mut inverted = survey.inverted;
     volumes.smaller(CRUSHED, 0..volumes.rows(), growth, list);
     for _ in 0..ROUNDS {
+        // What is turned is crushed.
+        if !list.iter().any(|&(t, six_rest)| growth.as_flattened()[t as usize] <= -six_rest) {
+            break;
+        }
         for _ in 0..PASSES {
             let opened = |n: u32, &(tet, six_rest): &(u32, f32)| {
                 n + u32::from(open(&tets[tet as usize], LEAST * six_rest, positions))
@@ -70,12 +70,7 @@ pub(crate) fn untangle(
         let corners = list.iter().flat_map(|&(t, _)| tets[t as usize]);
         corners.flat_map(|v| volumes.rows_around(v)).for_each(|&r| rows.mark(r));
         rows.sort();
-        let before = volumes.turned(rows.list(), growth);
         volumes.measure_rows(positions, rows.list(), growth);
-        inverted = inverted - before + volumes.turned(rows.list(), growth);
-        if inverted == 0 {
-            break;
-        }
         volumes.smaller(CRUSHED, rows.list().iter().map(|&r| r as usize), growth, list);
     }
     volumes.measured(growth, pool)
@@ -144,7 +139,7 @@ mod tests {
         assert!(before.inverted > 10, "{before:?}");
         let start = momentum(&now);
         let memory = (&mut growth[..], &mut crushed);
-        let after = untangle((&volumes, &mesh.tets), &mut now, before, memory, &pool);
+        let after = untangle((&volumes, &mesh.tets), &mut now, memory, &pool);
         assert_eq!(after.inverted, 0);
         let measured = growth.clone();
         assert_eq!((after, measured), (volumes.survey(&now, &mut growth, &pool), growth.clone()));

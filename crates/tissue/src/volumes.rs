@@ -1,6 +1,7 @@
 //! Volumes of all elements at once.
 
 use crate::fast::{Kernel, Lanes, Places, Pool, Row, View, WIDTH, cross, dot, widest};
+use crate::incidence::incident;
 use crate::{bytes, slabs};
 
 /// Corners and volumes at rest of all elements, sixteen a row.
@@ -32,7 +33,7 @@ impl Volumes {
         let lane = |r: usize, l: usize| tets[(r * WIDTH + l).min(tets.len() - 1)];
         let places = (0..rows).map(|r| [0, 1, 2, 3].map(|c| core::array::from_fn(|l| lane(r, l)[c]))).collect();
         let none = vec![[0.0; WIDTH]; rows];
-        let around = around(tets, rest.len());
+        let around = rows_around(tets, rest.len());
         let mut out =
             Self { corners: Places::new(places), rest: none.clone(), tets: tets.len(), around, cuts: Vec::new() };
         let mut at_rest = none;
@@ -118,12 +119,6 @@ impl Volumes {
         Survey { growth, inverted: pieces.iter().map(|p| p.inverted).sum() }
     }
 
-    /// Turned elements among those of some rows, as `growth` was measured.
-    pub(crate) fn turned(&self, rows: &[u32], growth: &[Row]) -> usize {
-        let of_row = |r: usize| self.sums(r, &growth[r..r + 1]).inverted;
-        rows.iter().map(|&r| of_row(r as usize)).sum()
-    }
-
     /// Sums over the elements of some rows, from row `first` on.
     fn sums(&self, first: usize, growth: &[Row]) -> Survey {
         let (mut sums, mut inverted) = ([0f64; WIDTH], [0u32; WIDTH]);
@@ -141,23 +136,20 @@ impl Volumes {
 }
 
 /// Where the rows with an element around each vertex begin, and these rows in order.
-fn around(tets: &[[u32; 4]], vertices: usize) -> (Vec<u32>, Vec<u32>) {
-    let row = |t: usize| (t / WIDTH) as u32;
-    let all = || tets.iter().enumerate().flat_map(|(t, corners)| corners.iter().map(move |&v| (v as usize, row(t))));
-    // The row that was met last at each vertex: rows come in order, so each is counted once.
-    let (mut start, mut last) = (vec![0u32; vertices + 1], vec![u32::MAX; vertices]);
-    for (v, r) in all() {
-        start[v + 1] += u32::from(core::mem::replace(&mut last[v], r) != r);
-    }
-    (0..vertices).for_each(|v| start[v + 1] += start[v]);
-    last.fill(u32::MAX);
-    let (mut next, mut rows) = (start.clone(), vec![0; start[vertices] as usize]);
-    for (v, r) in all() {
-        if core::mem::replace(&mut last[v], r) != r {
-            rows[next[v] as usize] = r;
-            next[v] += 1;
+fn rows_around(tets: &[[u32; 4]], vertices: usize) -> (Vec<u32>, Vec<u32>) {
+    let (first, elements) = incident(tets, vertices);
+    let (mut start, mut rows) = (vec![0], Vec::new());
+    for own in first.windows(2) {
+        let of_vertex = rows.len();
+        for row in elements[own[0] as usize..own[1] as usize].iter().map(|t| t / WIDTH as u32) {
+            // Elements come in order, so each row comes at once.
+            if rows[of_vertex..].last() != Some(&row) {
+                rows.push(row);
+            }
         }
+        start.push(rows.len() as u32);
     }
+    rows.shrink_to_fit();
     (start, rows)
 }
 
@@ -224,7 +216,6 @@ mod tests {
         volumes.measure_rows(&now, &[1], &mut again);
         assert_eq!(again, growth);
         let rows: Vec<u32> = (0..volumes.rows() as u32).collect();
-        assert_eq!(volumes.turned(&rows, &growth), turned);
         for v in 0..rest.len() as u32 {
             let around = |r: &&u32| {
                 let own = **r as usize * WIDTH..mesh.tets.len().min((**r as usize + 1) * WIDTH);

@@ -6,7 +6,7 @@ use super::report::{
     Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR, Source, SurfaceReport,
 };
 use super::{COUNT, LabelReport, MeshReport, listed, place};
-use monro_geometry::{Patient, Point, Vector};
+use monro_geometry::Point;
 
 /// Beyond this mean distance, mm, the surface of a label is.
 const SURFACE_ERROR: f64 = 1.5;
@@ -90,7 +90,7 @@ fn of_path<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>) -> Option<String>
     let mut nearest = (f64::INFINITY, from);
     each_inner(union, &mut |p, _| {
         let p = Point::from_array(p);
-        let distance = p.distance(nearest_of(p, from, to));
+        let distance = p.distance(p.nearest_on_segment(from, to));
         if distance < nearest.0 {
             nearest = (distance, p);
         }
@@ -107,13 +107,6 @@ fn of_idle_path<T>(source: &Source<'_, T>) -> Option<String> {
     let all_fine = fields.labels.iter().all(|l| options.fine.contains(l));
     (options.path.is_some() && all_fine)
         .then(|| "the path changes nothing, as all labels are to be fine around: name those that are".into())
-}
-
-/// The nearest point of a segment.
-fn nearest_of(p: Point<Patient>, from: Point<Patient>, to: Point<Patient>) -> Point<Patient> {
-    let along: Vector<Patient> = to - from;
-    let length = along.dot(along);
-    from.lerp(to, if length > 0.0 { ((p - from).dot(along) / length).clamp(0.0, 1.0) } else { 0.0 })
 }
 
 fn of_crumbs<T>(source: &Source<'_, T>, label: usize) -> Option<String> {

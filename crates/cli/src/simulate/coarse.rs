@@ -1,6 +1,6 @@
 //! Whether the elements along the path are small enough for where the catheter breaks through not to depend on them.
 
-use monro_geometry::{Patient, Point, TetMesh};
+use monro_geometry::TetMesh;
 use monro_guidance::Plan;
 
 /// Distance from the path, mm, within which elements count.
@@ -24,7 +24,7 @@ fn mean_edge_mm(rest: &TetMesh, plan: &Plan) -> Option<f64> {
     for t in 0..rest.tets.len() {
         let p = rest.corners(t);
         let middle = p[0] + ((p[1] - p[0]) + (p[2] - p[0]) + (p[3] - p[0])) * 0.25;
-        if from_path_mm(middle, plan) > NEAR_MM {
+        if middle.distance(middle.nearest_on_segment(plan.entry(), plan.target())) > NEAR_MM {
             continue;
         }
         for (a, b) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
@@ -35,14 +35,10 @@ fn mean_edge_mm(rest: &TetMesh, plan: &Plan) -> Option<f64> {
     (count > 0.0).then(|| sum / count)
 }
 
-fn from_path_mm(p: Point<Patient>, plan: &Plan) -> f64 {
-    let depth = (p - plan.entry()).dot(plan.direction()).clamp(0.0, plan.length());
-    p.distance(plan.at_depth(depth))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use monro_geometry::Point;
     use monro_guidance::Side;
 
     #[test]

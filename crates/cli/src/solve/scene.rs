@@ -46,23 +46,22 @@ pub(crate) fn read(path: &Path, mesh: &str, case: &str) -> Result<Scene> {
 
 fn parse(text: &str) -> Result<Value> {
     let hint = |e: &serde_json::Error| {
-        if e.is_data() {
-            return "leave one of them";
-        }
         let line = text.lines().nth(e.line().saturating_sub(1)).unwrap_or_default().to_lowercase();
         let endless = ["nan", "infinity"].iter().any(|w| line.contains(w));
         if endless { "JSON has no NaN and no Infinity: write a finite number" } else { "mend it there" }
     };
     let read = serde_json::from_str(text.trim_start_matches('\u{feff}'));
-    let what = |e: &serde_json::Error| if e.is_data() { "" } else { "not JSON: " };
-    read.map(|Unique(value)| value).map_err(|e| anyhow!("{}{e}: {}", what(&e), hint(&e)))
+    read.map(|Unique(value)| value).map_err(|e| match e.is_data() {
+        true => anyhow!("{e}: leave one of them"),
+        false => anyhow!("not JSON: {e}: {}", hint(&e)),
+    })
 }
 
 fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Result<Scene> {
     let mesh = pick(scene, "meshes", "mesh", mesh_name)?;
     let case = pick(scene, "cases", "case", case_name)?;
     let unread = remarks::unread(scene, mesh, case);
-    let mut built = built((scene, mesh, case), folder, [mesh_name, case_name]).map_err(|e| {
+    let mut built = of_case((scene, mesh, case), folder, [mesh_name, case_name]).map_err(|e| {
         // A field that is missing has most likely been misspelt.
         if unread.is_empty() { e } else { anyhow!("{e:#}; {}", unread.join("; ")) }
     })?;
@@ -71,7 +70,7 @@ fn build(scene: &Value, folder: &Path, mesh_name: &str, case_name: &str) -> Resu
 }
 
 /// A scene of which one mesh and one case are meant.
-fn built(
+fn of_case(
     (scene, mesh, case): (&Value, &Value, &Value),
     folder: &Path,
     [mesh_name, case_name]: [&str; 2],

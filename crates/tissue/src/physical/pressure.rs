@@ -4,6 +4,7 @@ use super::around::Element;
 use super::elastic::{ELEMENT_BULK, Elastic};
 use super::near::Near;
 use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, WIDTH, widest};
+use crate::incidence::incident;
 use crate::model::Region;
 use crate::volumes::Volumes;
 use crate::{bytes, identity, slabs};
@@ -72,7 +73,7 @@ impl Pressures {
             corners.iter().for_each(|&p| patch_penalty[p as usize] = moduli[r as usize][1]);
             corners.iter().for_each(|&p| is_fluid[p as usize] = regions[r as usize].material.fluid);
         }
-        let (start, around) = of_patches(&elastic.patch, patches);
+        let (start, around) = incident(&elastic.patch, patches);
         let patch_cuts = slabs::even_cuts(patches);
         let wall = (0..).zip(elastic.patch.iter().zip(&elastic.tets));
         Self {
@@ -385,21 +386,4 @@ impl Spread<'_> {
         }
         out
     }
-}
-
-/// Start of each patch's elements, and those in order.
-fn of_patches(patch: &[[u32; 4]], patches: usize) -> (Vec<u32>, Vec<u32>) {
-    let mut start = vec![0u32; patches + 1];
-    patch.iter().flatten().for_each(|&p| start[p as usize + 1] += 1);
-    for p in 0..patches {
-        start[p + 1] += start[p];
-    }
-    let (mut fill, mut around) = (start.clone(), vec![0u32; patch.len() * 4]);
-    for (t, corners) in patch.iter().enumerate() {
-        for &p in corners {
-            around[fill[p as usize] as usize] = t as u32;
-            fill[p as usize] += 1;
-        }
-    }
-    (start, around)
 }
