@@ -1,13 +1,14 @@
 //! The command line.
 
 mod fields;
+mod solver;
 
 use crate::bench::args::BenchCommand;
 use crate::trackers::{DoctorArgs, FakeTrackerCommand, TrackArgs};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use fields::{SIMULATE_FIELDS, SOLVE_FIELDS};
 use monro_prepare::DEFAULT_ELEMENTS;
-use monro_tissue::FrameSettings;
+use solver::SolverArgs;
 use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -233,14 +234,8 @@ pub(crate) struct SimulateArgs {
     /// As "0,9.81,0" or as three numbers after each other.
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
     pub(crate) gravity: Option<[f64; 3]>,
-    /// Iterations of the solver in each step, 1 to 10000. More carry smooth motion further (docs/speed.md says how far ten do)
-    /// and take as much longer.
-    #[arg(long, value_name = "N", default_value_t = FrameSettings::default().iterations, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    pub(crate) iterations: u32,
-    /// Go on only where the tissue moves more than on average, in two iterations of three (the paper's predicted deformation
-    /// space): a little faster, and not quite the same.
-    #[arg(long)]
-    pub(crate) predicted_space: bool,
+    #[command(flatten)]
+    pub(crate) solver: SolverArgs,
     /// Overwrite an existing output folder.
     #[arg(long)]
     pub(crate) force: bool,
@@ -366,6 +361,8 @@ pub(crate) struct ServeArgs {
     /// with units. The recording keeps them.
     #[arg(long, value_name = "FILE.toml")]
     pub(crate) materials: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) solver: SolverArgs,
 }
 
 #[derive(Debug, Args)]

@@ -8,6 +8,7 @@ use anyhow::{Context, Result, bail};
 use monro_case::{CASE, OutputError, Staging, check_output};
 use monro_prepare::Prepared;
 use monro_server::{Certificate, Invitation, Ready, Recording, ServeOptions, Tracker};
+use monro_tissue::FrameSettings;
 use qrcode::QrCode;
 use qrcode::render::unicode::Dense1x2;
 use serde_json::json;
@@ -24,7 +25,8 @@ pub(crate) fn run(args: &ServeArgs, console: &Console) -> Result<()> {
     };
     let model = soft_body::model(args.mode, args.materials.as_deref())?;
     soft_body::remarks(&model).iter().for_each(|r| console.warn(r));
-    let settings = soft_body::name(args.mode, &model.materials)?;
+    let frame = args.solver.frame();
+    let settings = soft_body::name(args.mode, (&model.materials, &frame))?;
     let options = ServeOptions {
         case_dir: case_dir.clone(),
         listen: args.listen,
@@ -32,6 +34,7 @@ pub(crate) fn run(args: &ServeArgs, console: &Console) -> Result<()> {
         names: args.host.clone(),
         tracker: args.tracker.parse()?,
         model,
+        frame,
         recording: path.map(|path| Recording { path, settings }),
         igtl: (!args.no_igtl).then_some(args.igtl),
     };
@@ -62,8 +65,8 @@ fn report(prepared: &Prepared, stages: &[(String, f64)], staging: &Staging) -> R
 
 /// Serves the case that the demo has made, until it is interrupted.
 pub(crate) fn demo(case: &Path, recording: PathBuf, console: &Console) -> Result<()> {
-    let model = soft_body::of(ModeArg::Physical);
-    let settings = soft_body::name(ModeArg::Physical, &model.materials)?;
+    let (model, frame) = (soft_body::of(ModeArg::Physical), FrameSettings::default());
+    let settings = soft_body::name(ModeArg::Physical, (&model.materials, &frame))?;
     let options = ServeOptions {
         case_dir: case.to_owned(),
         listen: ([127, 0, 0, 1], 0).into(),
@@ -71,6 +74,7 @@ pub(crate) fn demo(case: &Path, recording: PathBuf, console: &Console) -> Result
         names: Vec::new(),
         tracker: Tracker::Sim,
         model,
+        frame,
         recording: Some(Recording { path: recording, settings }),
         igtl: Some(([127, 0, 0, 1], 18945).into()),
     };

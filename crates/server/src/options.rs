@@ -1,7 +1,7 @@
 //! What to serve, and where.
 
 use crate::Tracker;
-use monro_session::ModelSettings;
+use monro_session::{FrameSettings, ModelSettings};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -20,6 +20,8 @@ pub struct ServeOptions {
     pub tracker: Tracker,
     /// The soft body.
     pub model: ModelSettings,
+    /// How its steps go, but for their time.
+    pub frame: FrameSettings,
     /// Where the session is recorded, if it is.
     pub recording: Option<Recording>,
     /// Where OpenIGTLink is served, if it is; a loopback address.
@@ -36,6 +38,7 @@ impl ServeOptions {
             names: self.names.clone(),
             tracker: self.tracker.try_clone()?,
             model: self.model,
+            frame: self.frame,
             recording: self.recording.clone(),
             igtl: self.igtl,
         })

@@ -5,9 +5,9 @@ use crate::guidance::Guidance;
 use crate::record::{case_of, identity};
 use crate::snapshot::{Moved, Quantised, digest, encode};
 use monro_case::Case;
-use monro_session::ModelSettings;
 use monro_session::live::Playback;
 use monro_session::live::log::{Entry, Opened, read};
+use monro_session::{FrameSettings, ModelSettings};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -42,7 +42,7 @@ pub struct Replayed {
 pub fn replay(
     recording: &Path,
     case_dir: Option<&Path>,
-    settings: impl Fn(&str) -> Option<ModelSettings>,
+    settings: impl Fn(&str) -> Option<(ModelSettings, FrameSettings)>,
     mut each: impl FnMut(&serde_json::Value),
     mut progress: impl FnMut(f64),
 ) -> Result<Replayed, ServeError> {
@@ -54,9 +54,9 @@ pub fn replay(
     let (entries, cut_off) = read(&file)?;
     let Some(Entry::Opened(opened)) = entries.first() else { return Err(ServeError::NoOpening) };
     let case = open_case(opened, recording, case_dir)?;
-    let settings = settings(&opened.settings).ok_or_else(|| ServeError::Settings(opened.settings.clone()))?;
+    let (model, frame) = settings(&opened.settings).ok_or_else(|| ServeError::Settings(opened.settings.clone()))?;
     let mut taken = BTreeMap::new();
-    let mut playback = Playback::new(&case, &settings)?;
+    let mut playback = Playback::new(&case, &model, frame)?;
     let mut out = Replayed::begin(opened, cut_off);
     let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
     for (i, entry) in entries.iter().enumerate() {

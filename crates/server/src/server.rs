@@ -251,7 +251,7 @@ type Prepared = (Shared, Deformation, Plan, Tracker, slicer::Scene);
 /// Everything that takes a while: files, meshes, the soft body.
 fn prepare(options: ServeOptions, keys: Arc<Keys>) -> Result<Prepared, ServeError> {
     let case = Case::open(&options.case_dir)?;
-    let deformation = Deformation::new(&case, &options.model)?;
+    let deformation = Deformation::new(&case, &options.model, options.frame)?;
     let (scene, surfaces) = case_data::scene(&case)?;
     let ct = case_data::ct(&options.case_dir)?;
     let mut session = Session::new(ToolNames::default(), Expiry::default());

@@ -5,7 +5,7 @@ mod common;
 use common::{options, request, write_case};
 use futures_util::{SinkExt, StreamExt};
 use monro_server::{Recording, Replayed, ServeError, ServeOptions, replay, serve, start};
-use monro_session::ModelSettings;
+use monro_session::{FrameSettings, ModelSettings};
 use monro_tissue::{Mode, PhysicalOptions};
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
@@ -18,14 +18,23 @@ use tokio_tungstenite::tungstenite::Message;
 /// The soft bodies, as recordings name them.
 const MODES: [&str; 2] = ["paper", "physical"];
 
-fn model(mode: &str) -> ModelSettings {
-    let paper = options(PathBuf::new()).model;
-    if mode == "paper" { paper } else { ModelSettings { mode: Mode::Physical(PhysicalOptions::default()), ..paper } }
+/// One that is solved otherwise than usual.
+const PREDICTED: &str = "predicted";
+
+fn soft_body(name: &str) -> (ModelSettings, FrameSettings) {
+    let (paper, usual) = (options(PathBuf::new()).model, FrameSettings::default());
+    let physical = ModelSettings { mode: Mode::Physical(PhysicalOptions::default()), ..paper };
+    match name {
+        "paper" => (paper, usual),
+        PREDICTED => (physical, FrameSettings { iterations: 7, predicted_space: true, ..usual }),
+        _ => (physical, usual),
+    }
 }
 
-fn recorded(case: PathBuf, file: &Path, mode: &str) -> ServeOptions {
-    let recording = Some(Recording { path: file.to_owned(), settings: mode.into() });
-    ServeOptions { recording, model: model(mode), ..options(case) }
+fn recorded(case: PathBuf, file: &Path, name: &str) -> ServeOptions {
+    let recording = Some(Recording { path: file.to_owned(), settings: name.into() });
+    let (model, frame) = soft_body(name);
+    ServeOptions { recording, model, frame, ..options(case) }
 }
 
 /// Whether the catheter has moved the tissue.
@@ -39,8 +48,15 @@ fn read_again(guidance: &Value) -> Value {
 }
 
 fn played(file: &Path, case: Option<&Path>) -> Result<(Replayed, Vec<Value>), ServeError> {
+    played_as(file, case, |name| Some(soft_body(name)))
+}
+
+fn played_as(
+    file: &Path,
+    case: Option<&Path>,
+    known: impl Fn(&str) -> Option<(ModelSettings, FrameSettings)>,
+) -> Result<(Replayed, Vec<Value>), ServeError> {
     let mut shown = Vec::new();
-    let known = |name: &str| MODES.contains(&name).then(|| model(name));
     let done = replay(file, case, known, |g| shown.push(read_again(g)), |_| {})?;
     Ok((done, shown))
 }
@@ -114,15 +130,22 @@ async fn a_recorded_session_replays_to_the_snapshots_that_were_shown() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_session_of_the_physical_soft_body_replays_bit_for_bit_too() {
     let dir = tempfile::tempdir().expect("temp");
-    let (case, file) = (write_case(dir.path(), false), dir.path().join("physical.mnrs"));
-    let running = start(recorded(case, &file, "physical")).await.expect("start");
-    let ready = running.ready().clone();
-    let seen = watch(&ready.url, &ready.token, "next", 60, touched).await;
-    drop(running);
-    tokio::time::sleep(Duration::from_millis(200)).await;
-    let (done, shown) = played(&file, None).expect("replay");
-    assert!(done.identical == done.snapshots && done.snapshots >= 60 && done.differs_at_s.is_none(), "{done:?}");
-    assert!(seen.iter().all(|g| shown.contains(g)));
+    let case = write_case(dir.path(), false);
+    for name in ["physical", PREDICTED] {
+        let file = dir.path().join(name).with_extension("mnrs");
+        let running = start(recorded(case.clone(), &file, name)).await.expect("start");
+        let ready = running.ready().clone();
+        let seen = watch(&ready.url, &ready.token, "next", 60, touched).await;
+        drop(running);
+        tokio::time::sleep(Duration::from_millis(200)).await;
+        let (done, shown) = played(&file, None).expect("replay");
+        assert!(done.identical == done.snapshots && done.snapshots >= 60 && done.differs_at_s.is_none(), "{done:?}");
+        assert!(seen.iter().all(|g| shown.contains(g)));
+    }
+    // How it was solved counts.
+    let file = dir.path().join(PREDICTED).with_extension("mnrs");
+    let (other, _) = played_as(&file, None, |_| Some(soft_body("physical"))).expect("replay");
+    assert!(other.identical < other.snapshots, "{other:?}");
 }
 
 /// Run by the test below in a process of its own.

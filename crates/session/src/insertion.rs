@@ -7,11 +7,9 @@ use core::ops::RangeInclusive;
 use monro_case::Case;
 use monro_geometry::{Patient, Point, Structure, TetMesh};
 use monro_guidance::{NeedlePose, Plan, Reading, TargetReading};
-use monro_tissue::{
-    Csf, Event, FrameSettings, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose,
-};
+use monro_tissue::{Csf, Event, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose};
 
-pub use monro_tissue::Mode;
+pub use monro_tissue::{FrameSettings, Mode};
 
 /// Speeds that can be simulated, mm/s.
 pub(crate) const SPEED_MM_S: RangeInclusive<f64> = 0.1..=500.0;

@@ -10,7 +10,7 @@ mod tissue_model;
 mod volumes;
 
 pub use deformation::{DeformedSampler, Follower};
-pub use insertion::{Frame, Insertion, InsertionSettings, Mode};
+pub use insertion::{Frame, FrameSettings, Insertion, InsertionSettings, Mode};
 pub use tissue_model::{BURR_HOLE_RADIUS_MM, Materials, ModelSettings};
 pub use volumes::StructureVolumes;
 

@@ -56,7 +56,7 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<()> {
 /// Settings with what is done to the fluid and with gravity.
 fn asked(args: &SimulateArgs) -> Result<InsertionSettings> {
     let mut out = settings(args.mode, args.speed);
-    (out.frame.iterations, out.frame.predicted_space) = (args.iterations, args.predicted_space);
+    out.frame = args.solver.frame();
     out.frame.csf = match (args.drain_ml, args.csf_pressure_mmhg) {
         (Some(ml), _) => Csf::Drained { ml },
         (_, Some(mmhg)) => Csf::Pressure { kpa: mmhg * KPA_PER_MMHG },

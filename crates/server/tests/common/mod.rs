@@ -7,7 +7,7 @@ use monro_case::{CASE, Case, CaseFiles, Manifest, SCHEMA, Source, Staging};
 use monro_geometry::{Grid, Patient, Point, TetMesh, TriangleMesh, Vector, Volume};
 use monro_guidance::{Plan, Side};
 use monro_server::{ServeOptions, Tracker};
-use monro_session::{Mode, ModelSettings};
+use monro_session::{FrameSettings, Mode, ModelSettings};
 use monro_tissue::PaperOptions;
 use std::path::{Path, PathBuf};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
@@ -161,6 +161,7 @@ pub fn options(case_dir: PathBuf) -> ServeOptions {
         names: Vec::new(),
         tracker: Tracker::Sim,
         model: ModelSettings::of(Mode::Paper(PaperOptions::default())),
+        frame: FrameSettings::default(),
         recording: None,
         igtl: None,
     }

@@ -70,16 +70,18 @@ pub struct Deformation {
     faults: u64,
     /// For how much longer a fault is told, s.
     fault_left_s: f64,
+    /// How a step goes, but for its time.
+    frame: FrameSettings,
     /// Where there may be tissue.
     room: Room,
 }
 
 impl Deformation {
-    /// Prepares the soft body of a case.
+    /// Prepares the soft body of a case. `frame` says how each step goes, but for its time, which is that since the last.
     ///
     /// # Errors
     /// A mesh that cannot be simulated, a path beside the brain.
-    pub fn new(case: &Case, settings: &ModelSettings) -> Result<Self, SessionError> {
+    pub fn new(case: &Case, settings: &ModelSettings, frame: FrameSettings) -> Result<Self, SessionError> {
         let length_mm = case.plan.length();
         let (opening, _) =
             tissue_model::opening(&case.tets, &case.plan).ok_or(SessionError::PathMisses { length_mm })?;
@@ -96,6 +98,7 @@ impl Deformation {
             steps: 0,
             faults: 0,
             fault_left_s: 0.0,
+            frame,
             room: Room::new(&case.tets.vertices),
         })
     }
@@ -120,7 +123,7 @@ impl Deformation {
         let time = if share < 1.0 { from_time + share * (pose_time_s - from_time) } else { pose_time_s };
         let tool = Tool { tip: TipShape::Round, radius_mm: DIAMETER_MM / 2.0 };
         let dt_s = if dt_s.is_nan() { SHORTEST_STEP_S } else { dt_s.clamp(SHORTEST_STEP_S, LONGEST_STEP_S) };
-        let frame = FrameSettings { dt_s, ..FrameSettings::default() };
+        let frame = FrameSettings { dt_s, ..self.frame };
         let motion = ToolMotion { tool, from, to };
         let report = self.stepper.step(&self.model, &mut self.state, &[motion], &frame);
         self.last = Some((to, time));
@@ -236,7 +239,7 @@ pub(crate) mod tests {
 
     fn deformation() -> Deformation {
         let settings = ModelSettings::of(Mode::Paper(PaperOptions::default()));
-        Deformation::new(&case(), &settings).expect("deformation")
+        Deformation::new(&case(), &settings, FrameSettings::default()).expect("deformation")
     }
 
     fn needle(depth: f64) -> NeedlePose {

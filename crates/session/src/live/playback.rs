@@ -4,6 +4,7 @@ use super::log::Entry;
 use super::{Deformation, Deformed, Expiry, Refusal, Session, SessionEvent, Snapshot, ToolNames};
 use crate::{ModelSettings, SessionError};
 use monro_case::Case;
+use monro_tissue::FrameSettings;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use thiserror::Error;
@@ -38,8 +39,8 @@ impl Playback {
     ///
     /// # Errors
     /// When the soft body cannot be made.
-    pub fn new(case: &Case, settings: &ModelSettings) -> Result<Self, PlaybackError> {
-        let deformation = Deformation::new(case, settings)?;
+    pub fn new(case: &Case, settings: &ModelSettings, frame: FrameSettings) -> Result<Self, PlaybackError> {
+        let deformation = Deformation::new(case, settings, frame)?;
         let mut session = Session::new(ToolNames::default(), Expiry::default());
         session.apply(SessionEvent::CaseOpened(case.plan))?;
         let recent = VecDeque::from([Arc::new(deformation.at_rest())]);
@@ -115,7 +116,7 @@ mod tests {
     #[test]
     fn the_same_log_gives_the_same_snapshots() {
         let play = || -> Vec<Snapshot> {
-            let mut playback = Playback::new(&case(), &settings()).expect("playback");
+            let mut playback = Playback::new(&case(), &settings(), FrameSettings::default()).expect("playback");
             entries().iter().filter_map(|e| playback.take(e).expect("follows")).collect()
         };
         let (a, b) = (play(), play());
@@ -128,7 +129,7 @@ mod tests {
 
     #[test]
     fn a_log_that_does_not_follow_from_its_case_is_refused() {
-        let mut playback = Playback::new(&case(), &settings()).expect("playback");
+        let mut playback = Playback::new(&case(), &settings(), FrameSettings::default()).expect("playback");
         let started = Entry::Event(SessionEvent::Plain(PlainEvent::Started));
         assert!(matches!(playback.take(&started), Err(PlaybackError::Refusal(_))));
         let shown = Entry::Taken { id: 0, time_s: 0.0, step: 7, sequence: 0 };

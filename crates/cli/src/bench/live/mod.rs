@@ -26,6 +26,7 @@ use monro_guidance::simulation::quantile;
 use monro_prepare::Request;
 use monro_server::{Ready, Recording, ServeOptions};
 use monro_session::live::Script;
+use monro_tissue::FrameSettings;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -62,8 +63,8 @@ fn phantom(folder: &Path, elements: usize, console: &Console) -> Result<PathBuf>
 
 /// Starts the server in a thread that ends with the program.
 fn serve(args: &LiveBenchArgs, case_dir: PathBuf, recording: PathBuf, camera: &Camera) -> Result<Ready> {
-    let model = soft_body::of(args.mode);
-    let settings = soft_body::name(args.mode, &model.materials)?;
+    let (model, frame) = (soft_body::of(args.mode), FrameSettings::default());
+    let settings = soft_body::name(args.mode, (&model.materials, &frame))?;
     let options = ServeOptions {
         case_dir,
         listen: ([127, 0, 0, 1], 0).into(),
@@ -71,6 +72,7 @@ fn serve(args: &LiveBenchArgs, case_dir: PathBuf, recording: PathBuf, camera: &C
         names: Vec::new(),
         tracker: format!("natnet://{}?unicast=1&up=z", camera.address()).parse()?,
         model,
+        frame,
         recording: Some(Recording { path: recording, settings }),
         igtl: Some(([127, 0, 0, 1], 0).into()),
     };
