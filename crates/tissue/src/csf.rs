@@ -9,6 +9,7 @@
 //! a bound, for the model does not know where walls meet.
 
 use crate::fast::Row;
+use crate::options::MOST_PRESSURE_KPA;
 use crate::vec3::{V3, cross, six_volume, sub, xyz};
 use crate::{Csf, FrameSettings, Model, State};
 
@@ -18,23 +19,46 @@ const GAIN: f64 = 0.15;
 /// them through each other. With 3 no element of three heads was turned however much was asked for, with 6 a hundred were.
 const MOST_SUCTION: f64 = 3.0;
 
+/// Shear modulus of the solid elements that share a vertex with the fluid, kPa: their median by volume, so that a stiff sheet
+/// that reaches the fluid (a dura is ten thousand times stiffer) sets no gain for all. Where none does, of all elements.
+fn shear_around(model: &Model, fluid: &[u32]) -> f64 {
+    let of = |t: usize| &model.regions[model.region[t] as usize].material;
+    let mut wet = vec![false; model.rest.len()];
+    fluid.iter().flat_map(|&t| model.tets[t as usize]).for_each(|v| wet[v as usize] = true);
+    let beside = |t: &usize| !of(*t).fluid && model.tets[*t].iter().any(|&v| wet[v as usize]);
+    let weighed = |t: usize| {
+        let corners = model.tets[t].map(|v| xyz(model.rest[v as usize]));
+        (of(t).shear_kpa(), f64::from(six_volume(corners)))
+    };
+    let all = 0..model.tets.len();
+    let mut found: Vec<(f64, f64)> = all.clone().filter(beside).map(weighed).collect();
+    if found.is_empty() {
+        found = all.map(weighed).collect();
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut left = 0.5 * found.iter().map(|f| f.1).sum::<f64>();
+    let middle = found.iter().find(|f| {
+        left -= f.1;
+        left <= 0.0
+    });
+    middle.or(found.last()).map_or(0.0, |f| f.0)
+}
+
 /// The fluid space: its elements and the stiffness around it.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct FluidSpace {
     tets: Vec<u32>,
     /// Volume at rest, mm3.
     rest_mm3: f64,
-    /// Largest shear modulus of the tissue, kPa.
+    /// Shear modulus of the tissue around the fluid, kPa.
     shear_kpa: f64,
 }
 
 impl FluidSpace {
     pub(crate) fn new(model: &Model) -> Self {
         let of = |t: u32| &model.regions[model.region[t as usize] as usize].material;
-        let all = 0..model.tets.len() as u32;
-        let tets: Vec<u32> = all.clone().filter(|&t| of(t).fluid).collect();
-        let shear_kpa = all.map(|t| of(t).shear_kpa()).fold(0.0, f64::max);
-        let mut out = Self { tets, rest_mm3: 0.0, shear_kpa };
+        let tets: Vec<u32> = (0..model.tets.len() as u32).filter(|&t| of(t).fluid).collect();
+        let mut out = Self { rest_mm3: 0.0, shear_kpa: shear_around(model, &tets), tets };
         out.rest_mm3 = out.volume_mm3(model, &model.rest);
         out
     }
@@ -64,7 +88,7 @@ impl FluidSpace {
             Csf::Drained { ml } => {
                 let missing = -ml - self.change_ml(model, state);
                 let stiff = 4.0 / 3.0 * self.shear_kpa / (self.rest_mm3 * 1e-3);
-                (state.csf_kpa + GAIN * stiff * missing).max(-MOST_SUCTION * self.shear_kpa)
+                (state.csf_kpa + GAIN * stiff * missing).clamp(-MOST_SUCTION * self.shear_kpa, MOST_PRESSURE_KPA)
             }
         }
     }

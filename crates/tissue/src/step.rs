@@ -5,7 +5,7 @@
 //! state is checked at one place: if it is not finite, or elements have turned over, it is taken back and tried again with
 //! half the time step.
 
-use crate::contact::{self, Advance, Coupling, Rule, ToolState};
+use crate::contact::{self, Coupling, Rule, ToolState};
 use crate::csf::FluidSpace;
 use crate::fast::{MOST_THREADS, Pool, Row};
 use crate::model::Solver;
@@ -282,13 +282,12 @@ impl Stepper {
                 continue;
             };
             let way = (motion.to.tip - motion.from.tip).to_array().map(|v| v as f32);
-            let advance = if dot(way, rod.back) > 0.0 { Advance::Backwards } else { Advance::Forwards };
             let mut memory = core::mem::take(&mut state.tools[tool]);
             contact::prepare(
                 model,
                 state,
                 &self.spheres,
-                (tool, &rod, advance),
+                (tool, &rod, way),
                 &mut memory,
                 &mut self.found,
                 &mut self.couplings,
@@ -418,7 +417,7 @@ impl Stepper {
         ToolReport {
             force_mn: Vector::from_array(force.map(f64::from)),
             axial_force_mn: dot(force, back).into(),
-            label: memory.inside.map(|r| model.regions[r as usize].label),
+            label: memory.inside.filter(|_| !memory.beyond).map(|r| model.regions[r as usize].label),
             inserted_mm: inserted,
             dimpling: memory.press.is_some(),
         }

@@ -96,6 +96,12 @@ impl Rod {
         axpy(self.tip, arc, self.back)
     }
 
+    /// How far behind the tip what touches the rod touches its end, mm.
+    pub(crate) fn tip_end(&self) -> f32 {
+        let shaped = if self.slope.is_finite() { self.radius / self.slope } else { self.start };
+        shaped + 0.5 * self.radius
+    }
+
     /// Radius around the axis `arc` mm behind the tip.
     pub(crate) fn radius_at(&self, arc: f32) -> f32 {
         if self.slope.is_finite() { (arc * self.slope).min(self.radius) } else { self.radius }

@@ -152,3 +152,41 @@ fn draining_all_but_a_tenth_turned_elements_inside_out() {
     assert!((last.csf_kpa + 3.0 * Material::BRAIN.shear_kpa()).abs() < 1e-9, "{last:?}");
     assert!(last.csf_change_ml > -0.9 * holds && most < INNER, "{most} mm, {last:?}");
 }
+
+/// A ball of fluid in brain with a sheet of `stiff` at its outside, of which `ml` are drained within a second.
+fn drained(stiff: Material, ml: f64) -> (monro_tissue::StepReport, u32) {
+    let mesh = ball(12);
+    let mut sheet = mesh.clone();
+    for t in 0..sheet.tets.len() {
+        if mesh.tets[t].iter().all(|&v| mesh.vertices[v as usize].x > 45.0) {
+            sheet.labels[t] = 9;
+        }
+    }
+    assert!(sheet.labels.contains(&9), "a sheet");
+    let mut o = options(physical(), &nodes(&sheet, |p| radius(p) > OUTER - 1e-6));
+    o.materials.insert(9, stiff);
+    let model = Model::new(&sheet, &o).expect("model");
+    let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+    let (mut last, mut trouble) = (monro_tissue::StepReport::default(), 0);
+    for frame in 0..150 {
+        let csf = Csf::Drained { ml: ml * (f64::from(frame + 1) / 60.0).min(1.0) };
+        last = stepper.step(&model, &mut state, &[], &FrameSettings { csf, ..FrameSettings::default() });
+        trouble += last.rollbacks;
+    }
+    (last, trouble)
+}
+
+#[test]
+fn draining_beside_a_dura_shook_all_tissue() {
+    let (soft, _) = drained(Material::BRAIN, 4.0);
+    let (stiff, trouble) = drained(Material::DURA, 4.0);
+    assert_eq!(trouble, 0);
+    assert!((stiff.csf_change_ml + 4.0).abs() < 0.1, "{} ml", stiff.csf_change_ml);
+    assert!((stiff.csf_kpa / soft.csf_kpa - 1.0).abs() < 0.2, "{} and {} kPa", stiff.csf_kpa, soft.csf_kpa);
+}
+
+#[test]
+fn infusing_into_a_closed_skull_had_no_bound() {
+    let (report, _) = drained(Material::BRAIN, -5000.0);
+    assert!(report.csf_kpa > 50.0 && report.csf_kpa <= 100.0, "{} kPa", report.csf_kpa);
+}

@@ -348,3 +348,17 @@ fn tissue_whose_membrane_gave_way_was_thrown_about_on_a_fine_mesh() {
         assert!(most < 11.0 && turned == 0, "{turn}, predicted {predicted_space}: {most} mm, {turned} turned");
     }
 }
+
+#[test]
+fn tissue_stood_still_in_a_thousand_substeps() {
+    let mesh = block([8, 4, 4], 20.0, |_| 4);
+    let model = Model::new(&mesh, &options(physical(), &nodes(&mesh, |p| p.x == 0.0))).expect("model");
+    let fallen = |substeps: u32| {
+        let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+        let settings = FrameSettings { substeps, gravity_mm_s2: [0.0, 0.0, -300.0], ..FrameSettings::default() };
+        let step = |_| stepper.step(&model, &mut state, &[], &settings).max_displacement_mm;
+        (0..8).map(step).last().expect("frames")
+    };
+    let (few, many) = (fallen(20), fallen(1000));
+    assert!((many / few - 1.0).abs() < 0.05, "{few} mm, {many} mm");
+}

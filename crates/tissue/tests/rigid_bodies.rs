@@ -98,6 +98,22 @@ fn friction_drags_the_tissue_up_to_its_coefficient() {
 }
 
 #[test]
+fn friction_was_gone_on_the_finer_mesh_inside() {
+    let (mesh, o) = (block([3; 3], 15.0, |_| 4), material(0.3));
+    let mut problem = StaticProblem::default();
+    hold(&mut problem, 0, nodes(&mesh, |p| p.z == 0.0), [Some(0.0); 3]);
+    let (from, to) = (Point::new(21.5, 22.5, 55.0), Point::new(23.5, 22.5, 53.0));
+    problem.contacts.push(SphereContact { radius_mm: 10.0, friction: 0.2, from, to });
+    let ratio = [Finer::Times(0), Finer::UpTo(1_000_000)].map(|finer| {
+        let finer = StaticOptions { finer, ..StaticOptions::default() };
+        let solved = equilibrium(&mesh, &o, &problem, &finer, &mut || true).expect("solved");
+        assert!(solved.converged);
+        solved.contacts[0].x / -solved.contacts[0].z
+    });
+    assert!(ratio[0] > 0.1 && (ratio[1] / ratio[0] - 1.0).abs() < 0.15, "{ratio:?}");
+}
+
+#[test]
 fn a_finer_mesh_inside_keeps_an_affine_field_and_its_forces() {
     let mesh = block([2, 2, 2], 10.0, |_| 4);
     let mut problem = StaticProblem::default();

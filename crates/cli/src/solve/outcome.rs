@@ -10,6 +10,7 @@ pub(super) fn remarks(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
     let mut out = Vec::new();
     out.extend(solved.stop.map(|stop| stopped(stop, solved)));
     out.extend(unfinished(solved));
+    out.extend(rubbed(scene, solved));
     out.extend(turned(scene, solved));
     out.extend(limits::all(scene, solved));
     if !scene.problem.contacts.is_empty() && solved.share >= 1.0 {
@@ -18,6 +19,16 @@ pub(super) fn remarks(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
         out.extend(all.filter_map(|(i, (c, force))| sphere(i, c, *force, &surfaces)));
     }
     out
+}
+
+/// Friction depends on the way, which is not gone again on a finer mesh unless that is asked for.
+fn rubbed(scene: &Scene, solved: &StaticSolution) -> Option<String> {
+    let once = scene.problem.rubs() && solved.change.is_none() && solved.unfinished.is_none();
+    once.then(|| {
+        "a sphere rubs, so the answer is that of one mesh, and how much a finer one would change it is not known: --refine 1 \
+         goes all of the sphere's way on that, too, which takes minutes"
+            .into()
+    })
 }
 
 fn why(stop: Stop) -> &'static str {

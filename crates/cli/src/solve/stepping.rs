@@ -94,7 +94,7 @@ impl<'a> Stepping<'a> {
     pub(crate) fn run(&self, mut go_on: impl FnMut(&State, u32, f64) -> bool) -> State {
         let (model, scene) = (&self.model, self.scene);
         let (mut state, mut stepper) = (model.rest_state(), Stepper::new(model));
-        let (mut still, mut frame) = (f64::INFINITY, 0);
+        let (mut still, mut frame, middle) = (f64::INFINITY, 0, middle(scene));
         let (mut before, mut now) = (Vec::new(), Vec::new());
         model.positions_into(&state, &mut before);
         while go_on(&state, frame, still) {
@@ -104,7 +104,7 @@ impl<'a> Stepping<'a> {
                 model.place_fixed(&mut state, node as usize, to);
             }
             let spheres = scene.problem.contacts.iter();
-            let tools: Vec<ToolMotion> = spheres.map(|c| sphere(c, share(frame), share(frame + 1))).collect();
+            let tools: Vec<ToolMotion> = spheres.map(|c| sphere(c, middle, share(frame), share(frame + 1))).collect();
             stepper.step(model, &mut state, &tools, &self.settings);
             model.positions_into(&state, &mut now);
             still = before.iter().zip(&now).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
@@ -167,13 +167,21 @@ fn nodes_in(scene: &Scene, rod: &EmbeddedRod) -> Vec<u32> {
     (0..scene.mesh.vertices.len() as u32).filter(|&v| inside(scene.mesh.vertices[v as usize])).collect()
 }
 
-/// A sphere is the round tip of a rod that comes along the way.
-fn sphere(c: &SphereContact, from: f64, to: f64) -> ToolMotion {
+/// A sphere is the round tip of a rod that comes along the way; one that stays where it is comes towards the middle of the body.
+fn sphere(c: &SphereContact, middle: Point<Patient>, from: f64, to: f64) -> ToolMotion {
     let way = c.to - c.from;
-    let ahead = way * (c.radius_mm / way.norm().max(f64::MIN_POSITIVE));
+    let along = way.normalized().or_else(|| (middle - c.to).normalized()).unwrap_or(Vector::new(0.0, 0.0, -1.0));
+    let ahead = along * c.radius_mm;
     let pose = |t: f64| {
         let centre = c.from + way * t;
         ToolPose { tip: centre + ahead, tail: centre - ahead * 10.0 }
     };
     ToolMotion { tool: Tool { tip: TipShape::Round, radius_mm: c.radius_mm }, from: pose(from), to: pose(to) }
+}
+
+/// Mean of the vertices.
+fn middle(scene: &Scene) -> Point<Patient> {
+    let all = &scene.mesh.vertices;
+    let sum = all.iter().fold(Vector::ZERO, |s, &p| s + (p - Point::ORIGIN));
+    Point::ORIGIN + sum * (1.0 / all.len() as f64)
 }

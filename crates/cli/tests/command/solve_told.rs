@@ -369,3 +369,16 @@ fn a_coordinate_beyond_all_bodies_is_named_by_its_node() {
     let args = with_mesh(dir.path(), "0.02 0.02 0.02", "0.02 0.02 1e300");
     says(&refusal(&args.each_ref().map(String::as_str)), &["node 6", "1e300", "10000 m"]);
 }
+
+#[test]
+fn a_sphere_that_stays_where_it_is_did_nothing_in_paper_mode() {
+    let dir = tempfile::tempdir().expect("temp");
+    let at = [0.01, 0.01, 0.037];
+    let args = changed(dir.path(), |s| punched(at, at)(&mut s["cases"]["stretch"]));
+    let args = args.each_ref().map(String::as_str);
+    for mode in ["physical", "paper"] {
+        let told = json(&[&args[..], &["--mode", mode]].concat());
+        let moved = told["max_displacement_mm"].as_f64().expect("displacement");
+        assert!(moved > 0.3, "{mode}: {told}");
+    }
+}

@@ -97,8 +97,8 @@ fn touch(
     let arc = rod.start + near.t * (rod.length - rod.start) * f32::from(u8::from(side == Side::Outside));
     let radius = rod.radius_at(arc);
     let centre = rod.at(arc);
-    let normal = direction(near, centre, tri, push, radius)?;
-    let tip = arc <= rod.start + 0.5 * rod.radius;
+    let normal = direction(near, centre, tri, push, (radius, 1e-3 * rod.radius))?;
+    let tip = arc <= rod.tip_end();
     // A wall ahead of an advancing tip: not one that it has left behind.
     if side != Side::Outside && dot(push, rod.back) > 0.0 {
         return None;
@@ -123,12 +123,12 @@ fn touch(
 }
 
 /// Direction in which the tool pushes the nearest point of a face: away from its axis, or along the face's normal when
-/// the axis has just gone through. `None` when they do not touch.
-fn direction(near: Closest, centre: V3, tri: [V3; 3], push: V3, radius: f32) -> Option<V3> {
+/// the axis has just gone through or is no further than `none`. `None` when they do not touch.
+fn direction(near: Closest, centre: V3, tri: [V3; 3], push: V3, (radius, none): (f32, f32)) -> Option<V3> {
     let ahead = dot(push, sub(tri[0], centre));
     let distance = near.distance2.sqrt();
-    if ahead < 0.0 || distance < 1e-3 * radius {
-        return (distance < radius).then_some(push);
+    if ahead < 0.0 || distance <= none {
+        return (distance <= radius.max(none)).then_some(push);
     }
     if distance > 1.5 * radius {
         return None;

@@ -6,49 +6,49 @@
 //! at the tip until it exceeds what it takes to cut. A wall to another region is pushed, dimples and yields in turn.
 
 use super::detect::{self, Found, Side};
-use super::{Anchor, Coupling, Rule, ToolState};
+use super::{Advance, Anchor, Coupling, Rule, ToolState};
 use crate::material::Insertion;
 use crate::membrane::OUTSIDE;
 use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
-use crate::vec3::{V3, axpy, dot, norm, scale, sub, xyz};
+use crate::vec3::{V3, add, axpy, dot, norm, scale, sub, xyz};
 use crate::{CollisionResponse, Event, Material, Model, State};
 use monro_geometry::{Patient, Point};
 
 /// Distance of the anchors along the shaft, in radii of the tool.
 const SPACING: f32 = 1.0;
+/// Shaft in tissue behind a tip that is outside, in spacings of anchors, from which the tip has come out on the far side.
+const THROUGH: f32 = 2.0;
 /// Stiffness of an anchor over modulus times spacing: two orders above the tissue around the shaft.
 const PENALTY: f32 = 100.0;
 
-/// Tissue dragged further than this from its rest, in radii of the tool, tears off the shaft.
+/// Tissue dragged further than this, in radii of the tool, tears off the shaft.
 const TEAR: f32 = 10.0;
+/// How far around the shaft tissue tells where it would be without it, in those lengths.
+const AROUND: f32 = 4.0;
 
-/// Whether the tip goes forwards along its own axis in this frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Advance {
-    Forwards,
-    Backwards,
-}
-
-/// Brings the memory of a tool up to date with its new pose and lists its couplings.
+/// Brings the memory of a tool up to date with its new pose, whose tip goes by `way` in this frame, and lists its couplings.
 pub(crate) fn prepare(
     model: &Model,
     state: &State,
     spheres: &Spheres,
-    (tool, rod, advance): (usize, &Rod, Advance),
+    (tool, rod, way): (usize, &Rod, V3),
     memory: &mut ToolState,
     found: &mut Found,
     couplings: &mut Vec<Coupling>,
     events: &mut Vec<Event>,
 ) {
     let first = couplings.len();
+    memory.heading.follow(rod, way);
+    let advance = memory.heading.advance;
     if model.collision == CollisionResponse::Insertion {
         follow_tip(model, state, spheres, (tool, rod, advance), memory, found, events);
         renew_anchors(model, state, spheres, rod, memory, found);
     }
     match memory.inside {
         None => detect::membranes(model, state, spheres, rod, Side::Outside, tool as u32, found, couplings),
-        Some(r) if advance == Advance::Forwards => {
+        // A wall that the tip has dimpled lies against it on the way back, too.
+        Some(r) if advance == Advance::Forwards || memory.press.is_some() => {
             detect::membranes(model, state, spheres, rod, Side::Within(r), tool as u32, found, couplings);
             couplings.retain(|c| c.tool != tool as u32 || resists(model, r, c.source));
         }
@@ -76,11 +76,14 @@ fn follow_tip(
 ) {
     let now = detect::locate(model, state, spheres, rod.tip, found).map(|p| model.region[p.tet as usize]);
     memory.ahead = if advance == Advance::Forwards { now } else { None };
+    memory.beyond = false;
     let Some(was) = memory.inside else { return };
     let label = |r: u8| model.regions[r as usize].label;
     memory.seen |= now.is_some();
     match now {
         Some(r) if r == was => {}
+        // The wall that it presses on decides (`settle`).
+        Some(r) if memory.press.is_some() && advance == Advance::Backwards && resists(model, was, u32::from(r)) => {}
         Some(r) if advance == Advance::Backwards => {
             events.push(Event::Withdrawn { tool, from: label(was), to: Some(label(r)) });
             (memory.inside, memory.press) = (Some(r), None);
@@ -91,6 +94,8 @@ fn follow_tip(
         }
         // Advancing, the wall in front decides (`settle`).
         Some(_) => {}
+        // Through the far side: the shaft is still held.
+        None if memory.seen && memory.anchors.iter().any(|a| a.arc > THROUGH * spacing(rod)) => memory.beyond = true,
         None if memory.seen => {
             events.push(Event::Withdrawn { tool, from: label(was), to: None });
             (memory.inside, memory.press, memory.seen) = (None, None, false);
@@ -120,7 +125,11 @@ fn renew_anchors(
         return;
     }
     let step = spacing(rod);
-    let torn = |a: &Anchor| norm(sub(current(state, a), rest_point(model, a))) > TEAR * rod.radius;
+    let moved = |a: &Anchor| sub(current(state, a), rest_point(model, a));
+    let far = |way: V3| norm(way) > TEAR * rod.radius;
+    // Tissue that moves with all around it, as a brain that shifts does, is not dragged.
+    let all = if memory.anchors.iter().any(|a| far(moved(a))) { way_around(model, state, rod) } else { [0.0; 3] };
+    let torn = |a: &Anchor| far(moved(a)) && far(sub(moved(a), all));
     memory.anchors.retain(|a| a.arc > -0.5 * step && a.arc < rod.length && !torn(a));
     memory.anchors.sort_by(|a, b| a.arc.total_cmp(&b.arc));
     let old = memory.anchors.len();
@@ -144,6 +153,21 @@ fn renew_anchors(
         }
     }
     memory.anchors.sort_by(|a, b| a.arc.total_cmp(&b.arc));
+}
+
+/// Mean way from rest of the tissue around the shaft that is too far from it to be dragged along.
+fn way_around(model: &Model, state: &State, rod: &Rod) -> V3 {
+    let near = TEAR * rod.radius;
+    let (mut sum, mut count) = ([0.0; 3], 0.0);
+    for (p, rest) in state.positions.iter().zip(&model.rest) {
+        let along = dot(sub(xyz(*p), rod.tip), rod.back).clamp(0.0, rod.length);
+        let off = norm(sub(xyz(*p), rod.at(along)));
+        if (near..AROUND * near).contains(&off) {
+            sum = add(sum, sub(xyz(*p), xyz(*rest)));
+            count += 1.0;
+        }
+    }
+    if count > 0.0 { scale(sum, 1.0 / count) } else { sum }
 }
 
 fn anchor(model: &Model, place: detect::Place, arc: f32, stretch: f32) -> Option<Anchor> {

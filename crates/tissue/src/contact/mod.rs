@@ -11,9 +11,10 @@ mod insertion;
 
 pub(crate) use coupling::{Coupling, Rule, project};
 pub(crate) use detect::Found;
-pub(crate) use insertion::{Advance, prepare, settle};
+pub(crate) use insertion::{prepare, settle};
 
-use crate::vec3::V3;
+use crate::tool::Rod;
+use crate::vec3::{V3, dot, sub};
 
 /// A material point held by the shaft.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,6 +31,47 @@ pub(crate) struct Anchor {
     pub(crate) stretch: f32,
 }
 
+/// Which way along its own axis a tool goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) enum Advance {
+    #[default]
+    Forwards,
+    Backwards,
+}
+
+/// Share of the radius that a tip goes the other way before it counts as turned: a tracker's noise does not turn it.
+const TURN: f32 = 0.2;
+
+/// The direction of a tool, with hysteresis.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Heading {
+    pub(crate) advance: Advance,
+    /// The tip where it was furthest on its way.
+    furthest: Option<V3>,
+}
+
+impl Heading {
+    /// Follows the tip of `rod`, which goes by `way` in this frame.
+    pub(crate) fn follow(&mut self, rod: &Rod, way: V3) {
+        let Some(furthest) = self.furthest else {
+            self.advance = if dot(way, rod.back) > 0.0 { Advance::Backwards } else { Advance::Forwards };
+            self.furthest = Some(rod.tip);
+            return;
+        };
+        let back = dot(sub(rod.tip, furthest), rod.back);
+        let (on, turned) = match self.advance {
+            Advance::Forwards => (-back, Advance::Backwards),
+            Advance::Backwards => (back, Advance::Forwards),
+        };
+        if on < -TURN * rod.radius {
+            self.advance = turned;
+        }
+        if on >= 0.0 || self.advance == turned {
+            self.furthest = Some(rod.tip);
+        }
+    }
+}
+
 /// What the tissue remembers of a tool.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct ToolState {
@@ -37,6 +79,9 @@ pub(crate) struct ToolState {
     pub(crate) inside: Option<u8>,
     /// Whether the tip has been found in the mesh since it went in.
     pub(crate) seen: bool,
+    /// Whether it has left it on the far side, with shaft still inside.
+    pub(crate) beyond: bool,
+    pub(crate) heading: Heading,
     /// Region that the tip has been found in on its way forwards.
     pub(crate) ahead: Option<u8>,
     /// Material points held by the shaft, from the tip backwards.

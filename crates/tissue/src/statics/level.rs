@@ -49,8 +49,12 @@ impl Level {
         Ok(Self { refined, solved })
     }
 
-    /// Each element into eight, as often as the options say.
+    /// Each element into eight, as often as the options say. Where a sphere rubs only as often as they ask for: its way is gone
+    /// again from the start on each mesh, which takes minutes.
     pub(super) fn refine_all(&mut self, how: &mut How<'_>) {
+        if self.refined.problem.rubs() && matches!(how.options.finer, Finer::UpTo(_)) {
+            return;
+        }
         let mut times = 0;
         while self.solved.converged && how.options.finer.go_on(times, self.solved.tets) {
             let finer = self.refined.clone().halved();
@@ -161,4 +165,36 @@ impl Level {
 /// Whether a solution that was stopped misses balance by little.
 fn is_nearly(solved: &StaticSolution) -> bool {
     solved.stop == Some(Stop::Asked) && solved.residual < NEARLY && solved.turned == 0 && solved.share >= 1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::tests::block;
+    use crate::{CollisionResponse, Material, Mode, PhysicalOptions, SphereContact, Support};
+    use monro_geometry::Point;
+
+    #[test]
+    fn a_start_from_a_coarser_mesh_forgot_friction() {
+        let mesh = block([4, 4, 2], 5.0);
+        let options = ModelOptions {
+            mode: Mode::Physical(PhysicalOptions::default()),
+            materials: mesh.labels.iter().map(|&l| (l, Material { poisson: 0.3, ..Material::BRAIN })).collect(),
+            attachments: Vec::new(),
+            collision: CollisionResponse::Insertion,
+        };
+        let z = |keep: fn(f64, f64) -> f64| mesh.vertices.iter().map(|p| p.z).reduce(keep).expect("vertices");
+        let (low, high) = (z(f64::min), z(f64::max));
+        let below = (0..mesh.vertices.len()).filter(|&v| mesh.vertices[v].z == low);
+        let supports = below.map(|v| Support { node: v as u32, set: 0, displacement_mm: [Some(0.0); 3] }).collect();
+        let [x, y] = [mesh.vertices[0].x + 9.0, mesh.vertices[0].y + 10.0];
+        let (from, to) = (Point::new(x, y, high + 8.0), Point::new(x + 1.5, y, high + 6.5));
+        let contacts = vec![SphereContact { radius_mm: 8.0, friction: 0.3, from, to }];
+        let problem = StaticProblem { supports, contacts, ..StaticProblem::default() };
+        let (model, ask) = (Model::new(&mesh, &options).expect("model"), StaticOptions::default());
+        let way = model.solve(&problem, None, &ask, &mut || true).expect("solved");
+        let again = model.solve(&problem, Some(&way.displacement), &ask, &mut || true).expect("solved");
+        assert!(way.converged && way.contacts[0].x > 1.0, "{:?}", way.contacts);
+        assert!((way.contacts[0] - again.contacts[0]).norm() < 1e-3 * way.contacts[0].norm(), "{:?}", again.contacts);
+    }
 }

@@ -75,7 +75,8 @@ struct Point {
     tangent: Tangent,
 }
 
-/// Solves from rest, or from `start` with the whole motion imposed at once.
+/// Solves from rest, or from `start` with the whole motion imposed at once. Friction depends on the way: where spheres rub,
+/// the way is gone again from rest.
 pub(super) fn solve(
     elastic: &Elastic,
     (loads, spheres): (&Loads, Spheres),
@@ -89,8 +90,8 @@ pub(super) fn solve(
     let mut problem =
         Problem { elastic, loads, spheres, options, keep_going, share, steps: 0, products: 0, stop, rounding };
     let (at, share) = match start {
-        Some(x) => problem.from(x),
-        None => problem.path(),
+        Some(x) if !problem.spheres.rub() => problem.from(x),
+        _ => problem.path(),
     };
     let residual = problem.residual(&at);
     let reaction = at.gradient.iter().zip(&loads.support);

@@ -21,6 +21,13 @@ pub struct StaticProblem {
     pub rods: Vec<EmbeddedRod>,
 }
 
+impl StaticProblem {
+    /// Whether a sphere has friction: then the answer depends on its way.
+    pub fn rubs(&self) -> bool {
+        self.contacts.iter().any(|c| c.friction > 0.0)
+    }
+}
+
 /// A rigid sphere that moves along a straight line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SphereContact {

@@ -175,6 +175,11 @@ impl Spheres {
         Self { spheres: spheres.collect(), sites }
     }
 
+    /// Whether any has friction.
+    pub(super) fn rub(&self) -> bool {
+        self.spheres.iter().any(|s| s.friction > 0.0)
+    }
+
     /// Puts the spheres a share of their way.
     pub(super) fn place(&mut self, share: f64) {
         for s in &mut self.spheres {
