@@ -20,6 +20,7 @@ use monro_anatomy::tetra::{self, LabelReport, MeshOptions, MeshReport, Stage, Su
 use monro_case::Case;
 use monro_geometry::{Patient, Point, Structure, Volume};
 use monro_prepare::{DEFAULT_ELEMENTS, simulated_labels};
+use monro_scan::labels::CaseLabels;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
@@ -32,6 +33,8 @@ pub(crate) struct Input {
     pub(crate) path: Option<[Point<Patient>; 2]>,
     /// The labels are the structures of a case.
     pub(crate) structures: bool,
+    /// What is doubtful in the file, and what was guessed.
+    pub(crate) remarks: Vec<String>,
 }
 
 /// Runs the command.
@@ -53,14 +56,18 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
         return import::convert(&read, format, args, console);
     }
     let input = console.stage("read", || input(args))?;
+    if args.fine.is_none() && input.fine != input.keep {
+        console.note(&format!("fine around {} (the ventricles of a case; --fine changes it)", numbers(&input.fine)));
+    }
     let options = mesh_options(&input, args)?;
     let mut parts = Parts::new();
     let (mesh, mut report) =
         console.stage("mesh", || tetra::mesh_observed(&input.labels, &options, |s| parts.done(s)))?;
+    report.remarks.extend(input.remarks.iter().cloned());
     report.remarks.extend(of_fine(&input));
     report.remarks.extend(of_path(&input));
     report.remarks.extend(of_size(&mesh.vertices));
-    let of_mesh = json!({ "bounds_mm": bounds(&mesh.vertices), "report": args.report });
+    let of_mesh = json!({ "fine": input.fine, "bounds_mm": bounds(&mesh.vertices), "report": args.report });
     let mesh = AnyMesh::Tetrahedra(mesh);
     let Encoded { bytes, remark } = format.encode(&mesh)?;
     report.remarks.extend(remark);
@@ -176,12 +183,13 @@ fn of_case(dir: &Path) -> Result<Input> {
         fine,
         path: Some([case.plan.entry(), case.plan.target()]),
         structures: true,
+        remarks: Vec::new(),
     })
 }
 
 /// All labels of a file but 0; fine around the ventricles where the numbers are those of a case, else everywhere.
 fn of_file(path: &Path) -> Result<Input> {
-    let labels = monro_scan::read_labels(path)?;
+    let CaseLabels { volume: labels, warnings: mut remarks } = monro_scan::read_labels_with_warnings(path)?;
     let mut keep = labels.data().to_vec();
     keep.sort_unstable();
     keep.dedup();
@@ -193,7 +201,27 @@ fn of_file(path: &Path) -> Result<Input> {
         |l: &u16| u8::try_from(*l).ok().and_then(Structure::from_label).is_some_and(Structure::is_ventricle);
     let fine: Vec<u16> = keep.iter().copied().filter(ventricle).collect();
     let fine = if fine.is_empty() { keep.clone() } else { fine };
-    Ok(Input { labels, keep, fine, path: None, structures: false })
+    remarks.extend(taken_for_ventricles(&keep, &fine));
+    Ok(Input { labels, keep, fine, path: None, structures: false, remarks })
+}
+
+/// Labels in words.
+fn numbers(labels: &[u16]) -> String {
+    let words: Vec<String> = labels.iter().map(u16::to_string).collect();
+    words.join(", ")
+}
+
+/// What is said where labels were taken for those of a case, and others are there that are none of these.
+fn taken_for_ventricles(keep: &[u16], fine: &[u16]) -> Option<String> {
+    let known = |l: &u16| u8::try_from(*l).is_ok_and(|l| Structure::from_label(l).is_some());
+    let brain = keep.contains(&u16::from(Structure::Brain.label()));
+    (fine != keep && !(brain && keep.iter().all(known))).then(|| {
+        format!(
+            "the mesh is fine around {} alone, which are the ventricles in cases of Monro; other numbers than those of \
+             a case are there too: \"--fine\" says around which to be fine",
+            numbers(fine)
+        )
+    })
 }
 
 /// Both objects as one.

@@ -1,6 +1,7 @@
 //! Scans that are one file (or a header with its data file beside it).
 
 use crate::error::{Problem, ScanError, unsupported};
+use crate::labels::CaseLabels;
 use crate::raster::Raster;
 use crate::resample::{self, Stack};
 use crate::types::{Format, Inspection, Scan, SeriesSummary, Source};
@@ -62,8 +63,13 @@ pub(crate) fn inspect(path: &Path) -> Result<Inspection, ScanError> {
     })
 }
 
-pub(crate) fn read_labels(path: &Path) -> Result<Volume<u16>, ScanError> {
-    with_raster(path, |_, raster| raster.into_labels()).map_err(|e| match e {
+/// Labels with what is to be said of the file's header.
+pub(crate) fn read_labels(path: &Path) -> Result<CaseLabels, ScanError> {
+    let labels = |mut raster: Raster<'_>| {
+        let warnings = core::mem::take(&mut raster.warnings);
+        Ok(CaseLabels { volume: raster.into_labels()?, warnings })
+    };
+    with_raster(path, |_, raster| labels(raster)).map_err(|e| match e {
         // Worded for a CT, which nobody said it was.
         ScanError::File { file, problem: Problem::Unrecognised(what) } => {
             ScanError::File { file, problem: Problem::NoLabels(what) }

@@ -102,5 +102,13 @@ fn only_volume(folder: &Path, why: ScanError) -> Result<PathBuf, ScanError> {
 /// # Errors
 /// A value that is no label, with its voxel; any [`ScanError`] of the file.
 pub fn read_labels(path: &Path) -> Result<Volume<u16>, ScanError> {
+    Ok(file::read_labels(path)?.volume)
+}
+
+/// As [`read_labels`], with what is doubtful in the file's header: no unit, two frames that disagree.
+///
+/// # Errors
+/// As [`read_labels`].
+pub fn read_labels_with_warnings(path: &Path) -> Result<labels::CaseLabels, ScanError> {
     file::read_labels(path)
 }

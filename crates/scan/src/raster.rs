@@ -11,6 +11,9 @@ pub(crate) const MAX_VOXELS: u64 = 1 << 29;
 /// Deflate cannot expand a stream by more than this factor, so a header that promises more is lying.
 const DEFLATE_LIMIT: u64 = 1032;
 
+/// How far a scaled value may be from a whole number, over it, to be that: the last digits of a slope in single precision.
+const SINGLE: f64 = 1e-6;
+
 /// Type of a stored voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[expect(missing_docs, reason = "the names say all")]
@@ -149,10 +152,13 @@ impl<'a> Raster<'a> {
     /// A value that is not a whole number from 0 to 65535; truncated or damaged data.
     pub fn into_labels(mut self) -> Result<Volume<u16>, Problem> {
         let grid = self.layout.grid;
+        let scaled = self.layout.slope != 1.0;
         let mut data: Vec<u16> = Vec::with_capacity(grid.len());
         self.each_value(|value| {
-            let label = value as u16;
-            if f64::from(label) != value {
+            // Slopes in single precision: 255 times one 255th is a little more than 1.
+            let whole = if scaled { value.round() } else { value };
+            let label = whole as u16;
+            if f64::from(label) != whole || (value - whole).abs() > SINGLE * whole.abs().max(1.0) {
                 return Err(Problem::NotALabel { value, voxel: grid.voxel(data.len()) });
             }
             data.push(label);

@@ -68,6 +68,20 @@ pub(super) fn label_regions(mesh: &mut RawMesh, fields: &LabelFields) {
             mesh.labels[t] = l as u8;
         }
     }
+    for (label, shares) in mesh.labels.iter_mut().zip(&shares) {
+        *label = present(usize::from(*label), shares, rest) as u8;
+    }
+}
+
+/// The label of an element that nobody has claimed is the rest only where there is some of it, or nothing at all: else it lay
+/// far from its own, in the midst of others.
+fn present(label: usize, shares: &[f32], rest: usize) -> usize {
+    if label != rest || shares[rest] > 0.0 {
+        return label;
+    }
+    let most = (0..rest).fold(rest, |best, l| if shares[l] > shares[best] { l } else { best });
+    debug_assert!(shares.len() > rest, "a share for each label");
+    most
 }
 
 /// Whether an element holds some of a label.

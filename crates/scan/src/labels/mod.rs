@@ -22,7 +22,7 @@ use std::path::Path;
 pub struct CaseLabels {
     /// The labels; numbers of [`Structure`] where the file names its segments, else as stored.
     pub volume: Volume<u16>,
-    /// Segments that were left out or guessed.
+    /// Segments that were left out or guessed, and what is doubtful in the file's header.
     pub warnings: Vec<String>,
 }
 
@@ -42,15 +42,18 @@ pub(crate) struct Segment {
 /// # Errors
 /// Any [`ScanError`]; a file whose segments are all unknown, with their names.
 pub fn read(path: &Path) -> Result<CaseLabels, ScanError> {
-    let (volume, segments) = if path.is_file() && is_dicom_file(path) {
-        seg::read(path)?
+    let (CaseLabels { volume, mut warnings }, segments) = if path.is_file() && is_dicom_file(path) {
+        let (volume, segments) = seg::read(path)?;
+        (CaseLabels { volume, warnings: Vec::new() }, segments)
     } else {
         (file::read_labels(path)?, seg_nrrd::segments(path))
     };
     if segments.is_empty() {
-        return Ok(CaseLabels { volume, warnings: Vec::new() });
+        return Ok(CaseLabels { volume, warnings });
     }
-    renumbered(volume, &segments).map_err(|problem| ScanError::file(path, problem))
+    let found = renumbered(volume, &segments).map_err(|problem| ScanError::file(path, problem))?;
+    warnings.extend(found.warnings);
+    Ok(CaseLabels { warnings, ..found })
 }
 
 /// Gives known segments the numbers of their structures; others become 0 (outside) with a warning.
