@@ -3,8 +3,10 @@
 //! Written as MSH 4.1 binary: one volume entity for each label and one surface entity for each interface between two
 //! labels or to the outside, each a physical group of its own. Read as MSH 4.1 (ASCII or binary) and 2.2 (ASCII): the
 //! tetrahedra, with their physical group as label, or their entity where there is none, or 1 where no element has either.
+//! Parts of a partitioned mesh have the groups of the volumes they are parts of.
 //! File format: Gmsh reference manual, "MSH file format". Coordinates are LPS mm by convention.
 
+mod entities;
 mod read;
 mod source;
 mod write;
@@ -36,6 +38,16 @@ pub enum MshError {
         element: u64,
         /// Tag of the node.
         node: u64,
+    },
+    /// A tetrahedron lies in a volume that the file does not list, though it lists entities.
+    #[error(
+        "MSH element {element}: its volume {volume} is not among the entities of the file, so that its group is unknown; save the file anew with its entities"
+    )]
+    Unlisted {
+        /// Tag of the element.
+        element: u64,
+        /// Tag of the entity.
+        volume: i32,
     },
     /// A physical group or entity that is no label.
     #[error("MSH element {element}: its group {group} is no label (0 to 65535)")]
@@ -91,5 +103,7 @@ const fn solid_name(kind: i32) -> Option<&'static str> {
     })
 }
 
+#[cfg(test)]
+mod group_tests;
 #[cfg(test)]
 mod tests;

@@ -1,5 +1,6 @@
 //! Reading.
 
+use super::entities::Entities;
 use super::source::{Encoding, Source};
 use super::{MshError, TETRAHEDRON, nodes_of, solid_name};
 use monro_geometry::{Point, TetMesh};
@@ -18,12 +19,14 @@ pub fn decode(bytes: &[u8]) -> Result<Imported, MshError> {
     while let Some(line) = source.line() {
         let name = match (line, modern) {
             ("$Entities", true) => "$Entities",
+            ("$PartitionedEntities", true) => "$PartitionedEntities",
             ("$Nodes", _) => "$Nodes",
             ("$Elements", _) => "$Elements",
             _ => continue,
         };
         let read = match (name, modern) {
-            ("$Entities", _) => found.entities(&mut source),
+            ("$Entities", _) => found.entities.read(&mut source),
+            ("$PartitionedEntities", _) => found.entities.read_partitions(&mut source),
             ("$Nodes", true) => found.nodes(&mut source),
             ("$Nodes", false) => found.nodes_2(&mut source),
             (_, true) => found.elements(&mut source),
@@ -75,13 +78,20 @@ fn format(source: &mut Source<'_>) -> Result<bool, MshError> {
 struct Tet {
     tag: u64,
     nodes: [u64; 4],
-    group: i64,
+    place: Place,
+}
+
+/// Where an element lies.
+#[derive(Clone, Copy)]
+struct Place {
+    entity: i32,
+    /// Its physical group as version 2.2 tells it; 0 is none.
+    group: i32,
 }
 
 #[derive(Default)]
 struct Found {
-    /// Physical group of each volume.
-    groups: HashMap<i32, i32>,
+    entities: Entities,
     numbers: HashMap<u64, u32>,
     /// Of the nodes, in the order of the file.
     tags: Vec<u64>,
@@ -92,30 +102,6 @@ struct Found {
 }
 
 impl Found {
-    /// Entities of four dimensions; of interest are the groups of the volumes.
-    fn entities(&mut self, source: &mut Source<'_>) -> Result<(), String> {
-        let mut counts = [0; 4];
-        for c in &mut counts {
-            *c = source.size()?;
-        }
-        for (dimension, &count) in counts.iter().enumerate() {
-            for _ in 0..count {
-                let tag = source.int()?;
-                for _ in 0..if dimension == 0 { 3 } else { 6 } {
-                    source.double()?;
-                }
-                let groups = ints(source)?;
-                if dimension > 0 {
-                    ints(source)?;
-                }
-                if let (3, Some(&group)) = (dimension, groups.first()) {
-                    self.groups.insert(tag, group);
-                }
-            }
-        }
-        Ok(())
-    }
-
     fn nodes(&mut self, source: &mut Source<'_>) -> Result<(), String> {
         let blocks = source.size()?;
         (0..3).try_for_each(|_| source.size().map(drop))?;
@@ -153,10 +139,9 @@ impl Found {
             let (_dimension, entity, kind) = (source.int()?, source.int()?, source.int()?);
             let count = source.size()?;
             let nodes = nodes_of(kind).ok_or_else(|| format!("element type {kind} is unknown"))?;
-            let group = i64::from(self.groups.get(&entity).copied().unwrap_or(entity));
             for _ in 0..count {
                 let tag = source.size()?;
-                self.element(source, tag, kind, nodes, group)?;
+                self.element(source, tag, kind, nodes, Place { entity, group: 0 })?;
             }
         }
         Ok(())
@@ -168,7 +153,7 @@ impl Found {
         tag: u64,
         kind: i32,
         nodes: usize,
-        group: i64,
+        place: Place,
     ) -> Result<(), String> {
         let mut corners = [0; 4];
         for i in 0..nodes {
@@ -178,7 +163,7 @@ impl Found {
             }
         }
         if kind == TETRAHEDRON {
-            self.tets.push(Tet { tag, nodes: corners, group });
+            self.tets.push(Tet { tag, nodes: corners, place });
         }
         if let Some(name) = solid_name(kind) {
             *self.others.entry(name).or_default() += 1;
@@ -206,11 +191,21 @@ impl Found {
                     *t = value;
                 }
             }
-            let group = if tags[0] == 0 { tags[1] } else { tags[0] };
             let nodes = nodes_of(kind).ok_or_else(|| format!("element type {kind} is unknown"))?;
-            self.element(source, tag, kind, nodes, group.into())?;
+            self.element(source, tag, kind, nodes, Place { group: tags[0], entity: tags[1] })?;
         }
         Ok(())
+    }
+
+    /// The physical group of a tetrahedron, or its volume where it is in none.
+    fn group(&self, tet: &Tet) -> Result<i32, MshError> {
+        let Place { entity, group } = tet.place;
+        if group != 0 {
+            return Ok(group);
+        }
+        let unlisted = MshError::Unlisted { element: tet.tag, volume: entity };
+        let volume = self.entities.volume_of(entity).ok_or(unlisted)?;
+        Ok(self.entities.groups_of(volume).first().copied().unwrap_or(volume))
     }
 
     /// The nodes in use, in the order of the file.
@@ -218,12 +213,13 @@ impl Found {
         if self.tets.is_empty() {
             return Err(MshError::Section { section: "$Elements", reason: self.no_tetrahedron() });
         }
-        let unlabelled = self.tets.iter().all(|t| t.group == 0);
+        let groups = self.tets.iter().map(|t| self.group(t)).collect::<Result<Vec<_>, _>>()?;
+        let unlabelled = groups.iter().all(|&g| g == 0);
         let mut used = vec![false; self.positions.len()];
         let mut mesh = TetMesh::default();
-        for t in &self.tets {
-            let group = MshError::Group { element: t.tag, group: t.group };
-            mesh.labels.push(if unlabelled { 1 } else { u16::try_from(t.group).map_err(|_| group)? });
+        for (t, &group) in self.tets.iter().zip(&groups) {
+            let fault = MshError::Group { element: t.tag, group: group.into() };
+            mesh.labels.push(if unlabelled { 1 } else { u16::try_from(group).map_err(|_| fault)? });
             let mut tet = [0; 4];
             for (to, &node) in tet.iter_mut().zip(&t.nodes) {
                 *to = *self.numbers.get(&node).ok_or(MshError::Node { element: t.tag, node })?;
@@ -253,14 +249,4 @@ impl Found {
             ),
         }
     }
-}
-
-/// A count and as many integers.
-fn ints(source: &mut Source<'_>) -> Result<Vec<i32>, String> {
-    let count = source.size()?;
-    let mut out = Vec::new();
-    for _ in 0..count {
-        out.push(source.int()?);
-    }
-    Ok(out)
 }
