@@ -1,7 +1,7 @@
 //! The volumes that a file lists, their physical groups, and the volumes that partitions are parts of.
 
 use super::source::Source;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// What `$Entities` and `$PartitionedEntities` say of volumes.
 #[derive(Debug, Default)]
@@ -63,10 +63,20 @@ impl Entities {
         (!self.listed || self.groups.contains_key(&entity)).then_some(entity)
     }
 
-    /// The physical groups of a volume.
-    pub(super) fn groups_of(&self, volume: i32) -> &[i32] {
+    /// The physical groups of a volume, each once.
+    pub(super) fn groups_of(&self, volume: i32) -> BTreeSet<i32> {
         let own = self.groups.get(&volume).filter(|g| !g.is_empty());
-        own.or_else(|| self.of_parts.get(&volume)).map_or(&[], Vec::as_slice)
+        own.or_else(|| self.of_parts.get(&volume)).into_iter().flatten().copied().collect()
+    }
+
+    /// How many volumes each physical group holds.
+    pub(super) fn volumes_of_groups(&self) -> BTreeMap<i32, usize> {
+        let volumes: BTreeSet<i32> = self.groups.keys().chain(self.of_parts.keys()).copied().collect();
+        let mut sizes = BTreeMap::new();
+        for group in volumes.into_iter().flat_map(|v| self.groups_of(v)) {
+            *sizes.entry(group).or_default() += 1;
+        }
+        sizes
     }
 }
 

@@ -95,3 +95,48 @@ fn a_block_of_an_entity_that_the_file_does_not_list_made_its_number_a_label() {
     // A file without a list has nothing but the numbers.
     assert_eq!(labels(&[FORMAT, NODES, &elements([1, 12])].concat()), [1, 12]);
 }
+
+#[test]
+fn of_several_groups_of_a_volume_the_first_was_taken_in_silence() {
+    let text = |groups: [&str; 2]| [FORMAT, &entities(groups), NODES, &elements([1, 2])].concat();
+    // A group of all tissue beside those of its parts, in any order.
+    for groups in [["2 1 7", "2 1 9"], ["2 7 1", "2 9 1"]] {
+        let read = decode(text(groups).as_bytes()).expect("the smaller groups are meant");
+        assert_eq!(read.mesh.labels, [7, 9]);
+        let [remark] = &read.remarks[..] else { panic!("{:?}", read.remarks) };
+        assert!(remark.contains("volume 1 in 1, 7 (label 7)") && remark.contains("volume 2 in 1, 9"), "{remark}");
+    }
+    for groups in [["2 7 8", "1 9"], ["2 7 8", "2 7 8"], ["3 8 1 7", "1 1"]] {
+        let told = fault(&text(groups));
+        assert!(told.contains("volume 1 is in the physical groups") && told.contains("7, 8"), "{told}");
+    }
+    assert_eq!(decode(text(["2 7 7", "1 9"]).as_bytes()).expect("the same twice").remarks, [""; 0]);
+}
+
+#[test]
+fn a_volume_without_a_group_beside_others_with_one_had_its_number_as_label() {
+    let told = fault(&[FORMAT, &entities(["1 2", "0"]), NODES, &elements([1, 2])].concat());
+    assert!(told.contains("element 2") && told.contains("of volume(s) 2") && told.contains("SaveAll"), "{told}");
+    // A volume without tetrahedra is of no interest.
+    assert_eq!(labels(&[FORMAT, &entities(["1 2", "0"]), NODES, &elements([1, 1])].concat()), [2, 2]);
+    let told = fault(&old("1 4 2 2 1 1 2 3 4", "2 4 2 0 2 1 3 2 5"));
+    assert!(told.contains("element 2") && told.contains("of volume(s) 2"), "{told}");
+}
+
+/// A file of version 2.2 with these elements.
+fn old(one: &str, two: &str) -> String {
+    let nodes = "$Nodes\n5\n1 0 0 0\n2 9 0 0\n3 0 9 0\n4 0 0 9\n5 0 0 -9\n$EndNodes\n";
+    format!("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n{nodes}$Elements\n2\n{one}\n{two}\n$EndElements\n")
+}
+
+#[test]
+fn elements_written_once_for_each_of_their_groups_were_called_the_same_without_a_reason() {
+    let told = fault(&old("1 4 2 5 1 1 2 3 4", "2 4 2 1 1 1 2 3 4"));
+    assert!(told.contains("elements 1 and 2") && told.contains("groups 5 and 1") && told.contains("4.1"), "{told}");
+    assert!(fault(&old("1 4 2 5 1 1 2 3 4", "2 4 2 5 1 1 2 3 4")).contains("tetrahedra 0 and 1 have the same"));
+}
+
+#[test]
+fn the_group_zero_of_a_mesh_that_has_only_that_was_taken_for_none() {
+    assert_eq!(labels(&[FORMAT, &entities(["1 0", "1 0"]), NODES, &elements([1, 2])].concat()), [0, 0]);
+}

@@ -1,9 +1,10 @@
 //! Reading.
 
 use super::entities::Entities;
+use super::labels::{self, Numbers};
 use super::source::{Encoding, Source};
 use super::{MshError, TETRAHEDRON, nodes_of, solid_name};
-use monro_geometry::{Point, TetMesh};
+use monro_geometry::{Point, TetMesh, TetMeshError};
 use std::collections::{BTreeMap, HashMap};
 
 /// Decodes the tetrahedra of an MSH file. Other elements, and nodes that no tetrahedron uses, are left out: Gmsh keeps
@@ -48,6 +49,8 @@ pub struct Imported {
     pub unlabelled: bool,
     /// Other elements that fill space and were left out: what they are called, and how many there are.
     pub others: Vec<(&'static str, usize)>,
+    /// What should be known of where the labels are from, in words.
+    pub remarks: Vec<String>,
 }
 
 /// Reads `$MeshFormat`; true for 4.1, false for 2.2.
@@ -75,18 +78,18 @@ fn format(source: &mut Source<'_>) -> Result<bool, MshError> {
 }
 
 /// A tetrahedron with the tags of its nodes.
-struct Tet {
-    tag: u64,
+pub(super) struct Tet {
+    pub(super) tag: u64,
     nodes: [u64; 4],
-    place: Place,
+    pub(super) place: Place,
 }
 
 /// Where an element lies.
 #[derive(Clone, Copy)]
-struct Place {
-    entity: i32,
+pub(super) struct Place {
+    pub(super) entity: i32,
     /// Its physical group as version 2.2 tells it; 0 is none.
-    group: i32,
+    pub(super) group: i32,
 }
 
 #[derive(Default)]
@@ -197,28 +200,17 @@ impl Found {
         Ok(())
     }
 
-    /// The physical group of a tetrahedron, or its volume where it is in none.
-    fn group(&self, tet: &Tet) -> Result<i32, MshError> {
-        let Place { entity, group } = tet.place;
-        if group != 0 {
-            return Ok(group);
-        }
-        let unlisted = MshError::Unlisted { element: tet.tag, volume: entity };
-        let volume = self.entities.volume_of(entity).ok_or(unlisted)?;
-        Ok(self.entities.groups_of(volume).first().copied().unwrap_or(volume))
-    }
-
     /// The nodes in use, in the order of the file.
     fn mesh(self) -> Result<Imported, MshError> {
         if self.tets.is_empty() {
             return Err(MshError::Section { section: "$Elements", reason: self.no_tetrahedron() });
         }
-        let groups = self.tets.iter().map(|t| self.group(t)).collect::<Result<Vec<_>, _>>()?;
-        let unlabelled = groups.iter().all(|&g| g == 0);
+        let Numbers { values, grouped, remarks } = labels::number(&self.tets, &self.entities)?;
+        let unlabelled = !grouped && values.iter().all(|&v| v == 0);
         let mut used = vec![false; self.positions.len()];
         let mut mesh = TetMesh::default();
-        for (t, &group) in self.tets.iter().zip(&groups) {
-            let fault = MshError::Group { element: t.tag, group: group.into() };
+        for (t, &group) in self.tets.iter().zip(&values) {
+            let fault = MshError::Group { element: t.tag, group };
             mesh.labels.push(if unlabelled { 1 } else { u16::try_from(group).map_err(|_| fault)? });
             let mut tet = [0; 4];
             for (to, &node) in tet.iter_mut().zip(&t.nodes) {
@@ -234,9 +226,17 @@ impl Found {
         }
         mesh.tets.iter_mut().flatten().for_each(|v| *v = number[*v as usize]);
         mesh.validate()?;
-        mesh.check_conforming()?;
+        mesh.check_conforming().map_err(|e| self.repeated(&e).unwrap_or_else(|| e.into()))?;
         let unused = self.tags.into_iter().zip(used).filter(|(_, used)| !used).map(|(tag, _)| tag).collect();
-        Ok(Imported { mesh, unused, unlabelled, others: self.others.into_iter().collect() })
+        Ok(Imported { mesh, unused, unlabelled, others: self.others.into_iter().collect(), remarks })
+    }
+
+    /// Version 2.2 repeats an element for each of its groups.
+    fn repeated(&self, fault: &TetMeshError) -> Option<MshError> {
+        let &TetMeshError::Duplicate { first, second } = fault else { return None };
+        let (first, second) = (self.tets.get(first)?, self.tets.get(second)?);
+        let groups = [first, second].map(|t| t.place.group);
+        (groups[0] != groups[1]).then_some(MshError::Repeated { first: first.tag, second: second.tag, groups })
     }
 
     fn no_tetrahedron(&self) -> String {
