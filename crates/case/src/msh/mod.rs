@@ -3,8 +3,12 @@
 //! Written as MSH 4.1 binary: one volume entity for each label and one surface entity for each interface between two
 //! labels or to the outside, each a physical group of its own. Read as MSH 4.1 (ASCII or binary) and 2.2 (ASCII): the
 //! tetrahedra, with their physical group as label, or their entity where there is none, or 1 where no element has either.
+//! Parts of a partitioned mesh have the groups of the volumes they are parts of. Of several groups of a volume the one
+//! that holds the fewest volumes counts.
 //! File format: Gmsh reference manual, "MSH file format". Coordinates are LPS mm by convention.
 
+mod entities;
+mod labels;
 mod read;
 mod source;
 mod write;
@@ -36,6 +40,53 @@ pub enum MshError {
         element: u64,
         /// Tag of the node.
         node: u64,
+    },
+    /// A tetrahedron lies in a volume that the file does not list, though it lists entities.
+    #[error(
+        "MSH element {element}: its volume {volume} is not among the entities of the file, so that its group is unknown; save the file anew with its entities"
+    )]
+    Unlisted {
+        /// Tag of the element.
+        element: u64,
+        /// Tag of the entity.
+        volume: i32,
+    },
+    /// A volume lies in several physical groups, and it is not plain which one is meant.
+    #[error(
+        "MSH: volume {volume} is in the physical groups {groups}, and none of them holds fewer volumes than each other; leave the volume in one of them and save again"
+    )]
+    Several {
+        /// Tag of the volume.
+        volume: i32,
+        /// Its groups.
+        groups: String,
+    },
+    /// Some tetrahedra are in physical groups and others are not.
+    #[error(
+        "MSH: the tetrahedra of volume(s) {without} are in no physical group ({count}, the first is element {element}), while those of volume(s) {with} are; put each volume into a group, or save only those that are in one (Gmsh: Mesh.SaveAll = 0)"
+    )]
+    PartlyGrouped {
+        /// How many are in none.
+        count: usize,
+        /// Tag of the first of them.
+        element: u64,
+        /// Their volumes.
+        without: String,
+        /// Volumes of those that are in a group.
+        with: String,
+    },
+    /// A tetrahedron stands in the file once for each of its physical groups.
+    #[error(
+        "MSH elements {first} and {second} are the same tetrahedron in the physical groups {} and {}; leave each volume in one group, or save the file as version 4.1, where the group of fewest volumes is taken",
+        groups[0], groups[1]
+    )]
+    Repeated {
+        /// Tag of one of the elements.
+        first: u64,
+        /// Tag of the other.
+        second: u64,
+        /// Their groups.
+        groups: [i32; 2],
     },
     /// A physical group or entity that is no label.
     #[error("MSH element {element}: its group {group} is no label (0 to 65535)")]
@@ -91,5 +142,7 @@ const fn solid_name(kind: i32) -> Option<&'static str> {
     })
 }
 
+#[cfg(test)]
+mod group_tests;
 #[cfg(test)]
 mod tests;

@@ -1,8 +1,10 @@
 //! Reading.
 
+use super::entities::Entities;
+use super::labels::{self, Numbers};
 use super::source::{Encoding, Source};
 use super::{MshError, TETRAHEDRON, nodes_of, solid_name};
-use monro_geometry::{Point, TetMesh};
+use monro_geometry::{Point, TetMesh, TetMeshError};
 use std::collections::{BTreeMap, HashMap};
 
 /// Decodes the tetrahedra of an MSH file. Other elements, and nodes that no tetrahedron uses, are left out: Gmsh keeps
@@ -18,12 +20,14 @@ pub fn decode(bytes: &[u8]) -> Result<Imported, MshError> {
     while let Some(line) = source.line() {
         let name = match (line, modern) {
             ("$Entities", true) => "$Entities",
+            ("$PartitionedEntities", true) => "$PartitionedEntities",
             ("$Nodes", _) => "$Nodes",
             ("$Elements", _) => "$Elements",
             _ => continue,
         };
         let read = match (name, modern) {
-            ("$Entities", _) => found.entities(&mut source),
+            ("$Entities", _) => found.entities.read(&mut source),
+            ("$PartitionedEntities", _) => found.entities.read_partitions(&mut source),
             ("$Nodes", true) => found.nodes(&mut source),
             ("$Nodes", false) => found.nodes_2(&mut source),
             (_, true) => found.elements(&mut source),
@@ -45,6 +49,8 @@ pub struct Imported {
     pub unlabelled: bool,
     /// Other elements that fill space and were left out: what they are called, and how many there are.
     pub others: Vec<(&'static str, usize)>,
+    /// What should be known of where the labels are from, in words.
+    pub remarks: Vec<String>,
 }
 
 /// Reads `$MeshFormat`; true for 4.1, false for 2.2.
@@ -72,16 +78,23 @@ fn format(source: &mut Source<'_>) -> Result<bool, MshError> {
 }
 
 /// A tetrahedron with the tags of its nodes.
-struct Tet {
-    tag: u64,
+pub(super) struct Tet {
+    pub(super) tag: u64,
     nodes: [u64; 4],
-    group: i64,
+    pub(super) place: Place,
+}
+
+/// Where an element lies.
+#[derive(Clone, Copy)]
+pub(super) struct Place {
+    pub(super) entity: i32,
+    /// Its physical group as version 2.2 tells it; 0 is none.
+    pub(super) group: i32,
 }
 
 #[derive(Default)]
 struct Found {
-    /// Physical group of each volume.
-    groups: HashMap<i32, i32>,
+    entities: Entities,
     numbers: HashMap<u64, u32>,
     /// Of the nodes, in the order of the file.
     tags: Vec<u64>,
@@ -92,30 +105,6 @@ struct Found {
 }
 
 impl Found {
-    /// Entities of four dimensions; of interest are the groups of the volumes.
-    fn entities(&mut self, source: &mut Source<'_>) -> Result<(), String> {
-        let mut counts = [0; 4];
-        for c in &mut counts {
-            *c = source.size()?;
-        }
-        for (dimension, &count) in counts.iter().enumerate() {
-            for _ in 0..count {
-                let tag = source.int()?;
-                for _ in 0..if dimension == 0 { 3 } else { 6 } {
-                    source.double()?;
-                }
-                let groups = ints(source)?;
-                if dimension > 0 {
-                    ints(source)?;
-                }
-                if let (3, Some(&group)) = (dimension, groups.first()) {
-                    self.groups.insert(tag, group);
-                }
-            }
-        }
-        Ok(())
-    }
-
     fn nodes(&mut self, source: &mut Source<'_>) -> Result<(), String> {
         let blocks = source.size()?;
         (0..3).try_for_each(|_| source.size().map(drop))?;
@@ -153,10 +142,9 @@ impl Found {
             let (_dimension, entity, kind) = (source.int()?, source.int()?, source.int()?);
             let count = source.size()?;
             let nodes = nodes_of(kind).ok_or_else(|| format!("element type {kind} is unknown"))?;
-            let group = i64::from(self.groups.get(&entity).copied().unwrap_or(entity));
             for _ in 0..count {
                 let tag = source.size()?;
-                self.element(source, tag, kind, nodes, group)?;
+                self.element(source, tag, kind, nodes, Place { entity, group: 0 })?;
             }
         }
         Ok(())
@@ -168,7 +156,7 @@ impl Found {
         tag: u64,
         kind: i32,
         nodes: usize,
-        group: i64,
+        place: Place,
     ) -> Result<(), String> {
         let mut corners = [0; 4];
         for i in 0..nodes {
@@ -178,7 +166,7 @@ impl Found {
             }
         }
         if kind == TETRAHEDRON {
-            self.tets.push(Tet { tag, nodes: corners, group });
+            self.tets.push(Tet { tag, nodes: corners, place });
         }
         if let Some(name) = solid_name(kind) {
             *self.others.entry(name).or_default() += 1;
@@ -206,9 +194,8 @@ impl Found {
                     *t = value;
                 }
             }
-            let group = if tags[0] == 0 { tags[1] } else { tags[0] };
             let nodes = nodes_of(kind).ok_or_else(|| format!("element type {kind} is unknown"))?;
-            self.element(source, tag, kind, nodes, group.into())?;
+            self.element(source, tag, kind, nodes, Place { group: tags[0], entity: tags[1] })?;
         }
         Ok(())
     }
@@ -218,12 +205,13 @@ impl Found {
         if self.tets.is_empty() {
             return Err(MshError::Section { section: "$Elements", reason: self.no_tetrahedron() });
         }
-        let unlabelled = self.tets.iter().all(|t| t.group == 0);
+        let Numbers { values, grouped, remarks } = labels::number(&self.tets, &self.entities)?;
+        let unlabelled = !grouped && values.iter().all(|&v| v == 0);
         let mut used = vec![false; self.positions.len()];
         let mut mesh = TetMesh::default();
-        for t in &self.tets {
-            let group = MshError::Group { element: t.tag, group: t.group };
-            mesh.labels.push(if unlabelled { 1 } else { u16::try_from(t.group).map_err(|_| group)? });
+        for (t, &group) in self.tets.iter().zip(&values) {
+            let fault = MshError::Group { element: t.tag, group };
+            mesh.labels.push(if unlabelled { 1 } else { u16::try_from(group).map_err(|_| fault)? });
             let mut tet = [0; 4];
             for (to, &node) in tet.iter_mut().zip(&t.nodes) {
                 *to = *self.numbers.get(&node).ok_or(MshError::Node { element: t.tag, node })?;
@@ -238,9 +226,17 @@ impl Found {
         }
         mesh.tets.iter_mut().flatten().for_each(|v| *v = number[*v as usize]);
         mesh.validate()?;
-        mesh.check_conforming()?;
+        mesh.check_conforming().map_err(|e| self.repeated(&e).unwrap_or_else(|| e.into()))?;
         let unused = self.tags.into_iter().zip(used).filter(|(_, used)| !used).map(|(tag, _)| tag).collect();
-        Ok(Imported { mesh, unused, unlabelled, others: self.others.into_iter().collect() })
+        Ok(Imported { mesh, unused, unlabelled, others: self.others.into_iter().collect(), remarks })
+    }
+
+    /// Version 2.2 repeats an element for each of its groups.
+    fn repeated(&self, fault: &TetMeshError) -> Option<MshError> {
+        let &TetMeshError::Duplicate { first, second } = fault else { return None };
+        let (first, second) = (self.tets.get(first)?, self.tets.get(second)?);
+        let groups = [first, second].map(|t| t.place.group);
+        (groups[0] != groups[1]).then_some(MshError::Repeated { first: first.tag, second: second.tag, groups })
     }
 
     fn no_tetrahedron(&self) -> String {
@@ -253,14 +249,4 @@ impl Found {
             ),
         }
     }
-}
-
-/// A count and as many integers.
-fn ints(source: &mut Source<'_>) -> Result<Vec<i32>, String> {
-    let count = source.size()?;
-    let mut out = Vec::new();
-    for _ in 0..count {
-        out.push(source.int()?);
-    }
-    Ok(out)
 }

@@ -15,7 +15,7 @@ fn two() -> TetMesh {
 fn what_is_written_is_read_back() {
     assert_eq!(
         decode(&encode(&two())).expect("own file"),
-        Imported { mesh: two(), unused: Vec::new(), unlabelled: false, others: Vec::new() }
+        Imported { mesh: two(), unused: Vec::new(), unlabelled: false, others: Vec::new(), remarks: Vec::new() }
     );
 }
 
