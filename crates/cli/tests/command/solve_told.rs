@@ -377,7 +377,7 @@ fn a_sphere_that_stays_where_it_is_did_nothing_in_paper_mode() {
     let args = changed(dir.path(), |s| punched(at, at)(&mut s["cases"]["stretch"]));
     let args = args.each_ref().map(String::as_str);
     for mode in ["physical", "paper"] {
-        let told = json(&[&args[..], &["--mode", mode]].concat());
+        let told = json(&[&args[..], &["--mode", mode, "--force"]].concat());
         let moved = told["max_displacement_mm"].as_f64().expect("displacement");
         assert!(moved > 0.3, "{mode}: {told}");
     }
