@@ -8,6 +8,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { createInterface } from "node:readline";
 import { launch } from "./chromium.mjs";
+import { PATIENCE_MS, until } from "./wait.mjs";
 
 const SHOTS = process.env.SHOTS;
 const [monro, scanGiven] = process.argv.slice(2);
@@ -52,22 +53,14 @@ let p;
 async function openPage() {
   await p?.close();
   p = await browser.newPage({ viewport: { width: 1400, height: 900 } });
+  p.setDefaultTimeout(PATIENCE_MS);
   p.faults = [];
   p.on("console", (m) => ["error", "warning"].includes(m.type()) && p.faults.push(m.text()));
   p.on("pageerror", (e) => p.faults.push(String(e)));
   await p.goto(`${url}/#token=${token}`);
-  await p.locator("body[data-ready=yes]").waitFor({ timeout: 60000 });
+  await p.locator("body[data-ready=yes]").waitFor();
 }
 
-async function until(what, check, seconds = 60) {
-  const end = Date.now() + 1000 * seconds;
-  while (Date.now() < end) {
-    const last = await check();
-    if (last) return last;
-    await new Promise((r) => setTimeout(r, 30));
-  }
-  throw new Error(`waited ${seconds} s for: ${what}`);
-}
 const shot = async (name) => SHOTS && p.screenshot({ path: `${SHOTS}/${name}.png` });
 const steps = () => p.evaluate(() => Number(document.body.dataset.steps));
 const ml = async (label) => Number.parseFloat(await p.locator(`#ml-${label}`).textContent());

@@ -13,6 +13,7 @@ import { calibrate } from "./hand.mjs";
 import { prepareInBrowser } from "./prepare.mjs";
 import { stalledDisplay } from "./stalled.mjs";
 import { killedTracker } from "./tracker.mjs";
+import { PATIENCE_MS, until } from "./wait.mjs";
 
 const SHOTS = process.env.SHOTS;
 /** The command, beside the examples. */
@@ -67,6 +68,7 @@ let opened;
 /** A page that notes it when anything is written to its console as a fault, or asked of another server. */
 async function watched(address, prepare) {
   const p = await browser.newPage({ viewport: { width: 1100, height: 700 } });
+  p.setDefaultTimeout(PATIENCE_MS);
   await prepare?.(p);
   p.faults = [];
   p.on("console", (m) => ["error", "warning"].includes(m.type()) && !/GPU stall|swiftshader/i.test(m.text()) && p.faults.push(m.text()));
@@ -85,18 +87,6 @@ async function page(address, prepare) {
 const text = (p, id) => p.locator(id).textContent();
 const close = (a, b, tolerance) => a.every((v, i) => Math.abs(v - b[i]) <= tolerance);
 const number = async (p, id) => Number.parseFloat(await text(p, id));
-
-/** Machines under load are slow: the wait is long, and short where it can be. */
-async function until(what, check, seconds = 60) {
-  const end = Date.now() + 1000 * seconds;
-  let last;
-  while (Date.now() < end) {
-    last = await check();
-    if (last) return last;
-    await new Promise((r) => setTimeout(r, 50));
-  }
-  throw new Error(`waited ${seconds} s for: ${what}`);
-}
 
 /** Waits until the page shows a depth, and then another. */
 async function moves(p) {
@@ -468,7 +458,8 @@ const tests = {
     await until("the tip at the target", async () => (await held.api("/api/guidance")).distance_to_target_rigid_mm < 0.25);
     assert.equal(await text(p, "#n-tre"), `${solved.predicted_tre_mm.toFixed(1)} mm`);
     // The reference is bumped: an alarm, until a landmark was checked.
-    assert.equal(await p.locator("#alarm").isVisible(), false);
+    // A tip that was put 70 mm deep at once may have the soft body step back for a frame, which is said.
+    await until("no alarm before the bump", async () => !(await p.locator("#alarm").isVisible()));
     held.tell("bump 4 0 0");
     await until("the alarm", async () => /reference has moved by 4\.\d mm/.test(await text(p, "#alarm")) && (await p.locator("#alarm").isVisible()));
     await shot(p, "reference-moved");

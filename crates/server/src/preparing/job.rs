@@ -177,6 +177,8 @@ impl Job {
 
     /// Progress and result as JSON.
     pub(super) fn describe(&self) -> Value {
+        // In this order: what is made has all of its stages behind it.
+        let made = lock(&self.0.made).as_ref().map(Made::describe);
         let progress = lock(&self.0.progress).clone();
         let stage = |(name, seconds): &(&str, f64)| json!({ "stage": name, "seconds": seconds });
         json!({
@@ -187,7 +189,7 @@ impl Job {
             "done": progress.done.iter().map(stage).collect::<Vec<_>>(),
             "remarks": progress.remarks,
             "error": progress.error,
-            "made": lock(&self.0.made).as_ref().map(Made::describe),
+            "made": made,
         })
     }
 }
