@@ -32,7 +32,7 @@ pub struct Imported {
     pub mesh: TetMesh,
     /// Tags of nodes that were left out because no tetrahedron uses them, in the order of the file.
     pub unused: Vec<u64>,
-    /// No element is in a physical group or an entity: all have the label 1.
+    /// No element has a physical group, data called "label" or an entity: all have the label 1.
     pub unlabelled: bool,
     /// Other elements that fill space and were left out: what they are called, and how many there are.
     pub others: Vec<(&'static str, usize)>,
