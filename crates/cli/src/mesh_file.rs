@@ -76,7 +76,9 @@ impl From<msh::Imported> for Read {
         });
         let others =
             read.others.iter().map(|(name, n)| format!("{n} {name} are left out: only linear tetrahedra are read"));
-        let unlabelled = read.unlabelled.then(|| one_label("no tetrahedron has a physical group or an entity"));
+        let unlabelled = read
+            .unlabelled
+            .then(|| one_label("no tetrahedron has a physical group, element data \"label\" or an entity"));
         let remarks = unused.into_iter().chain(others).chain(unlabelled).collect();
         Self { mesh: AnyMesh::Tetrahedra(read.mesh), remarks }
     }

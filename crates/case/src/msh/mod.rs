@@ -2,11 +2,13 @@
 //!
 //! Written as MSH 4.1 binary: one volume entity for each label and one surface entity for each interface between two
 //! labels or to the outside, each a physical group of its own. Read as MSH 4.1 (ASCII or binary) and 2.2 (ASCII): the
-//! tetrahedra, with their physical group as label, or their entity where there is none, or 1 where no element has either.
+//! tetrahedra, with their physical group as label, or where there is none the data of elements called "label", or their
+//! entity, or 1 where no element has any of these.
 //! Parts of a partitioned mesh have the groups of the volumes they are parts of. Of several groups of a volume the one
 //! that holds the fewest volumes counts.
 //! File format: Gmsh reference manual, "MSH file format". Coordinates are LPS mm by convention.
 
+mod data;
 mod entities;
 mod labels;
 mod read;
@@ -29,7 +31,7 @@ pub enum MshError {
     #[error("MSH {section}: {reason}")]
     Section {
         /// The section, as `$Nodes`.
-        section: &'static str,
+        section: String,
         /// What is wrong.
         reason: String,
     },
@@ -144,5 +146,7 @@ const fn solid_name(kind: i32) -> Option<&'static str> {
 
 #[cfg(test)]
 mod group_tests;
+#[cfg(test)]
+mod section_tests;
 #[cfg(test)]
 mod tests;

@@ -1,5 +1,6 @@
 //! Reading.
 
+use super::data::ElementLabels;
 use super::entities::Entities;
 use super::labels::{self, Numbers};
 use super::source::{Encoding, Source};
@@ -17,23 +18,9 @@ pub fn decode(bytes: &[u8]) -> Result<Imported, MshError> {
     let mut source = Source { bytes, encoding: Encoding::Ascii };
     let mut found = Found::default();
     let modern = format(&mut source)?;
-    while let Some(line) = source.line() {
-        let name = match (line, modern) {
-            ("$Entities", true) => "$Entities",
-            ("$PartitionedEntities", true) => "$PartitionedEntities",
-            ("$Nodes", _) => "$Nodes",
-            ("$Elements", _) => "$Elements",
-            _ => continue,
-        };
-        let read = match (name, modern) {
-            ("$Entities", _) => found.entities.read(&mut source),
-            ("$PartitionedEntities", _) => found.entities.read_partitions(&mut source),
-            ("$Nodes", true) => found.nodes(&mut source),
-            ("$Nodes", false) => found.nodes_2(&mut source),
-            (_, true) => found.elements(&mut source),
-            (_, false) => found.elements_2(&mut source),
-        };
-        read.map_err(|reason| MshError::Section { section: name, reason })?;
+    while let Some(name) = source.section() {
+        let fault = |reason| MshError::Section { section: format!("${name}"), reason };
+        found.section(&mut source, name, modern).map_err(fault)?;
     }
     found.mesh()
 }
@@ -45,7 +32,7 @@ pub struct Imported {
     pub mesh: TetMesh,
     /// Tags of nodes that were left out because no tetrahedron uses them, in the order of the file.
     pub unused: Vec<u64>,
-    /// No element is in a physical group or an entity: all have the label 1.
+    /// No element has a physical group, data called "label" or an entity: all have the label 1.
     pub unlabelled: bool,
     /// Other elements that fill space and were left out: what they are called, and how many there are.
     pub others: Vec<(&'static str, usize)>,
@@ -55,13 +42,20 @@ pub struct Imported {
 
 /// Reads `$MeshFormat`; true for 4.1, false for 2.2.
 fn format(source: &mut Source<'_>) -> Result<bool, MshError> {
-    let fail = |reason: &str| MshError::Section { section: "$MeshFormat", reason: reason.into() };
-    if source.line() != Some("$MeshFormat") {
-        return Err(fail("the file does not begin with it"));
+    let fail = |reason: &str| MshError::Section { section: "$MeshFormat".into(), reason: reason.into() };
+    loop {
+        match source.line().ok_or_else(|| fail("the file has none"))? {
+            "$MeshFormat" => break,
+            "" => {}
+            line => {
+                let name = line.strip_prefix('$').ok_or_else(|| fail(&format!("\"{line}\" stands before it")))?;
+                source.skip(name).map_err(|reason| MshError::Section { section: line.into(), reason })?;
+            }
+        }
     }
     let line = source.line().ok_or_else(|| fail("the file ends here"))?;
-    match line.split_whitespace().collect::<Vec<_>>()[..] {
-        ["4.1", "0", "8"] => Ok(true),
+    let modern = match line.split_whitespace().collect::<Vec<_>>()[..] {
+        ["4.1", "0", "8"] => true,
         ["4.1", "1", "8"] => {
             // The number 1 as the writer's machine stores it.
             source.encoding = Encoding::Little;
@@ -70,11 +64,13 @@ fn format(source: &mut Source<'_>) -> Result<bool, MshError> {
                 Ok(0x0100_0000) => source.encoding = Encoding::Big,
                 _ => return Err(fail("the number that tells the order of bytes is not 1")),
             }
-            Ok(true)
+            true
         }
-        ["2.2", "0", _] => Ok(false),
-        _ => Err(MshError::Version(line.to_owned())),
-    }
+        ["2.2", "0", _] => false,
+        _ => return Err(MshError::Version(line.to_owned())),
+    };
+    source.close("MeshFormat").map_err(|reason| fail(&reason))?;
+    Ok(modern)
 }
 
 /// A tetrahedron with the tags of its nodes.
@@ -95,6 +91,7 @@ pub(super) struct Place {
 #[derive(Default)]
 struct Found {
     entities: Entities,
+    labels: ElementLabels,
     numbers: HashMap<u64, u32>,
     /// Of the nodes, in the order of the file.
     tags: Vec<u64>,
@@ -105,6 +102,21 @@ struct Found {
 }
 
 impl Found {
+    /// Reads a section and its end. What is not known here is passed over.
+    fn section(&mut self, source: &mut Source<'_>, name: &str, modern: bool) -> Result<(), String> {
+        match (name, modern) {
+            ("Entities", true) => self.entities.read(source)?,
+            ("PartitionedEntities", true) => self.entities.read_partitions(source)?,
+            ("Nodes", true) => self.nodes(source)?,
+            ("Nodes", false) => self.nodes_2(source)?,
+            ("Elements", true) => self.elements(source)?,
+            ("Elements", false) => self.elements_2(source)?,
+            ("ElementData", _) => return self.labels.read(source),
+            _ => return source.skip(name),
+        }
+        source.close(name)
+    }
+
     fn nodes(&mut self, source: &mut Source<'_>) -> Result<(), String> {
         let blocks = source.size()?;
         (0..3).try_for_each(|_| source.size().map(drop))?;
@@ -203,10 +215,9 @@ impl Found {
     /// The nodes in use, in the order of the file.
     fn mesh(self) -> Result<Imported, MshError> {
         if self.tets.is_empty() {
-            return Err(MshError::Section { section: "$Elements", reason: self.no_tetrahedron() });
+            return Err(MshError::Section { section: "$Elements".into(), reason: self.no_tetrahedron() });
         }
-        let Numbers { values, grouped, remarks } = labels::number(&self.tets, &self.entities)?;
-        let unlabelled = !grouped && values.iter().all(|&v| v == 0);
+        let (values, unlabelled, remarks) = self.numbers()?;
         let mut used = vec![false; self.positions.len()];
         let mut mesh = TetMesh::default();
         for (t, &group) in self.tets.iter().zip(&values) {
@@ -229,6 +240,21 @@ impl Found {
         mesh.check_conforming().map_err(|e| self.repeated(&e).unwrap_or_else(|| e.into()))?;
         let unused = self.tags.into_iter().zip(used).filter(|(_, used)| !used).map(|(tag, _)| tag).collect();
         Ok(Imported { mesh, unused, unlabelled, others: self.others.into_iter().collect(), remarks })
+    }
+
+    /// A number for each tetrahedron, whether these are none at all, and what should be known of them.
+    fn numbers(&self) -> Result<(Vec<i64>, bool, Vec<String>), MshError> {
+        let Numbers { values, grouped, mut remarks } = labels::number(&self.tets, &self.entities)?;
+        if grouped {
+            remarks.extend(self.labels.remark(&self.tets, &values));
+            return Ok((values, false, remarks));
+        }
+        let fault = |reason| MshError::Section { section: "$ElementData".into(), reason };
+        if let Some(labels) = self.labels.of_all(&self.tets).map_err(fault)? {
+            return Ok((labels, false, remarks));
+        }
+        let unlabelled = values.iter().all(|&v| v == 0);
+        Ok((values, unlabelled, remarks))
     }
 
     /// Version 2.2 repeats an element for each of its groups.

@@ -56,14 +56,14 @@ fn faults_are_named_with_their_element() {
         fault(ASCII_2.replace("$Elements\n2\n", "$Elements\n3\n3 4 2 6 1 2 3 1 4\n"))
             .contains("tetrahedra 0 and 1 have the same")
     );
-    assert!(fault(ASCII_2.replace("2 4 2 6 1", "2 2 2 6 1")).contains("no linear tetrahedron"));
+    assert!(fault(ASCII_2.replace("2 4 2 6 1 1 2 3 4", "2 2 2 6 1 1 2 3")).contains("no linear tetrahedron"));
 }
 
 #[test]
 fn quadratic_elements_were_called_no_linear_ones_and_left_out_in_silence() {
     let ten = ASCII_2.replace("$Elements\n2\n", "$Elements\n3\n7 11 2 6 1 1 2 3 4 1 2 3 4 1 2\n");
     assert_eq!(decode(ten.as_bytes()).expect("one is linear").others, [("quadratic tetrahedra", 1)]);
-    let none = decode(ten.replace("2 4 2 6 1", "2 2 2 6 1").as_bytes()).expect_err("refused").to_string();
+    let none = decode(ten.replace("2 4 2 6 1 1 2 3 4", "2 2 2 6 1 1 2 3").as_bytes()).expect_err("refused").to_string();
     assert!(none.contains("1 quadratic tetrahedra") && none.contains("ElementOrder"), "{none}");
 }
 

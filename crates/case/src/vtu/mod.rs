@@ -9,6 +9,7 @@
 //! an array of text.
 
 mod array;
+mod numbers;
 mod read;
 mod write;
 
@@ -130,3 +131,6 @@ impl UnstructuredGrid {
 pub fn find<'a>(arrays: &'a [DataArray], name: &str) -> Option<&'a DataArray> {
     arrays.iter().find(|a| a.name == name)
 }
+
+#[cfg(test)]
+mod tests;
