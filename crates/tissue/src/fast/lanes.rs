@@ -48,8 +48,6 @@ pub(crate) trait Lanes:
     unsafe fn gather_numbers<P: Place>(from: *const f32, places: &[P; WIDTH], first: usize) -> Self;
     /// Both numbers of the pairs `first..first + N`.
     fn load_pairs(pairs: &[[f32; 2]; WIDTH], first: usize) -> [Self; 2];
-    /// Writes both numbers of the pairs `first..first + N`.
-    fn store_pairs(v: [Self; 2], pairs: &mut [[f32; 2]; WIDTH], first: usize);
     /// x, y, z and inverse mass of the vertices at `places`, by component.
     ///
     /// # Safety
@@ -327,10 +325,6 @@ impl Lanes for Plain {
         [0, 1].map(|i| Self(core::array::from_fn(|l| pairs[first + l][i])))
     }
     #[inline(always)]
-    fn store_pairs(v: [Self; 2], pairs: &mut [[f32; 2]; WIDTH], first: usize) {
-        (0..8).for_each(|l| pairs[first + l] = [v[0].0[l], v[1].0[l]]);
-    }
-    #[inline(always)]
     unsafe fn gather_numbers<P: Place>(from: *const f32, places: &[P; WIDTH], first: usize) -> Self {
         // SAFETY: `Numbers` has checked all places against the count of its numbers.
         Self(core::array::from_fn(|l| unsafe { *from.add(places[first + l].at()) }))
@@ -381,8 +375,10 @@ pub(crate) mod tests {
                 let k = V::load(self.1, first);
                 let r = core::array::from_fn(|a| ((p[a] - q[a]) * k / p[3]).or_zero().sqrt().or_zero());
                 let s = core::array::from_fn(|a| (q[a] + k).if_negative(q[a].max(p[a]), q[a].min(V::splat(2.5))));
-                let mut swapped = [[0.0; 2]; WIDTH];
-                V::store_pairs([s[1], s[2]], &mut swapped, first);
+                let mut rows = [[0.0; WIDTH]; 2];
+                s[1].store(&mut rows[0], first);
+                s[2].store(&mut rows[1], first);
+                let swapped = core::array::from_fn(|l| [rows[0][l], rows[1][l]]);
                 let [q, p]: [V; 2] = V::load_pairs(&swapped, first);
                 (V::load(&most, first) + p * V::splat(0.7) - q).store(&mut most, first);
                 let count = self.2.saturating_sub(first);

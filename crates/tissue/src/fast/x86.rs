@@ -159,16 +159,6 @@ impl Lanes for Eight {
         }
     }
     #[inline(always)]
-    fn store_pairs(v: [Self; 2], pairs: &mut [[f32; 2]; WIDTH], first: usize) {
-        let lanes: &mut [f32; 16] = pairs[first..].as_flattened_mut().first_chunk_mut().expect("eight pairs are there");
-        // SAFETY: there is room for sixteen.
-        unsafe {
-            let (low, high) = (_mm256_unpacklo_ps(v[0].0, v[1].0), _mm256_unpackhi_ps(v[0].0, v[1].0));
-            _mm256_storeu_ps(lanes.as_mut_ptr(), _mm256_permute2f128_ps::<0x20>(low, high));
-            _mm256_storeu_ps(lanes.as_mut_ptr().add(8), _mm256_permute2f128_ps::<0x31>(low, high));
-        }
-    }
-    #[inline(always)]
     unsafe fn gather_numbers<P: Place>(from: *const f32, places: &[P; WIDTH], l: usize) -> Self {
         // SAFETY: `Numbers` has checked all places against the count of its numbers.
         unsafe { Self(eight(from, places, l)) }
@@ -278,17 +268,6 @@ impl<const GATHERS: bool> Lanes for Sixteen<GATHERS> {
         let from = pairs.as_flattened().as_ptr();
         // SAFETY: 32 numbers are there.
         unsafe { apart(_mm512_loadu_ps(from), _mm512_loadu_ps(from.add(16))).map(Self) }
-    }
-    #[inline(always)]
-    fn store_pairs(v: [Self; 2], pairs: &mut [[f32; 2]; WIDTH], _: usize) {
-        let to = pairs.as_flattened_mut().as_mut_ptr();
-        // SAFETY: there is room for 32.
-        unsafe {
-            let low = _mm512_setr_epi32(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
-            let high = _mm512_setr_epi32(8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
-            _mm512_storeu_ps(to, _mm512_permutex2var_ps(v[0].0, low, v[1].0));
-            _mm512_storeu_ps(to.add(16), _mm512_permutex2var_ps(v[0].0, high, v[1].0));
-        }
     }
     #[inline(always)]
     unsafe fn gather_numbers<P: Place>(from: *const f32, places: &[P; WIDTH], _: usize) -> Self {

@@ -1,5 +1,6 @@
 //! What is summed on a walk around vertices: forces of neighbours and elements, and their derivatives.
 
+use super::streams::Stream;
 use crate::fast::{Lanes, Pairs, Places, cross};
 
 /// Three components, and the six different entries of a symmetric matrix (xx, yy, zz, xy, xz, yz).
@@ -60,12 +61,12 @@ impl<V: Lanes> Force<V> {
 }
 
 impl<V: Lanes> Around<V> for Sums<V> {
-    type Elements<'e> = &'e [Element];
-    type View<'e> = Seen<'e>;
+    type Elements<'e> = Stream<'e>;
+    type View<'e> = Stream<'e>;
 
     #[inline(always)]
-    fn see<'e>(elements: &'e [Element], places: &'e Places<1, u32>) -> Seen<'e> {
-        places.pairs(elements)
+    fn see<'e>(elements: Stream<'e>, _: &'e Places<1, u32>) -> Stream<'e> {
+        elements
     }
 
     #[inline(always)]
@@ -74,8 +75,8 @@ impl<V: Lanes> Around<V> for Sums<V> {
     }
 
     #[inline(always)]
-    fn element(&mut self, (elements, row, first): (&Seen<'_>, usize, usize), n: &Vector<V>, volume: V) {
-        let [still, rise]: [V; 2] = elements.gather(row, 0, first);
+    fn element(&mut self, (elements, row, first): (&Stream<'_>, usize, usize), n: &Vector<V>, volume: V) {
+        let (still, rise) = (V::load(&elements.slope[row], first), V::load(&elements.rise[row], first));
         self.force.add_element(rise.mul_off(volume, still), n);
         let m = [rise * n[0], rise * n[1], rise * n[2]];
         for a in 0..3 {

@@ -1,6 +1,5 @@
 //! Vertex block descent with nodal pressures, in single precision.
 
-use super::around::Element;
 use super::differences::Differences;
 use super::elastic::Elastic;
 use super::film::FilmsAround;
@@ -8,6 +7,7 @@ use super::near::Near;
 use super::pressure::{Pressures, Still, Tissue};
 use super::region;
 use super::rings::{self, Part, SingleRows};
+use super::streams::{Stream, Streams, Visits};
 use super::sweep::{Memory, Substep as Shared, Sweep};
 use super::touch::{Touches, Touching, penalty_force};
 use crate::bytes;
@@ -40,6 +40,7 @@ const WHOLE_EVERY: u32 = 3;
 pub(crate) struct Descent {
     /// Two rounds of parts that can be done at the same time.
     rounds: [(Round, Vec<Part>); 2],
+    visits: Visits,
     far: SingleRows,
     node_cuts: Vec<usize>,
     pressures: Pressures,
@@ -63,8 +64,10 @@ pub(crate) struct DescentScratch {
     far: Vec<[f32; 4]>,
     /// Displacement from rest at the start of the substep, mm.
     displacement: Vec<[f32; 4]>,
-    /// Elements with their current pressure; without it; and without damping either.
-    elements: Vec<Element>,
+    /// Derivative of each element by six times its volume at no volume, with the current pressure (kPa/6), and 0 once more.
+    slopes: Vec<f32>,
+    streams: Streams,
+    /// Elements without pressure, and without damping either.
     still: Still,
     undamped: Still,
     /// Pressure of each patch, penalty included, kPa.
@@ -166,8 +169,10 @@ impl Descent {
         (region, regions): (&[u8], &[Region]),
         (slabs, volumes): (&Slabs, &Volumes),
     ) -> Self {
+        let rounds = rings::rounds(elastic, rest, mass, slabs);
         let mut out = Self {
-            rounds: rings::rounds(elastic, rest, mass, slabs),
+            visits: Visits::new(&rounds, elastic.tets.len()),
+            rounds,
             far: SingleRows::new(&elastic.far),
             node_cuts: slabs::even_cuts(rest.len()),
             pressures: Pressures::new(elastic, region, regions),
@@ -197,9 +202,9 @@ impl Descent {
                 let touching =
                     Touching { touches: &touches, films: &self.films, couplings: &[], rest, first: own.start };
                 let (target, far) = (&zero[own.clone()], &zero[own.clone()]);
-                let substep =
-                    Shared { elements: &nothing, target, far, damping: -1.0, inertia: 0.0, beyond: 1.0, touching };
-                let note = Some(elements);
+                let stream = Stream::default();
+                let substep = Shared { stream, target, far, damping: -1.0, inertia: 0.0, beyond: 1.0, touching };
+                let note = Some([&nothing[..], elements]);
                 plain(Sweep { part, substep, vertices: &mut vertices, memory: &mut memory, note });
                 part.base = memory.before;
             }
@@ -218,7 +223,10 @@ impl Descent {
     /// Bytes that they take, by what they are for.
     pub(crate) fn bytes(&self) -> Vec<bytes::Held> {
         vec![
-            ("elements around vertices", self.rounds.iter().flat_map(|r| &r.1).map(Part::bytes).sum()),
+            (
+                "elements around vertices",
+                self.rounds.iter().flat_map(|r| &r.1).map(Part::bytes).sum::<usize>() + self.visits.bytes(),
+            ),
             ("averaged shear", self.far.bytes()),
             ("pressures", self.pressures.bytes()),
             ("thin membranes", self.films.bytes()),
@@ -252,8 +260,16 @@ impl Descent {
         for c in body.couplings.iter_mut() {
             c.force = penalty_force(c, c.point(body.positions));
         }
-        let motion = scratch.memory.iter().flatten().flat_map(|m| &m.motion);
-        let most = motion.fold([0f32; WIDTH], |most, row| core::array::from_fn(|l| larger(most[l], row[l])));
+        self.largest_motion(&scratch.memory)
+    }
+
+    /// Of the vertices in the last sweep that they had, mm.
+    fn largest_motion(&self, memory: &[Vec<Memory>; 2]) -> f32 {
+        let batches = self.rounds.iter().flat_map(|r| &r.1).flat_map(|p| &p.batches);
+        let motions = batches.zip(memory.iter().flatten().flat_map(|m| &m.motion));
+        let most = motions.fold([0f32; WIDTH], |most, (batch, row)| {
+            core::array::from_fn(|l| if l < batch.count { larger(most[l], row[l]) } else { most[l] })
+        });
         most.into_iter().fold(0.0, larger).sqrt()
     }
 
@@ -305,17 +321,21 @@ impl Descent {
 
     /// Makes pressures follow the positions.
     fn press(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, when: Press, pool: &Pool) {
-        let DescentScratch { elements, still, total, near, .. } = scratch;
+        let DescentScratch { slopes, streams, still, total, near, .. } = scratch;
         if when == Press::Near {
             let (tissue, fluid_kpa) = (body.tissue(), body.fluid_kpa);
             let numbers = (&mut *body.pressure, &mut body.growth[..], &mut total[..]);
-            self.pressures.update_near(near, (tissue, body.positions), numbers, (still, elements), fluid_kpa);
+            self.pressures.update_near(near, (tissue, body.positions), numbers, (still, slopes), fluid_kpa);
+            streams.put(&self.visits, near.elements(), slopes);
             return;
         }
         let (tissue, numbers) = (body.tissue(), (&mut *body.pressure, &mut *body.growth));
-        let elements = (when != Press::End).then_some((&*still, elements));
+        let elements = (when != Press::End).then_some((&*still, &mut *slopes));
         let how = (when != Press::Begin, body.fluid_kpa, pool);
         self.pressures.update((tissue, body.positions), numbers, elements, total, how);
+        if when != Press::End {
+            streams.lay_slopes((&self.rounds, &self.visits), slopes, pool);
+        }
     }
 
     /// Moves on by inertia, and sets where loads would take each vertex.
@@ -338,6 +358,8 @@ impl Descent {
     fn resist(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, step: Substep, pool: &Pool) {
         let damping = damping_ratio(self.damping_s, step.dt);
         self.pressures.still(body.tissue(), damping, &mut scratch.still, pool);
+        let DescentScratch { still, streams, .. } = scratch;
+        streams.lay_rise((&self.rounds, &self.visits), (&still.elements, still.of), pool);
         if damping > 0.0 {
             self.pressures.still(body.tissue(), 0.0, &mut scratch.undamped, pool);
             self.sweep(body, scratch, (damping, 0.0, 1.0), true, pool);
@@ -356,18 +378,21 @@ impl Descent {
         note: bool,
         pool: &Pool,
     ) {
-        let DescentScratch { target, far, elements, still, undamped, memory, touches, .. } = scratch;
-        let (elements, note) = if note { (&still.elements, Some(&undamped.elements[..])) } else { (&*elements, None) };
+        let DescentScratch { target, far, streams, still, undamped, memory, touches, .. } = scratch;
+        let note = note.then_some([&still.elements[..], &undamped.elements]);
         let films = &self.films;
+        let mut before = 0;
         for ((round, parts), memory) in self.rounds.iter().zip(memory) {
             pool.each_planned(&round.plans, body.positions, &round.cuts, memory, &|i, vertices, memory| {
                 let own = round.cuts[i]..round.cuts[i + 1];
                 let touching =
                     Touching { touches, films, couplings: body.couplings, rest: body.rest, first: own.start };
                 let (target, far) = (&target[own.clone()], &far[own]);
-                let substep = Shared { elements, target, far, damping, inertia, beyond, touching };
+                let stream = if note.is_some() { Stream::default() } else { streams.part(&self.visits, before + i) };
+                let substep = Shared { stream, target, far, damping, inertia, beyond, touching };
                 widest(Sweep { part: &parts[i], substep, vertices, memory, note });
             });
+            before += parts.len();
         }
     }
 
@@ -401,7 +426,11 @@ impl DescentScratch {
     /// Bytes that it takes.
     pub(crate) fn bytes(&self) -> usize {
         let nodes = bytes::of(&self.target) + bytes::of(&self.far) + bytes::of(&self.displacement);
-        let elements = bytes::of(&self.elements) + self.still.bytes() + self.undamped.bytes() + bytes::of(&self.total);
+        let elements = bytes::of(&self.slopes)
+            + self.streams.bytes()
+            + self.still.bytes()
+            + self.undamped.bytes()
+            + bytes::of(&self.total);
         let memory =
             |m: &Memory| bytes::of(&m.before) + bytes::of(&m.motion) + bytes::of(&m.way) + bytes::of(&m.active);
         nodes + elements + self.near.bytes() + self.memory.iter().flatten().map(memory).sum::<usize>()
@@ -432,7 +461,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     /// What pressures have come to: of patches, with the penalty, and of elements.
-    type Pressed = (Vec<f32>, Vec<f32>, Vec<Element>);
+    type Pressed = (Vec<f32>, Vec<f32>, Vec<f32>);
 
     /// Two regions that meet; those of the second have the further patches, which take steps.
     fn model() -> Model {
@@ -482,7 +511,7 @@ mod tests {
         if let Some(when) = when {
             descent.press(&mut body, &mut scratch, when, &pool);
         }
-        (state.pressure.clone(), scratch.total, scratch.elements)
+        (state.pressure.clone(), scratch.total, scratch.slopes)
     }
 
     #[test]

@@ -16,6 +16,7 @@ mod near;
 mod pressure;
 mod region;
 mod rings;
+mod streams;
 mod strips;
 mod sweep;
 mod touch;

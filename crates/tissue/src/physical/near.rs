@@ -55,8 +55,7 @@ impl Near {
                 for lane in (0..batch.count).filter(|&l| motion[l] > least * least || touching.holds(batch.vertices[l]))
                 {
                     self.patches.mark(batch.vertices[lane]);
-                    let rows = batch.elements..batch.elements + batch.steps.len().saturating_sub(2);
-                    let around = rows.map(|row| part.tets.row(row)[0][lane]).filter(|&t| (t as usize) < tets);
+                    let around = batch.rows().map(|row| part.tets.row(row)[0][lane]).filter(|&t| (t as usize) < tets);
                     around.for_each(|t| self.elements.mark(t));
                 }
             }

@@ -48,7 +48,7 @@ pub(super) struct Tissue<'a> {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Still {
     /// The model that it is for, and the damping time over the time step.
-    of: Option<(u64, f32)>,
+    pub(super) of: Option<(u64, f32)>,
     /// Each element, and one more that is nothing.
     pub(super) elements: Vec<Element>,
     /// Of each region: the share of an element's second derivative that is the sweeps' own volumetric stiffness.
@@ -147,7 +147,7 @@ impl Pressures {
         &self,
         (of, positions): (Tissue<'_>, &[[f32; 4]]),
         (nodal, growth): (&mut [f32], &mut Vec<Row>),
-        elements: Option<(&Still, &mut Vec<Element>)>,
+        elements: Option<(&Still, &mut Vec<f32>)>,
         total: &mut Vec<f32>,
         (advance, fluid_kpa, pool): (bool, f32, &Pool),
     ) {
@@ -161,13 +161,14 @@ impl Pressures {
                 self.step(p, sum, advance, (&mut nodal[p - first], &mut total[p - first]));
             });
         });
-        let Some((still, elements)) = elements else { return };
+        let Some((still, slopes)) = elements else { return };
         if fluid_kpa != 0.0 {
             self.add_fluid(fluid_kpa, (nodal, total), |_| true);
         }
-        elements.resize(self.tets + 1, [0.0; 2]);
-        pool.each_part(elements, &self.element_cuts(), &mut [(); slabs::PIECES], &|i, elements, ()| {
-            self.spread(&Spread { of, total, growth, still, first: self.row_cuts[i] }, elements);
+        slopes.resize(self.tets + 1, 0.0);
+        slopes[self.tets] = 0.0;
+        pool.each_part(slopes, &self.element_cuts(), &mut [(); slabs::PIECES], &|i, slopes, ()| {
+            self.spread(&Spread { of, total, growth, still, first: self.row_cuts[i] }, slopes);
         });
     }
 
@@ -178,7 +179,7 @@ impl Pressures {
         near: &Near,
         (of, positions): (Tissue<'_>, &[[f32; 4]]),
         (nodal, growth, total): (&mut [f32], &mut [Row], &mut [f32]),
-        (still, elements): (&Still, &mut [Element]),
+        (still, slopes): (&Still, &mut [f32]),
         fluid_kpa: f32,
     ) {
         of.volumes.measure_rows(positions, near.rows(), growth);
@@ -189,10 +190,10 @@ impl Pressures {
             self.add_fluid(fluid_kpa, (nodal, total), |p| near.has_batch(self.around.batch_of(p)));
         }
         let spread = Spread { of, total, growth, still, first: 0 };
-        widest(NearRows { spread: &spread, near, elements });
+        widest(NearRows { spread: &spread, near, slopes });
         for row in near.rows() {
             let walls = self.walls_of(*row as usize).iter().filter(|w| near.has_element(w.0 as usize));
-            self.spread_walls(&spread, elements, walls);
+            self.spread_walls(&spread, slopes, walls);
         }
     }
 
@@ -250,10 +251,10 @@ impl Pressures {
     }
 
     /// Pressures of the elements from row `first` on.
-    fn spread(&self, spread: &Spread<'_>, elements: &mut [Element]) {
-        widest(Rows { spread, elements });
-        let rows = spread.first..spread.first + elements.len().div_ceil(WIDTH);
-        self.spread_walls(spread, elements, self.walls_between(rows).iter());
+    fn spread(&self, spread: &Spread<'_>, slopes: &mut [f32]) {
+        widest(Rows { spread, slopes });
+        let rows = spread.first..spread.first + slopes.len().div_ceil(WIDTH);
+        self.spread_walls(spread, slopes, self.walls_between(rows).iter());
     }
 
     /// The walls among the elements of some rows.
@@ -267,11 +268,11 @@ impl Pressures {
         self.walls_between(row..row + 1)
     }
 
-    /// Pressures of elements at walls; `elements` are those from the first row on.
+    /// Pressures of elements at walls; `slopes` are those from the first row on.
     fn spread_walls<'w>(
         &self,
         spread: &Spread<'_>,
-        elements: &mut [Element],
+        slopes: &mut [f32],
         walls: impl Iterator<Item = &'w (u32, [u32; 4])>,
     ) {
         let first = spread.first * WIDTH;
@@ -281,7 +282,7 @@ impl Pressures {
             let [start, rise] = spread.still.elements[t];
             let carried = spread.still.carried[spread.of.region[t] as usize];
             let growth = spread.growth.as_flattened()[t];
-            elements[t - first][0] = start + (((a + b) + (c + d)) * MEAN - growth * (rise * carried));
+            slopes[t - first] = start + (((a + b) + (c + d)) * MEAN - growth * (rise * carried));
         }
     }
 
@@ -307,7 +308,7 @@ struct Spread<'a> {
 /// Elements' derivatives from the pressures of their corners.
 struct Rows<'a> {
     spread: &'a Spread<'a>,
-    elements: &'a mut [Element],
+    slopes: &'a mut [f32],
 }
 
 impl Kernel for Rows<'_> {
@@ -316,8 +317,13 @@ impl Kernel for Rows<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) {
         let corners = self.spread.of.volumes.corners().numbers(self.spread.total);
-        for (row, elements) in (self.spread.first..).zip(self.elements.chunks_mut(WIDTH)) {
-            self.spread.put::<V>(&corners, row, elements);
+        for (row, slopes) in (self.spread.first..).zip(self.slopes.chunks_mut(WIDTH)) {
+            let all = self.spread.row::<V>(&corners, row);
+            // Sixteen but in the last.
+            match slopes.as_chunks_mut::<WIDTH>().0 {
+                [slopes] => *slopes = all,
+                _ => slopes.copy_from_slice(&all[..slopes.len()]),
+            }
         }
     }
 }
@@ -326,8 +332,8 @@ impl Kernel for Rows<'_> {
 struct NearRows<'a> {
     spread: &'a Spread<'a>,
     near: &'a Near,
-    /// All elements, and one more that is nothing.
-    elements: &'a mut [Element],
+    /// Of all elements, and of one more that is nothing.
+    slopes: &'a mut [f32],
 }
 
 impl Kernel for NearRows<'_> {
@@ -336,45 +342,39 @@ impl Kernel for NearRows<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) {
         let corners = self.spread.of.volumes.corners().numbers(self.spread.total);
-        let tets = self.elements.len() - 1;
+        let tets = self.slopes.len() - 1;
         for row in self.near.rows().iter().map(|&r| r as usize) {
             let own = row * WIDTH..((row + 1) * WIDTH).min(tets);
-            let mut all = [[0.0; 2]; WIDTH];
-            self.spread.put::<V>(&corners, row, &mut all[..own.len()]);
-            for (t, element) in own.zip(all).filter(|(t, _)| self.near.has_element(*t)) {
-                self.elements[t] = element;
+            let all = self.spread.row::<V>(&corners, row);
+            for (t, slope) in own.zip(all).filter(|(t, _)| self.near.has_element(*t)) {
+                self.slopes[t] = slope;
             }
         }
     }
 }
 
 impl Spread<'_> {
-    /// The elements of a row, sixteen but in the last.
+    /// The elements of a row; what is missing in the last one is nothing.
     #[inline(always)]
-    fn put<V: Lanes>(&self, corners: &Numbers<'_, 4, u32>, row: usize, elements: &mut [Element]) {
-        let still = &self.still.elements[row * WIDTH..][..elements.len()];
-        match (elements.as_chunks_mut::<WIDTH>().0, still.as_chunks::<WIDTH>().0) {
-            ([elements], [still]) => *elements = self.row::<V>(corners, row, still),
+    fn row<V: Lanes>(&self, corners: &Numbers<'_, 4, u32>, row: usize) -> Row {
+        let (regions, still) = (&self.of.region[row * WIDTH..], &self.still.elements[row * WIDTH..]);
+        let (mut padded_regions, mut padded) = ([0; WIDTH], [[0.0; 2]; WIDTH]);
+        let (regions, still) = match (regions.first_chunk::<WIDTH>(), still.first_chunk::<WIDTH>()) {
+            (Some(regions), Some(still)) => (regions, still),
             _ => {
-                let mut padded = [[0.0; 2]; WIDTH];
-                padded[..still.len()].copy_from_slice(still);
-                elements.copy_from_slice(&self.row::<V>(corners, row, &padded)[..elements.len()]);
+                padded_regions[..regions.len()].copy_from_slice(regions);
+                padded[..regions.len()].copy_from_slice(&still[..regions.len()]);
+                (&padded_regions, &padded)
             }
-        }
-    }
-
-    /// The elements of a row.
-    #[inline(always)]
-    fn row<V: Lanes>(&self, corners: &Numbers<'_, 4, u32>, row: usize, still: &[Element; WIDTH]) -> [Element; WIDTH] {
-        let regions = &self.of.region[row * WIDTH..self.of.region.len().min((row + 1) * WIDTH)];
-        let carried = |&r: &u8| self.still.carried[r as usize];
-        let alike = regions.iter().all(|&r| r == regions[0]);
-        let mut out = *still;
+        };
+        let carried = |r: u8| self.still.carried[r as usize];
+        let alike = regions.iter().fold(true, |alike, r| alike & (*r == regions[0]));
+        let mut out = [0.0; WIDTH];
         for lane in (0..WIDTH).step_by(V::N) {
             let carried = if alike {
-                V::splat(carried(&regions[0]))
+                V::splat(carried(regions[0]))
             } else {
-                V::load(&core::array::from_fn(|l| regions.get(l).map_or(0.0, carried)), lane)
+                V::load(&core::array::from_fn(|l| carried(regions[l])), lane)
             };
             let (a, b): (V, V) = (corners.gather(row, 0, lane), corners.gather(row, 1, lane));
             let (c, d): (V, V) = (corners.gather(row, 2, lane), corners.gather(row, 3, lane));
@@ -382,7 +382,7 @@ impl Spread<'_> {
             // The mean of its patches, less what the element's own change from now on will add again.
             let slope =
                 start + (((a + b) + (c + d)) * V::splat(MEAN) - V::load(&self.growth[row], lane) * (rise * carried));
-            V::store_pairs([slope, rise], &mut out, lane);
+            slope.store(&mut out, lane);
         }
         out
     }

@@ -29,6 +29,13 @@ pub(super) struct Batch {
     pub(super) elements: usize,
 }
 
+impl Batch {
+    /// Rows of the elements that its steps complete.
+    pub(super) fn rows(&self) -> core::ops::Range<usize> {
+        self.elements..self.elements + self.steps.len().saturating_sub(2)
+    }
+}
+
 /// Vertices whose elements all lie within one part.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Part {

@@ -2,14 +2,15 @@
 
 use super::around::{Around, Element, Force, Matrix, Sums, Vector, area, away};
 use super::rings::{Batch, Part};
+use super::streams::Stream;
 use super::touch::Touching;
 use crate::fast::{Kernel, Lanes, Row, WIDTH, dot};
 
 /// What is the same in all sweeps of a substep. Arrays of vertices are those of the part.
 #[derive(Clone, Copy)]
 pub(super) struct Substep<'a> {
-    /// All elements, and one more that is nothing.
-    pub(super) elements: &'a [Element],
+    /// Elements along the walks of the part.
+    pub(super) stream: Stream<'a>,
     /// Predicted positions, mm, and the averaged share of the shear force, mN.
     pub(super) target: &'a [[f32; 4]],
     pub(super) far: &'a [[f32; 4]],
@@ -44,8 +45,9 @@ pub(super) struct Sweep<'a> {
     pub(super) substep: Substep<'a>,
     pub(super) vertices: &'a mut [[f32; 4]],
     pub(super) memory: &'a mut Memory,
-    /// Instead of moving: notes what resists motion. For it, elements without damping.
-    pub(super) note: Option<&'a [Element]>,
+    /// Instead of moving: notes what resists motion. For it, all elements with and without damping, and one more that is
+    /// nothing.
+    pub(super) note: Option<[&'a [Element]; 2]>,
 }
 
 impl Kernel for Sweep<'_> {
@@ -89,7 +91,7 @@ impl<'a> Sweep<'a> {
         let batch = &self.part.batches[b];
         for first in (0..WIDTH).step_by(V::N).take_while(|&f| f < batch.count) {
             match self.note {
-                Some(undamped) => self.note::<V>(b, batch, first, undamped),
+                Some(elements) => self.note::<V>(b, batch, first, elements),
                 None => self.lanes::<V>(b, batch, first),
             }
         }
@@ -100,7 +102,7 @@ impl<'a> Sweep<'a> {
         let (part, s) = (self.part, self.substep);
         let damped = V::splat(1.0) + V::splat(s.damping);
         let mut p: [V; 4] = part.own.view(self.vertices).gather(b, 0, first);
-        let (mut g, mut h) = self.force(b, batch, first, (s.elements, damped));
+        let (mut g, mut h) = self.force(b, batch, first, (s.stream, damped));
         let mass = V::load(&part.mass[b], first) * V::splat(s.inertia);
         let target: [V; 4] = part.own.view(s.target).gather(b, 0, first);
         let stiff = V::load(&part.diagonal[b], first) * damped + mass;
@@ -126,12 +128,12 @@ impl<'a> Sweep<'a> {
 
     /// Force with what resists motion from rest, less the elastic force alone.
     #[inline(always)]
-    fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, undamped: &'a [Element]) {
+    fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, [with, without]: [&'a [Element]; 2]) {
         let (one, damped) = (V::splat(1.0), V::splat(1.0) + V::splat(self.substep.damping));
         let p: [V; 4] = self.part.own.view(self.vertices).gather(b, 0, first);
         let zero = [V::splat(0.0); 3];
         let mut both = (Force { sum: zero, damped }, Force { sum: zero, damped: one });
-        self.walk(batch, first, &p, (self.substep.elements, undamped), &mut both);
+        self.walk(batch, first, &p, (with, without), &mut both);
         let (force, elastic) = (self.rest(b, first, both.0.sum, damped), self.rest(b, first, both.1.sum, one));
         for a in 0..3 {
             (force[a] - elastic[a]).store(&mut self.memory.before[b][a], first);
@@ -145,12 +147,12 @@ impl<'a> Sweep<'a> {
         b: usize,
         batch: &Batch,
         first: usize,
-        (elements, damped): (&[Element], V),
+        (stream, damped): (Stream<'_>, V),
     ) -> (Vector<V>, Matrix<V>) {
         let p: [V; 4] = self.part.own.view(self.vertices).gather(b, 0, first);
         let force = Force { sum: [V::splat(0.0); 3], damped };
         let mut sums = Sums { force, hessian: [V::splat(0.0); 6] };
-        self.walk(batch, first, &p, elements, &mut sums);
+        self.walk(batch, first, &p, stream, &mut sums);
         (self.rest(b, first, sums.force.sum, damped), sums.hessian)
     }
 
