@@ -13,6 +13,26 @@ pub(crate) const WIDTH: usize = 16;
 /// One number for each lane of a batch.
 pub(crate) type Row = [f32; WIDTH];
 
+/// A row that begins where a line of the cache does, so that it is fetched at once.
+#[derive(Debug, Clone, Copy, Default)]
+#[repr(align(64))]
+pub(crate) struct Line(pub(crate) Row);
+
+impl core::ops::Deref for Line {
+    type Target = Row;
+    #[inline(always)]
+    fn deref(&self) -> &Row {
+        &self.0
+    }
+}
+
+impl core::ops::DerefMut for Line {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut Row {
+        &mut self.0
+    }
+}
+
 /// A vector of `N` lanes.
 pub(crate) trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>

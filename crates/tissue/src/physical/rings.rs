@@ -3,7 +3,7 @@
 use super::elastic::Elastic;
 use super::strips::{self, Spoke, Step};
 use crate::bytes;
-use crate::fast::{Places, Plans, Row, WIDTH};
+use crate::fast::{Line, Places, Plans, Row, WIDTH};
 use crate::slabs::{Round, Slabs};
 
 /// Unfinished batches that are looked through for a place: many fill well, few keep the vertices of a batch near each other.
@@ -45,7 +45,7 @@ pub(super) struct Part {
     /// Steps of the walk around each vertex (an empty place repeats the vertex): the next vertex, its weight in the shear
     /// matrix where it comes first (mN/mm), and bits of the lanes that keep the first vertex of the edge.
     pub(super) ring: Places<1>,
-    pub(super) weight: Vec<Row>,
+    pub(super) weight: Vec<Line>,
     pub(super) keeps_first: Vec<u16>,
     /// Elements that the steps complete, or one more than all.
     pub(super) tets: Places<1, u32>,
@@ -170,7 +170,7 @@ impl Rings<'_> {
                 let steps = vertices.map(|v| self.walks[v as usize].get(k));
                 let vertex = |l: usize| steps[l].map_or(vertices[l], |s| s.vertex);
                 ring.push([core::array::from_fn(|l| local(vertex(l)))]);
-                out.weight.push(core::array::from_fn(|l| self.weight(vertices[l], k)));
+                out.weight.push(Line(core::array::from_fn(|l| self.weight(vertices[l], k))));
                 let bit = |l: usize| u16::from(steps[l].is_none_or(|s| s.keeps_first)) << l;
                 out.keeps_first.push((0..WIDTH).map(bit).sum());
                 if k >= 2 {

@@ -7,14 +7,14 @@
 use super::around::Element;
 use super::rings::Part;
 use crate::bytes;
-use crate::fast::{Kernel, Lanes, Pool, Row, WIDTH, widest};
+use crate::fast::{Kernel, Lanes, Line, Pool, WIDTH, widest};
 use crate::slabs::Round;
 
 /// Derivatives of the elements along the walks of all parts: at no volume (kPa/6), and by six times the volume.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Streams {
-    slope: Vec<Row>,
-    rise: Vec<Row>,
+    slope: Vec<Line>,
+    rise: Vec<Line>,
     /// What `rise` is for: the model, and the damping time over the time step.
     of: Option<(u64, f32)>,
 }
@@ -22,8 +22,8 @@ pub(super) struct Streams {
 /// The elements along the walks of one part.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Stream<'a> {
-    pub(super) slope: &'a [Row],
-    pub(super) rise: &'a [Row],
+    pub(super) slope: &'a [Line],
+    pub(super) rise: &'a [Line],
 }
 
 /// No free vertex at this corner.
@@ -103,19 +103,18 @@ impl Streams {
 
     /// The derivatives at no volume of some elements alone.
     pub(super) fn put(&mut self, visits: &Visits, elements: &[u32], slopes: &[f32]) {
-        let slope = self.slope.as_flattened_mut();
         for &t in elements {
             for &place in visits.places[t as usize].iter().filter(|&&p| p != NOWHERE) {
-                slope[place as usize] = slopes[t as usize];
+                self.slope[place as usize / WIDTH][place as usize % WIDTH] = slopes[t as usize];
             }
         }
     }
 }
 
-fn lay(rounds: &[(Round, Vec<Part>); 2], visits: &Visits, numbers: &[f32], out: &mut Vec<Row>, pool: &Pool) {
+fn lay(rounds: &[(Round, Vec<Part>); 2], visits: &Visits, numbers: &[f32], out: &mut Vec<Line>, pool: &Pool) {
     let [even, odd] = [&rounds[0].1, &rounds[1].1];
     let cuts = &visits.cuts[..];
-    out.resize(cuts[cuts.len() - 1], [0.0; WIDTH]);
+    out.resize(cuts[cuts.len() - 1], Line::default());
     pool.each_part(out, cuts, &mut vec![(); cuts.len()], &|i, out, ()| {
         let part = even.get(i).unwrap_or_else(|| &odd[i - even.len()]);
         widest(Lay { part, numbers, out });
@@ -126,7 +125,7 @@ fn lay(rounds: &[(Round, Vec<Part>); 2], visits: &Visits, numbers: &[f32], out: 
 struct Lay<'a> {
     part: &'a Part,
     numbers: &'a [f32],
-    out: &'a mut [Row],
+    out: &'a mut [Line],
 }
 
 impl Kernel for Lay<'_> {
