@@ -121,7 +121,7 @@ impl Model {
             Mode::Physical(o) => {
                 let of = (&region[..], &regions[..]);
                 let mesh = (&tets[..], &membranes);
-                let model = PhysicalModel::new((&rest, &mass), mesh, of, (&slabs, &volumes), o.nodal_shear);
+                let model = PhysicalModel::new((&rest, &mass), mesh, of, &slabs, o.nodal_shear);
                 Solver::Physical(Box::new(model))
             }
         };

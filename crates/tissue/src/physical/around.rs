@@ -11,9 +11,6 @@ pub(super) type Matrix<V> = [V; 6];
 /// (kPa/mm3/36).
 pub(crate) type Element = [f32; 2];
 
-/// Elements seen through places.
-pub(super) type Seen<'e> = Pairs<'e, 1, u32>;
-
 /// What is summed on a walk around the vertices of a batch.
 pub(super) trait Around<V: Lanes> {
     /// The elements that it goes by.
@@ -88,28 +85,25 @@ impl<V: Lanes> Around<V> for Sums<V> {
     }
 }
 
-/// Forces of elements of two kinds.
-impl<V: Lanes> Around<V> for (Force<V>, Force<V>) {
-    type Elements<'e> = (&'e [Element], &'e [Element]);
-    type View<'e> = (Seen<'e>, Seen<'e>);
+/// The force alone.
+impl<V: Lanes> Around<V> for Force<V> {
+    type Elements<'e> = &'e [Element];
+    type View<'e> = Pairs<'e, 1, u32>;
 
     #[inline(always)]
-    fn see<'e>(elements: Self::Elements<'e>, places: &'e Places<1, u32>) -> Self::View<'e> {
-        (places.pairs(elements.0), places.pairs(elements.1))
+    fn see<'e>(elements: &'e [Element], places: &'e Places<1, u32>) -> Self::View<'e> {
+        places.pairs(elements)
     }
 
     #[inline(always)]
     fn neighbour(&mut self, weight: V, d: &Vector<V>) {
-        self.0.add_neighbour(weight, d);
-        self.1.add_neighbour(weight, d);
+        self.add_neighbour(weight, d);
     }
 
     #[inline(always)]
-    fn element(&mut self, (seen, row, first): (&Self::View<'_>, usize, usize), n: &Vector<V>, volume: V) {
-        for (force, elements) in [(&mut self.0, &seen.0), (&mut self.1, &seen.1)] {
-            let [still, rise]: [V; 2] = elements.gather(row, 0, first);
-            force.add_element(rise.mul_off(volume, still), n);
-        }
+    fn element(&mut self, (elements, row, first): (&Self::View<'_>, usize, usize), n: &Vector<V>, volume: V) {
+        let [still, rise]: [V; 2] = elements.gather(row, 0, first);
+        self.add_element(rise.mul_off(volume, still), n);
     }
 }
 

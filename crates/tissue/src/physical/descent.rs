@@ -7,12 +7,12 @@ use super::near::Near;
 use super::pressure::{Pressures, Still, Tissue};
 use super::region;
 use super::rings::{self, Part, SingleRows};
-use super::streams::{Stream, Streams, Visits};
-use super::sweep::{Memory, Substep as Shared, Sweep};
+use super::streams::{Streams, Visits};
+use super::sweep::{Memory, Substep as Shared, Sweep, Task};
 use super::touch::{Touches, Touching, penalty_force};
 use crate::bytes;
 use crate::contact::Coupling;
-use crate::fast::{Pool, Row, WIDTH, plain, widest};
+use crate::fast::{Pool, Row, WIDTH, widest};
 use crate::model::{Region, Tether};
 use crate::rigid::Rigid;
 use crate::slabs::{self, Round, Slabs};
@@ -67,9 +67,8 @@ pub(crate) struct DescentScratch {
     /// Derivative of each element by six times its volume at no volume, with the current pressure (kPa/6), and 0 once more.
     slopes: Vec<f32>,
     streams: Streams,
-    /// Elements without pressure, and without damping either.
+    /// Elements without pressure.
     still: Still,
-    undamped: Still,
     /// Pressure of each patch, penalty included, kPa.
     total: Vec<f32>,
     memory: [Vec<Memory>; 2],
@@ -128,6 +127,14 @@ impl Substep {
     }
 }
 
+/// What a pass is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Purpose {
+    Move,
+    Note,
+    Balance,
+}
+
 /// When pressures follow the positions: before the first sweep, without a step of their own; between sweeps, all or near
 /// what moves fast; and after the last, when nobody asks for the elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -167,10 +174,10 @@ impl Descent {
         rest: &[[f32; 4]],
         mass: &[f32],
         (region, regions): (&[u8], &[Region]),
-        (slabs, volumes): (&Slabs, &Volumes),
+        slabs: &Slabs,
     ) -> Self {
         let rounds = rings::rounds(elastic, rest, mass, slabs);
-        let mut out = Self {
+        Self {
             visits: Visits::new(&rounds, elastic.tets.len()),
             rounds,
             far: SingleRows::new(&elastic.far),
@@ -181,33 +188,6 @@ impl Descent {
             calm_mm: CALM * mean_edge(&elastic.volume),
             free_vertices: rest.iter().filter(|p| p[3] > 0.0).count(),
             damping_s: region.iter().map(|&r| regions[r as usize].material.damping_s as f32).fold(0.0, f32::max),
-        };
-        out.balance(rest, Tissue { volumes, region });
-        out
-    }
-
-    /// Sets the base so that it cancels all other forces at rest to the last bit.
-    fn balance(&mut self, rest: &[[f32; 4]], tissue: Tissue<'_>) {
-        let zero = vec![[0.0; 4]; rest.len()];
-        let touches = Touches::default();
-        let mut still = Still::default();
-        self.pressures.still(tissue, 0.0, &mut still, &Pool::new(1));
-        let elements = &still.elements[..];
-        // With no elements and nothing of the shear, what is noted is minus the elastic force.
-        let nothing = vec![[0.0; 2]; elements.len()];
-        for (round, parts) in &mut self.rounds {
-            for (i, part) in parts.iter_mut().enumerate() {
-                let own = round.cuts[i]..round.cuts[i + 1];
-                let (mut vertices, mut memory) = (rest[own.clone()].to_vec(), Memory::default());
-                let touching =
-                    Touching { touches: &touches, films: &self.films, couplings: &[], rest, first: own.start };
-                let (target, far) = (&zero[own.clone()], &zero[own.clone()]);
-                let stream = Stream::default();
-                let substep = Shared { stream, target, far, damping: -1.0, inertia: 0.0, beyond: 1.0, touching };
-                let note = Some([&nothing[..], elements]);
-                plain(Sweep { part, substep, vertices: &mut vertices, memory: &mut memory, note });
-                part.base = memory.before;
-            }
         }
     }
 
@@ -245,7 +225,7 @@ impl Descent {
         for k in 0..step.iterations {
             let (part, tells) = (!step.is_whole(k), step.chooses(k));
             scratch.memory.iter_mut().flatten().for_each(|m| (m.only_active, m.tells) = (part, tells));
-            self.sweep(body, scratch, (damping, inertia, step.beyond(k)), false, pool);
+            self.sweep(body, scratch, (damping, inertia, step.beyond(k)), pool);
             if tells {
                 self.choose(body, scratch, (k == 0, step.predicted_space));
             }
@@ -280,10 +260,14 @@ impl Descent {
             memory.iter_mut().for_each(|m| (m.only_active, m.tells) = (false, false));
         }
         scratch.touches.list(body.couplings, body.tethers, body.positions.len());
-        scratch.active_nodes = body.positions.len();
-        self.average_shear(body, scratch, pool);
         scratch.target.resize(body.positions.len(), [0.0; 4]);
-        self.resist(body, scratch, step, pool);
+        scratch.active_nodes = body.positions.len();
+        let damping = damping_ratio(self.damping_s, step.dt);
+        if self.pressures.still(body.tissue(), damping, &mut scratch.still, pool) {
+            self.balance(body, scratch, damping, pool);
+        }
+        self.average_shear(body, scratch, pool);
+        self.resist(body.positions, (body.rest, body.couplings), scratch, damping, pool);
         self.predict(body, &mut scratch.target, step, pool);
         self.press(body, scratch, Press::Begin, pool);
     }
@@ -354,43 +338,68 @@ impl Descent {
         });
     }
 
-    /// Sets the elements without pressures, and notes what resists motion from here on.
-    fn resist(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, step: Substep, pool: &Pool) {
-        let damping = damping_ratio(self.damping_s, step.dt);
-        self.pressures.still(body.tissue(), damping, &mut scratch.still, pool);
-        let DescentScratch { still, streams, .. } = scratch;
-        streams.lay_rise((&self.rounds, &self.visits), (&still.elements, still.of), pool);
+    /// Lays out what does not change with the positions, and sets the base, by which all forces cancel at rest to the last bit:
+    /// for each damping anew, as its sums are rounded otherwise.
+    fn balance(&self, body: &Body<'_>, scratch: &mut DescentScratch, damping: f32, pool: &Pool) {
+        let DescentScratch { still, streams, far, .. } = scratch;
+        let elements = |i: usize| still.elements.iter().map(|e| e[i]).collect::<Vec<f32>>();
+        streams.lay_slopes((&self.rounds, &self.visits), &elements(0), pool);
+        streams.lay_rises((&self.rounds, &self.visits), &elements(1), pool);
+        far.clear();
+        far.resize(body.rest.len(), [0.0; 4]);
+        let mut rest = body.rest.to_vec();
+        self.resist(&mut rest, (body.rest, &[]), scratch, damping, pool);
+        self.pass(&mut rest, (body.rest, &[]), scratch, (damping, 0.0, 1.0), Purpose::Balance, pool);
+    }
+
+    /// Notes what resists motion from the positions on.
+    fn resist(
+        &self,
+        positions: &mut [[f32; 4]],
+        around: (&[[f32; 4]], &[Coupling]),
+        scratch: &mut DescentScratch,
+        damping: f32,
+        pool: &Pool,
+    ) {
         if damping > 0.0 {
-            self.pressures.still(body.tissue(), 0.0, &mut scratch.undamped, pool);
-            self.sweep(body, scratch, (damping, 0.0, 1.0), true, pool);
+            self.pass(positions, around, scratch, (damping, 0.0, 1.0), Purpose::Note, pool);
         } else {
             scratch.memory.iter_mut().flatten().for_each(|m| m.before.fill([[0.0; WIDTH]; 3]));
         }
     }
 
-    /// One pass over the free vertices, with damping time over time step, one over the square of the time step, and how far
-    /// a vertex goes; or one that notes what resists motion.
-    fn sweep(
+    /// One sweep over the free vertices, with damping time over time step, one over the square of the time step, and how far
+    /// a vertex goes.
+    fn sweep(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, numbers: (f32, f32, f32), pool: &Pool) {
+        self.pass(body.positions, (body.rest, body.couplings), scratch, numbers, Purpose::Move, pool);
+    }
+
+    /// One pass over the free vertices, with the vertices at rest and what touches them.
+    fn pass(
         &self,
-        body: &mut Body<'_>,
+        positions: &mut [[f32; 4]],
+        (rest, couplings): (&[[f32; 4]], &[Coupling]),
         scratch: &mut DescentScratch,
         (damping, inertia, beyond): (f32, f32, f32),
-        note: bool,
+        purpose: Purpose,
         pool: &Pool,
     ) {
-        let DescentScratch { target, far, streams, still, undamped, memory, touches, .. } = scratch;
-        let note = note.then_some([&still.elements[..], &undamped.elements]);
+        let DescentScratch { target, far, streams, still, memory, touches, .. } = scratch;
+        let task = match purpose {
+            Purpose::Move => Task::Move,
+            Purpose::Note => Task::Note(&still.resisting),
+            Purpose::Balance => Task::Balance,
+        };
         let films = &self.films;
         let mut before = 0;
         for ((round, parts), memory) in self.rounds.iter().zip(memory) {
-            pool.each_planned(&round.plans, body.positions, &round.cuts, memory, &|i, vertices, memory| {
+            pool.each_planned(&round.plans, positions, &round.cuts, memory, &|i, vertices, memory| {
                 let own = round.cuts[i]..round.cuts[i + 1];
-                let touching =
-                    Touching { touches, films, couplings: body.couplings, rest: body.rest, first: own.start };
+                let touching = Touching { touches, films, couplings, rest, first: own.start };
                 let (target, far) = (&target[own.clone()], &far[own]);
-                let stream = if note.is_some() { Stream::default() } else { streams.part(&self.visits, before + i) };
+                let stream = streams.part(&self.visits, before + i);
                 let substep = Shared { stream, target, far, damping, inertia, beyond, touching };
-                widest(Sweep { part: &parts[i], substep, vertices, memory, note });
+                widest(Sweep { part: &parts[i], substep, vertices, memory, task });
             });
             before += parts.len();
         }
@@ -426,13 +435,10 @@ impl DescentScratch {
     /// Bytes that it takes.
     pub(crate) fn bytes(&self) -> usize {
         let nodes = bytes::of(&self.target) + bytes::of(&self.far) + bytes::of(&self.displacement);
-        let elements = bytes::of(&self.slopes)
-            + self.streams.bytes()
-            + self.still.bytes()
-            + self.undamped.bytes()
-            + bytes::of(&self.total);
-        let memory =
-            |m: &Memory| bytes::of(&m.before) + bytes::of(&m.motion) + bytes::of(&m.way) + bytes::of(&m.active);
+        let elements = bytes::of(&self.slopes) + self.streams.bytes() + self.still.bytes() + bytes::of(&self.total);
+        let memory = |m: &Memory| {
+            bytes::of(&m.before) + bytes::of(&m.base) + bytes::of(&m.motion) + bytes::of(&m.way) + bytes::of(&m.active)
+        };
         nodes + elements + self.near.bytes() + self.memory.iter().flatten().map(memory).sum::<usize>()
     }
 

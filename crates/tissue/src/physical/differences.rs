@@ -45,6 +45,6 @@ fn weighted(row: &[(u32, f32)], of: &[[f32; 4]], own: [f32; 4]) -> [f32; 4] {
 fn add(sum: &mut [f32; 4], &(n, weight): &(u32, f32), of: &[[f32; 4]], own: [f32; 4]) {
     let other = of[n as usize];
     for a in 0..4 {
-        sum[a] += weight * (other[a] - own[a]);
+        sum[a] = weight.mul_add(other[a] - own[a], sum[a]);
     }
 }

@@ -24,7 +24,6 @@ mod touch;
 use crate::membrane::Membranes;
 use crate::model::Region;
 use crate::slabs::Slabs;
-use crate::volumes::Volumes;
 use descent::Descent;
 use elastic::Elastic;
 
@@ -41,11 +40,11 @@ impl PhysicalModel {
         (rest, mass): (&[[f32; 4]], &[f32]),
         (tets, membranes): (&[[u32; 4]], &Membranes),
         (region, regions): (&[u8], &[Region]),
-        (slabs, volumes): (&Slabs, &Volumes),
+        slabs: &Slabs,
         nodal_shear: f64,
     ) -> Self {
         let elastic = Elastic::new(rest, (tets, membranes), (region, regions), nodal_shear);
-        let descent = Descent::new(&elastic, rest, mass, (region, regions), (slabs, volumes));
+        let descent = Descent::new(&elastic, rest, mass, (region, regions), slabs);
         Self { descent, nodal_shear }
     }
 }

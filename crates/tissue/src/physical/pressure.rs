@@ -48,9 +48,11 @@ pub(super) struct Tissue<'a> {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Still {
     /// The model that it is for, and the damping time over the time step.
-    pub(super) of: Option<(u64, f32)>,
+    of: Option<(u64, f32)>,
     /// Each element, and one more that is nothing.
     pub(super) elements: Vec<Element>,
+    /// What they resist motion with, at a damping time of one time step.
+    pub(super) resisting: Vec<Element>,
     /// Of each region: the share of an element's second derivative that is the sweeps' own volumetric stiffness.
     carried: Vec<f32>,
 }
@@ -58,7 +60,7 @@ pub(super) struct Still {
 impl Still {
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
-        bytes::of(&self.elements) + bytes::of(&self.carried)
+        bytes::of(&self.elements) + bytes::of(&self.resisting) + bytes::of(&self.carried)
     }
 }
 
@@ -107,11 +109,11 @@ impl Pressures {
         self.rate.len()
     }
 
-    /// Sets what elements are without any pressure; `damping` is the damping time over the time step. Done once for each:
-    /// nothing of it changes with the positions.
-    pub(super) fn still(&self, of: Tissue<'_>, damping: f32, still: &mut Still, pool: &Pool) {
+    /// Sets what elements are without any pressure; `damping` is the damping time over the time step. Done once for each, since
+    /// nothing of it changes with the positions: returns whether it was done.
+    pub(super) fn still(&self, of: Tissue<'_>, damping: f32, still: &mut Still, pool: &Pool) -> bool {
         if still.of == Some((self.id, damping)) {
-            return;
+            return false;
         }
         let more = 1.0 + f64::from(damping);
         let region = |&[mu, carried]: &[f64; 2]| {
@@ -126,14 +128,25 @@ impl Pressures {
         let regions: Vec<(f32, f32, f32)> = self.regions.iter().map(region).collect();
         still.of = Some((self.id, damping));
         still.carried = regions.iter().map(|r| r.2).collect();
-        still.elements.resize(self.tets + 1, [0.0; 2]);
-        still.elements[self.tets] = [0.0; 2];
+        let of_regions: Vec<[f32; 2]> = regions.iter().map(|r| [r.0, r.1]).collect();
+        self.elements_of(of, &of_regions, &mut still.elements, pool);
+        // The difference to no damping, over the damping.
+        let resist = |[mu, _]: &[f64; 2]| [-(1.0 + ELEMENT_BULK) * mu / 6.0, ELEMENT_BULK * mu / 6.0].map(|v| v as f32);
+        let of_regions: Vec<[f32; 2]> = self.regions.iter().map(resist).collect();
+        self.elements_of(of, &of_regions, &mut still.resisting, pool);
+        true
+    }
+
+    /// Elements from what those of each region are at no volume, and their second derivative times six times their volume.
+    fn elements_of(&self, of: Tissue<'_>, regions: &[[f32; 2]], elements: &mut Vec<Element>, pool: &Pool) {
+        elements.resize(self.tets + 1, [0.0; 2]);
+        elements[self.tets] = [0.0; 2];
         let six = of.volumes.six_rest().as_flattened();
         let cuts = self.element_cuts();
-        pool.each_part(&mut still.elements, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
+        pool.each_part(elements, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
             let own = cuts[i]..cuts[i + 1];
             for ((element, &r), six) in elements.iter_mut().zip(&of.region[own.clone()]).zip(&six[own]) {
-                let (start, rise, _) = regions[r as usize];
+                let [start, rise] = regions[r as usize];
                 *element = [start, rise / six];
             }
         });

@@ -49,10 +49,9 @@ pub(super) struct Part {
     pub(super) keeps_first: Vec<u16>,
     /// Elements that the steps complete, or one more than all.
     pub(super) tets: Places<1, u32>,
-    /// Of each batch: masses, kg; diagonal of the shear matrix, mN/mm; shear force that cancels all others at rest, mN.
+    /// Of each batch: masses, kg; diagonal of the shear matrix, mN/mm.
     pub(super) mass: Vec<Row>,
     pub(super) diagonal: Vec<Row>,
-    pub(super) base: Vec<[Row; 3]>,
 }
 
 /// Rows of a matrix in single precision: start of each row, then column and weight.
@@ -85,7 +84,7 @@ impl Part {
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
         let places = self.own.bytes() + self.ring.bytes() + self.tets.bytes();
-        let rows = bytes::of(&self.weight) + bytes::of(&self.mass) + bytes::of(&self.diagonal) + bytes::of(&self.base);
+        let rows = bytes::of(&self.weight) + bytes::of(&self.mass) + bytes::of(&self.diagonal);
         places + rows + bytes::of(&self.keeps_first) + bytes::of(&self.batches)
     }
 }
@@ -181,7 +180,6 @@ impl Rings<'_> {
             owns.push([vertices.map(local)]);
             out.mass.push(vertices.map(|v| self.mass[v as usize]));
             out.diagonal.push(vertices.map(|v| self.elastic.near.diagonal(v as usize) as f32));
-            out.base.push([[0.0; WIDTH]; 3]);
             out.batches.push(Batch { vertices, count: group.len(), steps: first_step..ring.len(), elements });
         }
         // They stay as long as the model: nothing is kept free.

@@ -4,7 +4,6 @@
 //! numbers cost as much as the vertex that completes the element; side by side along the walks they cost next to nothing.
 //! They are laid out anew whenever pressures have followed, once for several sweeps.
 
-use super::around::Element;
 use super::rings::Part;
 use crate::bytes;
 use crate::fast::{Kernel, Lanes, Line, Pool, WIDTH, widest};
@@ -15,8 +14,6 @@ use crate::slabs::Round;
 pub(super) struct Streams {
     slope: Vec<Line>,
     rise: Vec<Line>,
-    /// What `rise` is for: the model, and the damping time over the time step.
-    of: Option<(u64, f32)>,
 }
 
 /// The elements along the walks of one part.
@@ -77,18 +74,14 @@ impl Streams {
         Stream { slope: &self.slope[own.clone()], rise: &self.rise[own] }
     }
 
-    /// Lays out how elements resist; `of` tells a model and a damping from others. Each element, and one more that is nothing.
-    pub(super) fn lay_rise(
+    /// Lays out the second derivatives, of each element and of one more that is nothing.
+    pub(super) fn lay_rises(
         &mut self,
         (rounds, visits): (&[(Round, Vec<Part>); 2], &Visits),
-        (elements, of): (&[Element], Option<(u64, f32)>),
+        rises: &[f32],
         pool: &Pool,
     ) {
-        if self.of != of {
-            let rises: Vec<f32> = elements.iter().map(|e| e[1]).collect();
-            lay(rounds, visits, &rises, &mut self.rise, pool);
-            self.of = of;
-        }
+        lay(rounds, visits, rises, &mut self.rise, pool);
     }
 
     /// Lays out the derivatives at no volume, of each element and of one more that is nothing.

@@ -28,6 +28,8 @@ pub(super) struct Substep<'a> {
 pub(super) struct Memory {
     /// What resists motion, at the start of the substep, on each batch, mN: to be taken off.
     pub(super) before: Vec<[Row; 3]>,
+    /// Shear force on each batch that cancels all others at rest to the last bit, mN.
+    pub(super) base: Vec<[Row; 3]>,
     /// Square of each vertex's motion in the last sweep it had, mm2.
     pub(super) motion: Vec<Row>,
     /// The way that each batch's vertices went together in the last sweep that was asked to tell, mm.
@@ -39,15 +41,24 @@ pub(super) struct Memory {
     pub(super) tells: bool,
 }
 
-/// A sweep, or only forces.
+/// What a pass through a part is for.
+#[derive(Clone, Copy)]
+pub(super) enum Task<'a> {
+    /// Each vertex goes to its own minimum.
+    Move,
+    /// Notes what resists motion. For it, all elements at a damping time of one time step, and one more that is nothing.
+    Note(&'a [Element]),
+    /// At rest, and what resists motion having been noted there: sets the base.
+    Balance,
+}
+
+/// A pass through a part.
 pub(super) struct Sweep<'a> {
     pub(super) part: &'a Part,
     pub(super) substep: Substep<'a>,
     pub(super) vertices: &'a mut [[f32; 4]],
     pub(super) memory: &'a mut Memory,
-    /// Instead of moving: notes what resists motion. For it, all elements with and without damping, and one more that is
-    /// nothing.
-    pub(super) note: Option<[&'a [Element]; 2]>,
+    pub(super) task: Task<'a>,
 }
 
 impl Kernel for Sweep<'_> {
@@ -58,6 +69,7 @@ impl Kernel for Sweep<'_> {
         let batches = self.part.batches.len();
         self.memory.motion.resize(batches, [0.0; WIDTH]);
         self.memory.before.resize(batches, [[0.0; WIDTH]; 3]);
+        self.memory.base.resize(batches, [[0.0; WIDTH]; 3]);
         if self.memory.only_active {
             for i in 0..self.memory.active.len() {
                 let b = self.memory.active[i] as usize;
@@ -90,9 +102,10 @@ impl<'a> Sweep<'a> {
     fn batch<V: Lanes>(&mut self, b: usize) {
         let batch = &self.part.batches[b];
         for first in (0..WIDTH).step_by(V::N).take_while(|&f| f < batch.count) {
-            match self.note {
-                Some(elements) => self.note::<V>(b, batch, first, elements),
-                None => self.lanes::<V>(b, batch, first),
+            match self.task {
+                Task::Move => self.lanes::<V>(b, batch, first),
+                Task::Note(elements) => self.note::<V>(b, batch, first, elements),
+                Task::Balance => self.balance::<V>(b, batch, first),
             }
         }
     }
@@ -107,7 +120,9 @@ impl<'a> Sweep<'a> {
         let target: [V; 4] = part.own.view(s.target).gather(b, 0, first);
         let stiff = V::load(&part.diagonal[b], first) * damped + mass;
         for a in 0..3 {
-            g[a] = g[a] - V::load(&self.memory.before[b][a], first) + mass * (p[a] - target[a]);
+            // At rest the first three cancel to the last bit.
+            let load = |rows: &[[Row; 3]]| V::load(&rows[b][a], first);
+            g[a] = g[a] - load(&self.memory.before) + load(&self.memory.base) + mass * (p[a] - target[a]);
             h[a] = h[a] + stiff;
         }
         let mut beyond = V::splat(s.beyond);
@@ -126,21 +141,28 @@ impl<'a> Sweep<'a> {
         part.own.over(self.vertices).scatter(b, 0, first, p, batch.count - first);
     }
 
-    /// Force with what resists motion from rest, less the elastic force alone.
+    /// Force of a motion from rest to here within a time step, at the damping time.
     #[inline(always)]
-    fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, [with, without]: [&'a [Element]; 2]) {
-        let (one, damped) = (V::splat(1.0), V::splat(1.0) + V::splat(self.substep.damping));
+    fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: &'a [Element]) {
         let p: [V; 4] = self.part.own.view(self.vertices).gather(b, 0, first);
-        let zero = [V::splat(0.0); 3];
-        let mut both = (Force { sum: zero, damped }, Force { sum: zero, damped: one });
-        self.walk(batch, first, &p, (with, without), &mut both);
-        let (force, elastic) = (self.rest(b, first, both.0.sum, damped), self.rest(b, first, both.1.sum, one));
-        for a in 0..3 {
-            (force[a] - elastic[a]).store(&mut self.memory.before[b][a], first);
+        let mut force = Force { sum: [V::splat(0.0); 3], damped: V::splat(1.0) };
+        self.walk(batch, first, &p, elements, &mut force);
+        let force = self.with_far(b, first, force);
+        for (a, force) in force.into_iter().enumerate() {
+            (force * V::splat(self.substep.damping)).store(&mut self.memory.before[b][a], first);
         }
     }
 
-    /// Elastic force, the neighbours' `damped` times, and its derivative without theirs.
+    #[inline(always)]
+    fn balance<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize) {
+        let damped = V::splat(1.0) + V::splat(self.substep.damping);
+        let (force, _) = self.force(b, batch, first, (self.substep.stream, damped));
+        for (a, force) in force.into_iter().enumerate() {
+            (V::load(&self.memory.before[b][a], first) - force).store(&mut self.memory.base[b][a], first);
+        }
+    }
+
+    /// Force of neighbours, those `damped` times, and of elements, and its derivative without the neighbours'.
     #[inline(always)]
     fn force<V: Lanes>(
         &self,
@@ -153,18 +175,17 @@ impl<'a> Sweep<'a> {
         let force = Force { sum: [V::splat(0.0); 3], damped };
         let mut sums = Sums { force, hessian: [V::splat(0.0); 6] };
         self.walk(batch, first, &p, stream, &mut sums);
-        (self.rest(b, first, sums.force.sum, damped), sums.hessian)
+        (self.with_far(b, first, sums.force), sums.hessian)
     }
 
-    /// Adds what does not change in a substep to the sums around the vertices.
+    /// Adds the averaged share of the shear to the sums around the vertices.
     #[inline(always)]
-    fn rest<V: Lanes>(&self, b: usize, first: usize, mut force: Vector<V>, damped: V) -> Vector<V> {
+    fn with_far<V: Lanes>(&self, b: usize, first: usize, mut force: Force<V>) -> Vector<V> {
         let far: [V; 4] = self.part.own.view(self.substep.far).gather(b, 0, first);
-        for a in 0..3 {
-            // At rest without damping the two cancel to the last bit.
-            force[a] = force[a] + V::load(&self.part.base[b][a], first) * damped + far[a] * damped;
+        for (sum, far) in force.sum.iter_mut().zip(far) {
+            *sum = *sum + far * force.damped;
         }
-        force
+        force.sum
     }
 
     /// Walks around the vertices `p`.
