@@ -37,6 +37,9 @@ pub(crate) struct Guide {
     pub(crate) held: [bool; 3],
 }
 
+/// So many elements in a thousand are the finest.
+const FINEST: usize = 100;
+
 /// Constants of one mode.
 #[derive(Debug, Clone)]
 pub(crate) enum Solver {
@@ -69,6 +72,8 @@ pub struct Model {
     pub(crate) rest_volume: f64,
     /// Largest coordinate at rest, mm from the origin.
     pub(crate) reach: f32,
+    /// Edge of the finest elements, mm.
+    pub(crate) fine_edge: f64,
     /// Model number of each vertex of the mesh.
     pub(crate) number: Vec<u32>,
     /// Model number of each element of the mesh.
@@ -111,6 +116,7 @@ impl Model {
         let membranes = membrane::find(&tets, &region);
         let tree = SphereTree::new(&rest, &tets);
         let volumes = Volumes::new(&tets, &rest);
+        let fine_edge = volumes.fine_edge(FINEST);
         let rest_volume = (0..mesh.tets.len()).map(|t| mesh.volume(t)).sum();
         let solver = match options.mode {
             Mode::Paper(o) => {
@@ -144,6 +150,7 @@ impl Model {
             collision,
             rest_volume,
             reach,
+            fine_edge,
             number,
             tet_number,
         })

@@ -22,7 +22,8 @@ use crate::{Csf, Model, State};
 use monro_geometry::Vector;
 use std::sync::Arc;
 
-/// A tool moves at most this share of its radius in a substep.
+/// A tool moves at most this share of its radius in a substep, and of the finest elements' edges: pressed further in at once,
+/// these are crushed, and thrown about by what comes of it.
 const STRIDE: f64 = 0.5;
 /// No frame is cut finer than this for speed alone; what moves faster than that has been put elsewhere.
 const MOST_SUBSTEPS: u32 = 64;
@@ -131,7 +132,7 @@ impl Stepper {
         let mut report = StepReport::default();
         let mut failures = Vec::new();
         let mut survey = Survey::default();
-        let mut substeps = substeps_for(&settings, tools);
+        let mut substeps = substeps_for(model, &settings, tools);
         for attempt in 0..=RETRIES {
             self.events.clear();
             // What a part of the tissue could not do is tried with all of it.
@@ -447,9 +448,10 @@ fn predict(solver: &PaperModel, state: &mut State, settings: &FrameSettings, dt:
     }
 }
 
-fn substeps_for(settings: &FrameSettings, tools: &[ToolMotion]) -> u32 {
-    let gone = |m: &&ToolMotion| strides(m) <= f64::from(MOST_SUBSTEPS);
-    tools.iter().filter(gone).map(|m| strides(m).ceil() as u32).max().unwrap_or(1).max(settings.substeps)
+fn substeps_for(model: &Model, settings: &FrameSettings, tools: &[ToolMotion]) -> u32 {
+    let gone = tools.iter().filter(|m| strides(m) <= f64::from(MOST_SUBSTEPS));
+    let cuts = |m: &ToolMotion| strides(m).max(travel(m) / (STRIDE * model.fine_edge)).ceil() as u32;
+    gone.map(cuts).max().unwrap_or(1).min(MOST_SUBSTEPS).max(settings.substeps)
 }
 
 /// Length of a motion in units of the longest stride.

@@ -60,10 +60,22 @@ impl Volumes {
 
     /// Six times the growth of each element against rest, mm3, exactly zero at rest; the last row may have some too many.
     pub(crate) fn measure(&self, positions: &[[f32; 4]], growth: &mut Vec<Row>, pool: &Pool) {
+        self.measure_where(|_| true, positions, growth, pool);
+    }
+
+    /// As [`Volumes::measure_rows`], of the rows that are asked for, on all threads.
+    pub(crate) fn measure_where(
+        &self,
+        asked: impl Fn(usize) -> bool + Sync,
+        positions: &[[f32; 4]],
+        growth: &mut Vec<Row>,
+        pool: &Pool,
+    ) {
         growth.resize(self.rest.len(), [0.0; WIDTH]);
         pool.each_part(growth, &self.cuts, &mut [(); slabs::PIECES], &|i, out, ()| {
             let first = self.cuts[i];
-            widest(Growth { of: self, positions, rows: first..first + out.len(), first, out });
+            let rows = (first..first + out.len()).filter(|&r| asked(r));
+            widest(Growth { of: self, positions, rows, first, out });
         });
     }
 
@@ -71,6 +83,18 @@ impl Volumes {
     pub(crate) fn measure_rows(&self, positions: &[[f32; 4]], rows: &[u32], growth: &mut [Row]) {
         let rows = rows.iter().map(|&r| r as usize);
         widest(Growth { of: self, positions, rows, first: 0, out: growth });
+    }
+
+    /// Edge of an element at rest, mm, if it were regular.
+    pub(crate) fn edge(&self, tet: u32) -> f64 {
+        regular_edge(f64::from(self.rest.as_flattened()[tet as usize]) / 6.0)
+    }
+
+    /// Edge below which so many elements in a thousand are, mm.
+    pub(crate) fn fine_edge(&self, per_thousand: usize) -> f64 {
+        let mut six = self.rest.as_flattened()[..self.tets].to_vec();
+        let at = six.len() * per_thousand / 1000;
+        regular_edge(f64::from(*six.select_nth_unstable_by(at, f32::total_cmp).1) / 6.0)
     }
 
     /// Number of rows.
@@ -133,6 +157,11 @@ impl Volumes {
         }
         Survey { growth: sums.iter().sum::<f64>() / 6.0, inverted: inverted.iter().sum::<u32>() as usize }
     }
+}
+
+/// Edge of a regular tetrahedron of some volume, mm.
+pub(crate) fn regular_edge(volume: f64) -> f64 {
+    (72f64.sqrt() * volume).cbrt()
 }
 
 /// Where the rows with an element around each vertex begin, and these rows in order.

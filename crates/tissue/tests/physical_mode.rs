@@ -323,12 +323,14 @@ fn the_predicted_space_gives_the_whole_solution_within_two_per_cent_of_the_motio
 #[test]
 fn tissue_whose_membrane_gave_way_was_thrown_about_on_a_fine_mesh() {
     // Pressures that were in balance with the membrane pushed on for three sweeps before they followed, and elements that
-    // a second try had not turned back were left turned, 22 of them at the end.
+    // a second try had not turned back were left turned, 22 of them at the end. Later, from every second side: a shaft that
+    // held single points of elements smaller than itself tore their corners away, and a tip that went further than half of
+    // such an element at once crushed it; up to 135 turned, tissue 17 mm off.
     let mesh = block([40, 40, 16], 0.8, |_| 4);
     let top = Point::new(16.0, 16.0, 12.8);
     let model = Model::new(&mesh, &options(physical(), &nodes(&mesh, |p| p.z == 0.0))).expect("model");
     let tool = Tool { tip: TipShape::Round, radius_mm: 1.5 };
-    for (turn, predicted_space) in [(0.0f64, true), (0.0, false), (2.5, true), (2.5, false)] {
+    for (turn, predicted_space) in [(0.0f64, true), (0.7, false), (2.5, true), (2.5, false), (4.2, false)] {
         let out = Vector::new(0.45 * turn.cos(), 0.45 * turn.sin(), 0.9);
         let pose = |f: i32| {
             let tip = top + out * (1.0 - 0.6 * f64::from(f));
@@ -345,7 +347,9 @@ fn tissue_whose_membrane_gave_way_was_thrown_about_on_a_fine_mesh() {
         let most = reports.iter().map(|r| r.max_displacement_mm).fold(0.0, f64::max);
         let turned: usize = reports.iter().map(|r| r.inverted).sum();
         // Nothing goes further than the rod.
-        assert!(most < 11.0 && turned == 0, "{turn}, predicted {predicted_space}: {most} mm, {turned} turned");
+        let taken_back: u32 = reports.iter().map(|r| r.rollbacks).sum();
+        let good = most < 9.0 && turned == 0 && taken_back == 0;
+        assert!(good, "{turn}, predicted {predicted_space}: {most} mm, {turned} turned, {taken_back} taken back");
     }
 }
 

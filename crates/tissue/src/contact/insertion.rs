@@ -11,7 +11,7 @@ use crate::material::Insertion;
 use crate::membrane::OUTSIDE;
 use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
-use crate::vec3::{V3, add, axpy, dot, norm, scale, sub, xyz};
+use crate::vec3::{V3, add, axpy, cross, dot, norm, scale, sub, xyz};
 use crate::{CollisionResponse, Event, Material, Model, State};
 use monro_geometry::{Patient, Point};
 
@@ -146,13 +146,56 @@ fn renew_anchors(
             continue;
         }
         match detect::locate(model, state, spheres, rod.at(arc), found) {
-            Some(place) => memory.anchors.extend(anchor(model, place, arc, if i == 0 { load } else { 0.0 })),
+            Some(place) => {
+                let stretch = if i == 0 { load } else { 0.0 };
+                let (asides, count) = asides(rod, model.volumes.edge(place.tet) as f32);
+                let share = 1.0 / count as f32;
+                for aside in &asides[..count] {
+                    let place = match *aside == [0.0; 3] {
+                        true => Some(place),
+                        false => detect::locate(model, state, spheres, add(rod.at(arc), *aside), found),
+                    };
+                    memory.anchors.extend(place.and_then(|p| anchor(model, p, (arc, *aside), (stretch, share))));
+                }
+            }
             // The shaft leaves the tissue here; beyond the last old anchor it does not come back.
             None if i > 0 && next >= old => break,
             None => {}
         }
     }
     memory.anchors.sort_by(|a, b| a.arc.total_cmp(&b.arc));
+}
+
+/// Points on a circle around the axis that a piece of shaft holds in small elements, and its radius over the tool's.
+const AROUND_AXIS: usize = 6;
+const CIRCLE: f32 = 0.75;
+/// Elements with edges below this many radii of the tool are small: held at single points, their corners would be torn away
+/// from all around them, and the finer they are the softer the tissue would seem.
+const SMALL: f32 = 1.0;
+
+/// Places beside the axis that a piece of shaft holds in elements with such edges, mm.
+fn asides(rod: &Rod, edge: f32) -> ([V3; AROUND_AXIS + 1], usize) {
+    let mut out = [[0.0; 3]; AROUND_AXIS + 1];
+    if edge >= SMALL * rod.radius {
+        return (out, 1);
+    }
+    let (u, v) = across(rod.back);
+    for (i, aside) in out[1..].iter_mut().enumerate() {
+        let turn = core::f32::consts::TAU * i as f32 / AROUND_AXIS as f32;
+        let radius = CIRCLE * rod.radius;
+        *aside = axpy(scale(u, radius * turn.cos()), radius * turn.sin(), v);
+    }
+    (out, AROUND_AXIS + 1)
+}
+
+/// Two directions across an axis and each other.
+fn across(axis: V3) -> (V3, V3) {
+    let least = (0..3).min_by(|&a, &b| axis[a].abs().total_cmp(&axis[b].abs())).unwrap_or(0);
+    let mut one = [0.0; 3];
+    one[least] = 1.0;
+    let u = cross(axis, one);
+    let u = scale(u, 1.0 / norm(u));
+    (u, cross(axis, u))
 }
 
 /// Mean way from rest of the tissue around the shaft that is too far from it to be dragged along.
@@ -170,11 +213,17 @@ fn way_around(model: &Model, state: &State, rod: &Rod) -> V3 {
     if count > 0.0 { scale(sum, 1.0 / count) } else { sum }
 }
 
-fn anchor(model: &Model, place: detect::Place, arc: f32, stretch: f32) -> Option<Anchor> {
+fn anchor(
+    model: &Model,
+    place: detect::Place,
+    (arc, aside): (f32, V3),
+    (stretch, share): (f32, f32),
+) -> Option<Anchor> {
     let region = model.region[place.tet as usize];
     let nodes = model.tets[place.tet as usize];
     let held = !model.regions[region as usize].material.fluid;
-    held.then_some(Anchor { nodes, weights: place.weights, region, slipping: false, arc: arc + stretch, stretch })
+    let (weights, arc) = (place.weights, arc + stretch);
+    held.then_some(Anchor { nodes, weights, region, slipping: false, arc, stretch, aside, share })
 }
 
 /// One coupling per anchor. Where forces mean nothing (paper mode), friction is a length: tissue is dragged as far as
@@ -188,10 +237,13 @@ fn hold(
     couplings: &mut Vec<Coupling>,
 ) {
     let step = spacing(rod);
+    // What stands first is the tip's, as far as it makes one piece of shaft.
+    let mut before = 0.0;
     for (i, a) in memory.anchors.iter_mut().enumerate() {
         let material = &model.regions[a.region as usize].material;
-        let tip = i == 0 && a.arc <= step && advance == Advance::Forwards;
-        let mut limit = friction(&material.insertion, a.slipping, step, tip);
+        let tip = before < 0.99 && a.arc <= step && advance == Advance::Forwards;
+        before += a.share;
+        let mut limit = a.share * friction(&material.insertion, a.slipping, step, tip);
         if !model.forces_are_physical() {
             let drag = drag_length(material, rod.radius, tip);
             let rest = rest_point(model, a);
@@ -202,14 +254,22 @@ fn hold(
         couplings.push(Coupling {
             nodes: a.nodes,
             weights: a.weights,
-            rule: Rule::Hold { axis: rod.back, target: rod.at(a.arc), limit },
-            stiffness: PENALTY * material.young_kpa as f32 * step,
+            rule: Rule::Hold { axis: rod.back, target: held_at(rod, a), limit },
+            stiffness: a.share * PENALTY * material.young_kpa as f32 * step,
             tool: tool as u32,
             source: i as u32,
             tip,
             force: [0.0; 3],
         });
     }
+}
+
+/// The place of the shaft that an anchor is tied to. Beside the axis it turns with it.
+fn held_at(rod: &Rod, a: &Anchor) -> V3 {
+    let across = axpy(a.aside, -dot(a.aside, rod.back), rod.back);
+    let length = norm(across);
+    let aside = if length > 0.0 { scale(across, norm(a.aside) / length) } else { [0.0; 3] };
+    add(rod.at(a.arc), aside)
 }
 
 fn current(state: &State, a: &Anchor) -> V3 {

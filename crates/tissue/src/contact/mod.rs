@@ -29,6 +29,10 @@ pub(crate) struct Anchor {
     pub(crate) arc: f32,
     /// How far along the axis that place is ahead of the material point (mm, positive towards the tail).
     pub(crate) stretch: f32,
+    /// Where that place lies beside the axis, mm: points in elements smaller than the tool lie around it.
+    pub(crate) aside: V3,
+    /// Share of the piece of shaft that holds it.
+    pub(crate) share: f32,
 }
 
 /// Which way along its own axis a tool goes.

@@ -69,7 +69,7 @@ impl Sums {
         self.places.bytes() + bytes::of(&self.lanes) + batches
     }
 
-    /// Number of batches.
+    /// Number of batches that sums are done in.
     pub(crate) fn batches(&self) -> usize {
         self.batches.len()
     }
@@ -79,15 +79,16 @@ impl Sums {
         self.batch_of[sum]
     }
 
-    /// For each sum of a piece, in any order, what `then` makes of its number and of it.
-    pub(crate) fn of_piece<F: FnMut(usize, f32)>(&self, piece: usize, numbers: &[f32], then: F) {
-        let batches = self.batches[self.pieces[piece]..self.pieces[piece + 1]].iter();
-        super::widest(Chosen { of: self, batches, numbers, then });
-    }
-
-    /// As [`Sums::of_piece`], for the sums of some batches.
-    pub(crate) fn of_batches<F: FnMut(usize, f32)>(&self, batches: &[u32], numbers: &[f32], then: F) {
-        let batches = batches.iter().map(|&b| &self.batches[b as usize]);
+    /// For each sum of a piece that is in a batch asked for, in any order, what `then` makes of its number and of it.
+    pub(crate) fn of_piece<F: FnMut(usize, f32)>(
+        &self,
+        piece: usize,
+        asked: impl Fn(u32) -> bool,
+        numbers: &[f32],
+        then: F,
+    ) {
+        let own = self.pieces[piece]..self.pieces[piece + 1];
+        let batches = own.filter(|&b| asked(b as u32)).map(|b| &self.batches[b]);
         super::widest(Chosen { of: self, batches, numbers, then });
     }
 }
@@ -151,14 +152,16 @@ mod tests {
             let sums = Sums::new(&start, &around, &cuts);
             let mut found = vec![f32::NAN; 75];
             for piece in 0..cuts.len() - 1 {
-                sums.of_piece(piece, &numbers, |i, sum| found[i] = sum);
+                sums.of_piece(piece, |_| true, &numbers, |i, sum| found[i] = sum);
             }
             let list = |i: usize| &around[start[i] as usize..start[i + 1] as usize];
             let wanted: Vec<f32> = (0..75).map(|i| list(i).iter().map(|&p| numbers[p as usize]).sum()).collect();
             assert_eq!(found, wanted);
             let batches: Vec<u32> = [3, 40].map(|i| sums.batch_of(i)).into();
             let mut some = Vec::new();
-            sums.of_batches(&batches, &numbers, |i, sum| some.push((i, sum)));
+            for piece in 0..cuts.len() - 1 {
+                sums.of_piece(piece, |b| batches.contains(&b), &numbers, |i, sum| some.push((i, sum)));
+            }
             assert!([3, 40].iter().all(|&i| some.contains(&(i, wanted[i]))), "{some:?}");
             assert!(some.len() < 75 && some.iter().all(|s| s.1 == wanted[s.0]), "{some:?}");
         }

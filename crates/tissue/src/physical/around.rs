@@ -1,7 +1,7 @@
 //! What is summed on a walk around vertices: forces of neighbours and elements, and their derivatives.
 
 use super::streams::Stream;
-use crate::fast::{Lanes, Pairs, Places, cross};
+use crate::fast::{Lanes, Places, View, cross};
 
 /// Three components, and the six different entries of a symmetric matrix (xx, yy, zz, xy, xz, yz).
 pub(super) type Vector<V> = [V; 3];
@@ -85,25 +85,27 @@ impl<V: Lanes> Around<V> for Sums<V> {
     }
 }
 
-/// The force alone.
-impl<V: Lanes> Around<V> for Force<V> {
-    type Elements<'e> = &'e [Element];
-    type View<'e> = Pairs<'e, 1, u32>;
+/// Forces with and without damping.
+impl<V: Lanes> Around<V> for [Force<V>; 2] {
+    type Elements<'e> = &'e [[f32; 4]];
+    type View<'e> = View<'e, 1, u32>;
 
     #[inline(always)]
-    fn see<'e>(elements: &'e [Element], places: &'e Places<1, u32>) -> Self::View<'e> {
-        places.pairs(elements)
+    fn see<'e>(elements: &'e [[f32; 4]], places: &'e Places<1, u32>) -> Self::View<'e> {
+        places.view(elements)
     }
 
     #[inline(always)]
     fn neighbour(&mut self, weight: V, d: &Vector<V>) {
-        self.add_neighbour(weight, d);
+        self[0].add_neighbour(weight, d);
+        self[1].add_neighbour(weight, d);
     }
 
     #[inline(always)]
     fn element(&mut self, (elements, row, first): (&Self::View<'_>, usize, usize), n: &Vector<V>, volume: V) {
-        let [still, rise]: [V; 2] = elements.gather(row, 0, first);
-        self.add_element(rise.mul_off(volume, still), n);
+        let [slope, rise, slope_without, rise_without]: [V; 4] = elements.gather(row, 0, first);
+        self[0].add_element(rise.mul_off(volume, slope), n);
+        self[1].add_element(rise_without.mul_off(volume, slope_without), n);
     }
 }
 

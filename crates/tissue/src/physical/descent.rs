@@ -4,7 +4,7 @@ use super::differences::Differences;
 use super::elastic::Elastic;
 use super::film::FilmsAround;
 use super::near::Near;
-use super::pressure::{Pressures, Still, Tissue};
+use super::pressure::{Pressures, Still, Tissue, Which};
 use super::region;
 use super::rings::{self, Part, SingleRows};
 use super::streams::{Streams, Visits};
@@ -17,7 +17,7 @@ use crate::model::{Region, Tether};
 use crate::rigid::Rigid;
 use crate::slabs::{self, Round, Slabs};
 use crate::vec3::{V3, larger, shift, sub, xyz};
-use crate::volumes::Volumes;
+use crate::volumes::{Volumes, regular_edge};
 
 /// A vertex goes this many times as far as its own minimum (successive over-relaxation): smooth motions converge in fewer
 /// sweeps, and below 2 no energy rises. More than this, pressures that follow made blocks breathe (docs/speed.md). The last
@@ -267,7 +267,7 @@ impl Descent {
             self.balance(body, scratch, damping, pool);
         }
         self.average_shear(body, scratch, pool);
-        self.resist(body.positions, (body.rest, body.couplings), scratch, damping, pool);
+        self.note(body, scratch, damping, pool);
         self.predict(body, &mut scratch.target, step, pool);
         self.press(body, scratch, Press::Begin, pool);
     }
@@ -306,19 +306,17 @@ impl Descent {
     /// Makes pressures follow the positions.
     fn press(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, when: Press, pool: &Pool) {
         let DescentScratch { slopes, streams, still, total, near, .. } = scratch;
-        if when == Press::Near {
-            let (tissue, fluid_kpa) = (body.tissue(), body.fluid_kpa);
-            let numbers = (&mut *body.pressure, &mut body.growth[..], &mut total[..]);
-            self.pressures.update_near(near, (tissue, body.positions), numbers, (still, slopes), fluid_kpa);
-            streams.put(&self.visits, near.elements(), slopes);
-            return;
-        }
+        let which = match when {
+            Press::Near => Which::Near(near),
+            _ => Which::All { advance: when != Press::Begin },
+        };
         let (tissue, numbers) = (body.tissue(), (&mut *body.pressure, &mut *body.growth));
         let elements = (when != Press::End).then_some((&*still, &mut *slopes));
-        let how = (when != Press::Begin, body.fluid_kpa, pool);
-        self.pressures.update((tissue, body.positions), numbers, elements, total, how);
-        if when != Press::End {
-            streams.lay_slopes((&self.rounds, &self.visits), slopes, pool);
+        self.pressures.update((tissue, body.positions), numbers, elements, total, (which, body.fluid_kpa, pool));
+        match when {
+            Press::Near => streams.put(&self.visits, near.elements(), slopes),
+            Press::End => {}
+            Press::Begin | Press::Between => streams.lay_slopes((&self.rounds, &self.visits), slopes, pool),
         }
     }
 
@@ -338,8 +336,7 @@ impl Descent {
         });
     }
 
-    /// Lays out what does not change with the positions, and sets the base, by which all forces cancel at rest to the last bit:
-    /// for each damping anew, as its sums are rounded otherwise.
+    /// Lays out what does not change with the positions, and notes how it is at rest, so that all forces cancel there to the last bit: for each damping anew, as sums are rounded otherwise.
     fn balance(&self, body: &Body<'_>, scratch: &mut DescentScratch, damping: f32, pool: &Pool) {
         let DescentScratch { still, streams, far, .. } = scratch;
         let elements = |i: usize| still.elements.iter().map(|e| e[i]).collect::<Vec<f32>>();
@@ -347,25 +344,13 @@ impl Descent {
         streams.lay_rises((&self.rounds, &self.visits), &elements(1), pool);
         far.clear();
         far.resize(body.rest.len(), [0.0; 4]);
-        let mut rest = body.rest.to_vec();
-        self.resist(&mut rest, (body.rest, &[]), scratch, damping, pool);
-        self.pass(&mut rest, (body.rest, &[]), scratch, (damping, 0.0, 1.0), Purpose::Balance, pool);
+        self.pass(&mut body.rest.to_vec(), (body.rest, &[]), scratch, (damping, 0.0, 1.0), Purpose::Balance, pool);
     }
 
-    /// Notes what resists motion from the positions on.
-    fn resist(
-        &self,
-        positions: &mut [[f32; 4]],
-        around: (&[[f32; 4]], &[Coupling]),
-        scratch: &mut DescentScratch,
-        damping: f32,
-        pool: &Pool,
-    ) {
-        if damping > 0.0 {
-            self.pass(positions, around, scratch, (damping, 0.0, 1.0), Purpose::Note, pool);
-        } else {
-            scratch.memory.iter_mut().flatten().for_each(|m| m.before.fill([[0.0; WIDTH]; 3]));
-        }
+    /// Notes what resists motion from the positions on, and all else that stays as it is.
+    fn note(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, damping: f32, pool: &Pool) {
+        let around = (body.rest, &*body.couplings);
+        self.pass(body.positions, around, scratch, (damping, 0.0, 1.0), Purpose::Note, pool);
     }
 
     /// One sweep over the free vertices, with damping time over time step, one over the square of the time step, and how far
@@ -387,8 +372,8 @@ impl Descent {
         let DescentScratch { target, far, streams, still, memory, touches, .. } = scratch;
         let task = match purpose {
             Purpose::Move => Task::Move,
-            Purpose::Note => Task::Note(&still.resisting),
-            Purpose::Balance => Task::Balance,
+            Purpose::Note => Task::Note(&still.both),
+            Purpose::Balance => Task::Balance(&still.both),
         };
         let films = &self.films;
         let mut before = 0;
@@ -437,7 +422,7 @@ impl DescentScratch {
         let nodes = bytes::of(&self.target) + bytes::of(&self.far) + bytes::of(&self.displacement);
         let elements = bytes::of(&self.slopes) + self.streams.bytes() + self.still.bytes() + bytes::of(&self.total);
         let memory = |m: &Memory| {
-            bytes::of(&m.before) + bytes::of(&m.base) + bytes::of(&m.motion) + bytes::of(&m.way) + bytes::of(&m.active)
+            bytes::of(&m.steady) + bytes::of(&m.rest) + bytes::of(&m.motion) + bytes::of(&m.way) + bytes::of(&m.active)
         };
         nodes + elements + self.near.bytes() + self.memory.iter().flatten().map(memory).sum::<usize>()
     }
@@ -450,7 +435,7 @@ impl DescentScratch {
 
 /// Edge of a regular tetrahedron of the mean volume, mm.
 fn mean_edge(volumes: &[f64]) -> f64 {
-    (72f64.sqrt() * volumes.iter().sum::<f64>() / volumes.len().max(1) as f64).cbrt()
+    regular_edge(volumes.iter().sum::<f64>() / volumes.len().max(1) as f64)
 }
 
 /// Damping time over time step. Implicit Euler damps like one time step by itself, and that is taken off.

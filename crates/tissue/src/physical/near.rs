@@ -92,14 +92,14 @@ impl Near {
         self.elements.list()
     }
 
+    /// Whether a row of sixteen elements has one of them.
+    pub(super) fn has_row(&self, row: usize) -> bool {
+        self.rows.has(row)
+    }
+
     /// Rows of sixteen elements with one of them.
     pub(super) fn rows(&self) -> &[u32] {
         self.rows.list()
-    }
-
-    /// Batches of sums.
-    pub(super) fn batches(&self) -> &[u32] {
-        self.batches.list()
     }
 
     /// Whether a batch of sums is marked.

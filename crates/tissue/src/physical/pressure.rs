@@ -44,6 +44,51 @@ pub(super) struct Tissue<'a> {
     pub(super) region: &'a [u8],
 }
 
+/// Which pressures follow: all, with or without a step of their own, or those that are near, with one.
+#[derive(Clone, Copy)]
+pub(super) enum Which<'a> {
+    All { advance: bool },
+    Near(&'a Near),
+}
+
+impl Which<'_> {
+    /// Whether a row of elements has one that is asked for.
+    #[inline(always)]
+    fn row(self, row: usize) -> bool {
+        match self {
+            Self::All { .. } => true,
+            Self::Near(near) => near.has_row(row),
+        }
+    }
+
+    /// Whether an element is asked for.
+    #[inline(always)]
+    fn element(self, element: usize) -> bool {
+        match self {
+            Self::All { .. } => true,
+            Self::Near(near) => near.has_element(element),
+        }
+    }
+
+    /// Whether a batch of sums is asked for.
+    #[inline(always)]
+    fn batch(self, batch: u32) -> bool {
+        match self {
+            Self::All { .. } => true,
+            Self::Near(near) => near.has_batch(batch),
+        }
+    }
+
+    /// Whether the pressure of a patch takes a step.
+    #[inline(always)]
+    fn advances(self, patch: usize) -> bool {
+        match self {
+            Self::All { advance } => advance,
+            Self::Near(near) => near.has_patch(patch as u32),
+        }
+    }
+}
+
 /// What elements are without any pressure.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Still {
@@ -51,8 +96,8 @@ pub(super) struct Still {
     of: Option<(u64, f32)>,
     /// Each element, and one more that is nothing.
     pub(super) elements: Vec<Element>,
-    /// What they resist motion with, at a damping time of one time step.
-    pub(super) resisting: Vec<Element>,
+    /// The same, and beside it what they are without damping.
+    pub(super) both: Vec<[f32; 4]>,
     /// Of each region: the share of an element's second derivative that is the sweeps' own volumetric stiffness.
     carried: Vec<f32>,
 }
@@ -60,7 +105,7 @@ pub(super) struct Still {
 impl Still {
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
-        bytes::of(&self.elements) + bytes::of(&self.resisting) + bytes::of(&self.carried)
+        bytes::of(&self.elements) + bytes::of(&self.both) + bytes::of(&self.carried)
     }
 }
 
@@ -115,99 +160,71 @@ impl Pressures {
         if still.of == Some((self.id, damping)) {
             return false;
         }
-        let more = 1.0 + f64::from(damping);
-        let region = |&[mu, carried]: &[f64; 2]| {
-            let own = ELEMENT_BULK * mu * more;
-            // Of `-mu` and of what the growth against rest takes off the volume itself.
-            (
-                (-(mu * more + own + carried) / 6.0) as f32,
-                ((own + carried) / 6.0) as f32,
-                (carried / (own + carried)) as f32,
-            )
-        };
-        let regions: Vec<(f32, f32, f32)> = self.regions.iter().map(region).collect();
         still.of = Some((self.id, damping));
-        still.carried = regions.iter().map(|r| r.2).collect();
-        let of_regions: Vec<[f32; 2]> = regions.iter().map(|r| [r.0, r.1]).collect();
-        self.elements_of(of, &of_regions, &mut still.elements, pool);
-        // The difference to no damping, over the damping.
-        let resist = |[mu, _]: &[f64; 2]| [-(1.0 + ELEMENT_BULK) * mu / 6.0, ELEMENT_BULK * mu / 6.0].map(|v| v as f32);
-        let of_regions: Vec<[f32; 2]> = self.regions.iter().map(resist).collect();
-        self.elements_of(of, &of_regions, &mut still.resisting, pool);
+        let own = |mu: f64, more: f64| ELEMENT_BULK * mu * more;
+        let region = |&[mu, carried]: &[f64; 2], more: f64| {
+            // Of `-mu` and of what the growth against rest takes off the volume itself.
+            [-(mu * more + own(mu, more) + carried) / 6.0, (own(mu, more) + carried) / 6.0].map(|v| v as f32)
+        };
+        let more = 1.0 + f64::from(damping);
+        let regions: Vec<[[f32; 2]; 2]> = self.regions.iter().map(|r| [region(r, more), region(r, 1.0)]).collect();
+        still.carried = self.regions.iter().map(|r| (r[1] / (own(r[0], more) + r[1])) as f32).collect();
+        let six = of.volumes.six_rest().as_flattened();
+        let cuts = self.element_cuts();
+        still.elements.resize(self.tets + 1, [0.0; 2]);
+        still.elements[self.tets] = [0.0; 2];
+        pool.each_part(&mut still.elements, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
+            for (t, element) in (cuts[i]..).zip(elements) {
+                let [start, rise] = regions[of.region[t] as usize][0];
+                *element = [start, rise / six[t]];
+            }
+        });
+        still.both.resize(self.tets + 1, [0.0; 4]);
+        still.both[self.tets] = [0.0; 4];
+        pool.each_part(&mut still.both, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
+            for (t, element) in (cuts[i]..).zip(elements) {
+                let [[start, rise], [start_without, rise_without]] = regions[of.region[t] as usize];
+                *element = [start, rise / six[t], start_without, rise_without / six[t]];
+            }
+        });
         true
     }
 
-    /// Elements from what those of each region are at no volume, and their second derivative times six times their volume.
-    fn elements_of(&self, of: Tissue<'_>, regions: &[[f32; 2]], elements: &mut Vec<Element>, pool: &Pool) {
-        elements.resize(self.tets + 1, [0.0; 2]);
-        elements[self.tets] = [0.0; 2];
-        let six = of.volumes.six_rest().as_flattened();
-        let cuts = self.element_cuts();
-        pool.each_part(elements, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
-            let own = cuts[i]..cuts[i + 1];
-            for ((element, &r), six) in elements.iter_mut().zip(&of.region[own.clone()]).zip(&six[own]) {
-                let [start, rise] = regions[r as usize];
-                *element = [start, rise / six];
-            }
-        });
-    }
-
-    /// Growth of all elements at the current positions, and their pressures with it. With `advance` the nodal pressures
+    /// Growth of elements at the current positions, and their pressures with it. With `advance` the nodal pressures
     /// take the next step of the multiplier method, `p <- (p + r (J - 1)) / (1 + r / k)`, at rest in itself when
     /// `p = k (J - 1)`. `fluid_kpa` is the fluid's own pressure: as the solid's it acts through the volumes of elements, so
     /// it follows them within a sweep and the two cancel where they meet. After the last sweep nobody asks for the elements.
+    ///
+    /// Where only what is near follows, its elements see how far they and their patches have grown, and all others keep what
+    /// they have of both, since one without the other would make them soft.
     pub(super) fn update(
         &self,
         (of, positions): (Tissue<'_>, &[[f32; 4]]),
         (nodal, growth): (&mut [f32], &mut Vec<Row>),
         elements: Option<(&Still, &mut Vec<f32>)>,
         total: &mut Vec<f32>,
-        (advance, fluid_kpa, pool): (bool, f32, &Pool),
+        (which, fluid_kpa, pool): (Which<'_>, f32, &Pool),
     ) {
-        of.volumes.measure(positions, growth, pool);
+        of.volumes.measure_where(|row| which.row(row), positions, growth, pool);
         total.resize(self.len(), 0.0);
         // Each piece has its part of the nodal pressures and, as its slot, the same part of the totals.
         let mut totals = slabs::split(total, &self.patch_cuts);
         pool.each_part(nodal, &self.patch_cuts, &mut totals, &|i, nodal, total| {
             let first = self.patch_cuts[i];
-            self.around.of_piece(i, growth.as_flattened(), |p, sum| {
-                self.step(p, sum, advance, (&mut nodal[p - first], &mut total[p - first]));
+            let asked = |batch| which.batch(batch);
+            self.around.of_piece(i, asked, growth.as_flattened(), |p, sum| {
+                self.step(p, sum, which.advances(p), (&mut nodal[p - first], &mut total[p - first]));
             });
         });
         let Some((still, slopes)) = elements else { return };
         if fluid_kpa != 0.0 {
-            self.add_fluid(fluid_kpa, (nodal, total), |_| true);
+            self.add_fluid(fluid_kpa, (nodal, total), |p| which.batch(self.around.batch_of(p)));
         }
         slopes.resize(self.tets + 1, 0.0);
         slopes[self.tets] = 0.0;
         pool.each_part(slopes, &self.element_cuts(), &mut [(); slabs::PIECES], &|i, slopes, ()| {
-            self.spread(&Spread { of, total, growth, still, first: self.row_cuts[i] }, slopes);
+            self.spread(&Spread { of, total, growth, still, which, first: self.row_cuts[i] }, slopes);
         });
-    }
-
-    /// As [`Pressures::update`] with `advance`, for what is near: its elements see how far they and their patches have grown.
-    /// All other elements keep what they have of both, since one without the other would make them soft.
-    pub(super) fn update_near(
-        &self,
-        near: &Near,
-        (of, positions): (Tissue<'_>, &[[f32; 4]]),
-        (nodal, growth, total): (&mut [f32], &mut [Row], &mut [f32]),
-        (still, slopes): (&Still, &mut [f32]),
-        fluid_kpa: f32,
-    ) {
-        of.volumes.measure_rows(positions, near.rows(), growth);
-        self.around.of_batches(near.batches(), growth.as_flattened(), |p, sum| {
-            self.step(p, sum, near.has_patch(p as u32), (&mut nodal[p], &mut total[p]));
-        });
-        if fluid_kpa != 0.0 {
-            self.add_fluid(fluid_kpa, (nodal, total), |p| near.has_batch(self.around.batch_of(p)));
-        }
-        let spread = Spread { of, total, growth, still, first: 0 };
-        widest(NearRows { spread: &spread, near, slopes });
-        for row in near.rows() {
-            let walls = self.walls_of(*row as usize).iter().filter(|w| near.has_element(w.0 as usize));
-            self.spread_walls(&spread, slopes, walls);
-        }
     }
 
     /// Forgets what was near, before it is chosen anew.
@@ -225,7 +242,8 @@ impl Pressures {
             }
         }
         for i in 0..near.rows().len() {
-            for (t, patches) in self.walls_of(near.rows()[i] as usize) {
+            let row = near.rows()[i] as usize;
+            for (t, patches) in self.walls_between(row..row + 1) {
                 if !near.has_element(*t as usize) {
                     continue;
                 }
@@ -267,7 +285,7 @@ impl Pressures {
     fn spread(&self, spread: &Spread<'_>, slopes: &mut [f32]) {
         widest(Rows { spread, slopes });
         let rows = spread.first..spread.first + slopes.len().div_ceil(WIDTH);
-        self.spread_walls(spread, slopes, self.walls_between(rows).iter());
+        self.spread_walls(spread, slopes, self.walls_between(rows));
     }
 
     /// The walls among the elements of some rows.
@@ -276,20 +294,10 @@ impl Pressures {
         &self.walls[from(rows.start)..from(rows.end)]
     }
 
-    /// The walls among the elements of a row.
-    fn walls_of(&self, row: usize) -> &[(u32, [u32; 4])] {
-        self.walls_between(row..row + 1)
-    }
-
     /// Pressures of elements at walls; `slopes` are those from the first row on.
-    fn spread_walls<'w>(
-        &self,
-        spread: &Spread<'_>,
-        slopes: &mut [f32],
-        walls: impl Iterator<Item = &'w (u32, [u32; 4])>,
-    ) {
+    fn spread_walls(&self, spread: &Spread<'_>, slopes: &mut [f32], walls: &[(u32, [u32; 4])]) {
         let first = spread.first * WIDTH;
-        for &(t, patches) in walls {
+        for &(t, patches) in walls.iter().filter(|w| spread.which.element(w.0 as usize)) {
             let t = t as usize;
             let [a, b, c, d] = patches.map(|p| spread.total[p as usize]);
             let [start, rise] = spread.still.elements[t];
@@ -314,6 +322,7 @@ struct Spread<'a> {
     total: &'a [f32],
     growth: &'a [Row],
     still: &'a Still,
+    which: Which<'a>,
     /// Row that the elements begin with.
     first: usize,
 }
@@ -330,37 +339,16 @@ impl Kernel for Rows<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) {
         let corners = self.spread.of.volumes.corners().numbers(self.spread.total);
-        for (row, slopes) in (self.spread.first..).zip(self.slopes.chunks_mut(WIDTH)) {
+        let which = self.spread.which;
+        for (row, slopes) in (self.spread.first..).zip(self.slopes.chunks_mut(WIDTH)).filter(|s| which.row(s.0)) {
             let all = self.spread.row::<V>(&corners, row);
             // Sixteen but in the last.
-            match slopes.as_chunks_mut::<WIDTH>().0 {
-                [slopes] => *slopes = all,
-                _ => slopes.copy_from_slice(&all[..slopes.len()]),
-            }
-        }
-    }
-}
-
-/// As [`Rows`], of the elements that are near.
-struct NearRows<'a> {
-    spread: &'a Spread<'a>,
-    near: &'a Near,
-    /// Of all elements, and of one more that is nothing.
-    slopes: &'a mut [f32],
-}
-
-impl Kernel for NearRows<'_> {
-    type Out = ();
-
-    #[inline(always)]
-    fn run<V: Lanes>(self) {
-        let corners = self.spread.of.volumes.corners().numbers(self.spread.total);
-        let tets = self.slopes.len() - 1;
-        for row in self.near.rows().iter().map(|&r| r as usize) {
-            let own = row * WIDTH..((row + 1) * WIDTH).min(tets);
-            let all = self.spread.row::<V>(&corners, row);
-            for (t, slope) in own.zip(all).filter(|(t, _)| self.near.has_element(*t)) {
-                self.slopes[t] = slope;
+            match (slopes.as_chunks_mut::<WIDTH>().0, which) {
+                ([slopes], Which::All { .. }) => *slopes = all,
+                _ => {
+                    let own = (row * WIDTH..).zip(slopes).zip(all).filter(|s| which.element(s.0.0));
+                    own.for_each(|((_, slope), new)| *slope = new);
+                }
             }
         }
     }

@@ -1,6 +1,6 @@
 //! One sweep of vertex block descent through a part: each vertex goes to its own minimum.
 
-use super::around::{Around, Element, Force, Matrix, Sums, Vector, area, away};
+use super::around::{Around, Force, Matrix, Sums, Vector, area, away};
 use super::rings::{Batch, Part};
 use super::streams::Stream;
 use super::touch::Touching;
@@ -11,7 +11,7 @@ use crate::fast::{Kernel, Lanes, Row, WIDTH, dot};
 pub(super) struct Substep<'a> {
     /// Elements along the walks of the part.
     pub(super) stream: Stream<'a>,
-    /// Predicted positions, mm, and the averaged share of the shear force, mN.
+    /// Predicted positions, mm, and the averaged share of the shear force, mN (asked for when it is noted).
     pub(super) target: &'a [[f32; 4]],
     pub(super) far: &'a [[f32; 4]],
     /// Damping time over time step, and one over the square of the time step.
@@ -26,10 +26,11 @@ pub(super) struct Substep<'a> {
 /// What a part leaves behind.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Memory {
-    /// What resists motion, at the start of the substep, on each batch, mN: to be taken off.
-    pub(super) before: Vec<[Row; 3]>,
-    /// Shear force on each batch that cancels all others at rest to the last bit, mN.
-    pub(super) base: Vec<[Row; 3]>,
+    /// Of each batch, at rest: the force that cancels all others to the last bit, and what is noted of what resists motion, mN.
+    pub(super) rest: Vec<[[Row; 3]; 2]>,
+    /// Force on each batch that stays as it is in a substep, mN: that at rest, the averaged share of the shear, and what
+    /// resists motion as noted at the start, taken off.
+    pub(super) steady: Vec<[Row; 3]>,
     /// Square of each vertex's motion in the last sweep it had, mm2.
     pub(super) motion: Vec<Row>,
     /// The way that each batch's vertices went together in the last sweep that was asked to tell, mm.
@@ -46,10 +47,10 @@ pub(super) struct Memory {
 pub(super) enum Task<'a> {
     /// Each vertex goes to its own minimum.
     Move,
-    /// Notes what resists motion. For it, all elements at a damping time of one time step, and one more that is nothing.
-    Note(&'a [Element]),
-    /// At rest, and what resists motion having been noted there: sets the base.
-    Balance,
+    /// Notes what stays as it is in a substep. For it, all elements with and without damping, and one more that is nothing.
+    Note(&'a [[f32; 4]]),
+    /// Notes how it is at rest, with the same elements.
+    Balance(&'a [[f32; 4]]),
 }
 
 /// A pass through a part.
@@ -68,8 +69,8 @@ impl Kernel for Sweep<'_> {
     fn run<V: Lanes>(mut self) {
         let batches = self.part.batches.len();
         self.memory.motion.resize(batches, [0.0; WIDTH]);
-        self.memory.before.resize(batches, [[0.0; WIDTH]; 3]);
-        self.memory.base.resize(batches, [[0.0; WIDTH]; 3]);
+        self.memory.steady.resize(batches, [[0.0; WIDTH]; 3]);
+        self.memory.rest.resize(batches, [[[0.0; WIDTH]; 3]; 2]);
         if self.memory.only_active {
             for i in 0..self.memory.active.len() {
                 let b = self.memory.active[i] as usize;
@@ -105,7 +106,7 @@ impl<'a> Sweep<'a> {
             match self.task {
                 Task::Move => self.lanes::<V>(b, batch, first),
                 Task::Note(elements) => self.note::<V>(b, batch, first, elements),
-                Task::Balance => self.balance::<V>(b, batch, first),
+                Task::Balance(elements) => self.balance::<V>(b, batch, first, elements),
             }
         }
     }
@@ -120,9 +121,8 @@ impl<'a> Sweep<'a> {
         let target: [V; 4] = part.own.view(s.target).gather(b, 0, first);
         let stiff = V::load(&part.diagonal[b], first) * damped + mass;
         for a in 0..3 {
-            // At rest the first three cancel to the last bit.
-            let load = |rows: &[[Row; 3]]| V::load(&rows[b][a], first);
-            g[a] = g[a] - load(&self.memory.before) + load(&self.memory.base) + mass * (p[a] - target[a]);
+            // At rest the first two cancel to the last bit.
+            g[a] = g[a] + V::load(&self.memory.steady[b][a], first) + mass * (p[a] - target[a]);
             h[a] = h[a] + stiff;
         }
         let mut beyond = V::splat(s.beyond);
@@ -141,25 +141,44 @@ impl<'a> Sweep<'a> {
         part.own.over(self.vertices).scatter(b, 0, first, p, batch.count - first);
     }
 
-    /// Force of a motion from rest to here within a time step, at the damping time.
     #[inline(always)]
-    fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: &'a [Element]) {
-        let p: [V; 4] = self.part.own.view(self.vertices).gather(b, 0, first);
-        let mut force = Force { sum: [V::splat(0.0); 3], damped: V::splat(1.0) };
-        self.walk(batch, first, &p, elements, &mut force);
-        let force = self.with_far(b, first, force);
-        for (a, force) in force.into_iter().enumerate() {
-            (force * V::splat(self.substep.damping)).store(&mut self.memory.before[b][a], first);
+    fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: &'a [[f32; 4]]) {
+        let damped = V::splat(1.0) + V::splat(self.substep.damping);
+        let far: [V; 4] = self.part.own.view(self.substep.far).gather(b, 0, first);
+        let resists = self.resistance::<V>(b, batch, first, elements);
+        for a in 0..3 {
+            let [base, at_rest] = [0, 1].map(|i| V::load(&self.memory.rest[b][i][a], first));
+            // At rest, the base alone is left.
+            let steady = far[a] * damped + (base + (at_rest - resists[a]));
+            steady.store(&mut self.memory.steady[b][a], first);
         }
     }
 
     #[inline(always)]
-    fn balance<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize) {
+    fn balance<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: &'a [[f32; 4]]) {
         let damped = V::splat(1.0) + V::splat(self.substep.damping);
         let (force, _) = self.force(b, batch, first, (self.substep.stream, damped));
-        for (a, force) in force.into_iter().enumerate() {
-            (V::load(&self.memory.before[b][a], first) - force).store(&mut self.memory.base[b][a], first);
+        let resists = self.resistance::<V>(b, batch, first, elements);
+        let rest = &mut self.memory.rest[b];
+        for a in 0..3 {
+            (V::splat(0.0) - force[a]).store(&mut rest[0][a], first);
+            resists[a].store(&mut rest[1][a], first);
         }
+    }
+
+    /// Force of a motion from rest to here within a time step, less the elastic force alone: summed as in a sweep, so that
+    /// where nothing moves, nothing is left of what is rounded.
+    #[inline(always)]
+    fn resistance<V: Lanes>(&self, b: usize, batch: &Batch, first: usize, elements: &[[f32; 4]]) -> Vector<V> {
+        let (one, damping) = (V::splat(1.0), V::splat(self.substep.damping));
+        if self.substep.damping == 0.0 {
+            return [V::splat(0.0); 3];
+        }
+        let p: [V; 4] = self.part.own.view(self.vertices).gather(b, 0, first);
+        let far: [V; 4] = self.part.own.view(self.substep.far).gather(b, 0, first);
+        let mut both = [one + damping, one].map(|damped| Force { sum: [V::splat(0.0); 3], damped });
+        self.walk(batch, first, &p, elements, &mut both);
+        core::array::from_fn(|a| (both[0].sum[a] - both[1].sum[a]) + far[a] * damping)
     }
 
     /// Force of neighbours, those `damped` times, and of elements, and its derivative without the neighbours'.
@@ -175,17 +194,7 @@ impl<'a> Sweep<'a> {
         let force = Force { sum: [V::splat(0.0); 3], damped };
         let mut sums = Sums { force, hessian: [V::splat(0.0); 6] };
         self.walk(batch, first, &p, stream, &mut sums);
-        (self.with_far(b, first, sums.force), sums.hessian)
-    }
-
-    /// Adds the averaged share of the shear to the sums around the vertices.
-    #[inline(always)]
-    fn with_far<V: Lanes>(&self, b: usize, first: usize, mut force: Force<V>) -> Vector<V> {
-        let far: [V; 4] = self.part.own.view(self.substep.far).gather(b, 0, first);
-        for (sum, far) in force.sum.iter_mut().zip(far) {
-            *sum = *sum + far * force.damped;
-        }
-        force.sum
+        (sums.force.sum, sums.hessian)
     }
 
     /// Walks around the vertices `p`.
