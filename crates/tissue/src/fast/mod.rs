@@ -17,7 +17,9 @@ mod sums;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub(crate) use lanes::{Kernel, Lanes, Line, Numbers, Places, Row, View, WIDTH, Window, cross, dot, plain, widest};
+pub(crate) use lanes::{
+    Kernel, Lanes, Line, Numbers, Pairs, Places, Row, View, WIDTH, Window, cross, dot, plain, widest,
+};
 pub(crate) use plan::Plans;
 pub(crate) use pool::Pool;
 pub(crate) use sums::Sums;

@@ -164,6 +164,14 @@ impl Lanes for Eight {
         unsafe { Self(eight(from, places, l)) }
     }
     #[inline(always)]
+    unsafe fn gather_pairs<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], l: usize) -> [Self; 2] {
+        // SAFETY: `Pairs` has checked all places against the length of its pairs.
+        unsafe {
+            let (low, high) = (two_couples(from, places, l), two_couples(from, places, l + 2));
+            [Self(_mm256_shuffle_ps::<0x88>(low, high)), Self(_mm256_shuffle_ps::<0xdd>(low, high))]
+        }
+    }
+    #[inline(always)]
     unsafe fn gather<P: Place>(from: *const [f32; 4], places: &[P; WIDTH], first: usize) -> [Self; 4] {
         // SAFETY: `Window` has checked all places against the length of its vertices.
         unsafe {
@@ -273,6 +281,23 @@ impl<const GATHERS: bool> Lanes for Sixteen<GATHERS> {
         }
     }
     #[inline(always)]
+    unsafe fn gather_pairs<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], _: usize) -> [Self; 2] {
+        // SAFETY: `Pairs` has checked all places against the length of its pairs.
+        unsafe {
+            if GATHERS {
+                let at = indices(places);
+                let (low, high) = (_mm512_castsi512_si256(at), _mm512_extracti32x8_epi32::<1>(at));
+                let (a, b) = (_mm512_i32gather_pd::<8>(low, from.cast()), _mm512_i32gather_pd::<8>(high, from.cast()));
+                return apart(_mm512_castpd_ps(a), _mm512_castpd_ps(b)).map(Self);
+            }
+            let (a, b) = (two_couples(from, places, 0), two_couples(from, places, 8));
+            let (c, d) = (two_couples(from, places, 2), two_couples(from, places, 10));
+            let low = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(a), b);
+            let high = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(c), d);
+            [Self(_mm512_shuffle_ps::<0x88>(low, high)), Self(_mm512_shuffle_ps::<0xdd>(low, high))]
+        }
+    }
+    #[inline(always)]
     unsafe fn gather<P: Place>(from: *const [f32; 4], places: &[P; WIDTH], _: usize) -> [Self; 4] {
         // SAFETY: `Window` has checked all places against the length of its vertices.
         unsafe {
@@ -373,6 +398,24 @@ unsafe fn eight<P: Place>(from: *const f32, places: &[P; WIDTH], l: usize) -> __
             *from.add(places[l + 7].at()),
         )
     }
+}
+
+/// The pairs of two lanes that follow each other.
+#[inline(always)]
+unsafe fn couple<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], l: usize) -> __m128 {
+    // SAFETY: `Pairs` has checked the places.
+    unsafe {
+        let low = _mm_loadl_epi64(from.add(places[l].at()).cast());
+        let high = _mm_loadl_epi64(from.add(places[l + 1].at()).cast());
+        _mm_castsi128_ps(_mm_unpacklo_epi64(low, high))
+    }
+}
+
+/// The pairs of two lanes, and beside them those four lanes further.
+#[inline(always)]
+unsafe fn two_couples<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], l: usize) -> __m256 {
+    // SAFETY: as in `couple`.
+    unsafe { _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(couple(from, places, l)), couple(from, places, l + 4)) }
 }
 
 /// Two vertices side by side.

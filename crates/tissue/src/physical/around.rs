@@ -1,7 +1,7 @@
 //! What is summed on a walk around vertices: forces of neighbours and elements, and their derivatives.
 
 use super::streams::Stream;
-use crate::fast::{Lanes, Places, View, cross};
+use crate::fast::{Lanes, Pairs, Places, cross};
 
 /// Three components, and the six different entries of a symmetric matrix (xx, yy, zz, xy, xz, yz).
 pub(super) type Vector<V> = [V; 3];
@@ -87,12 +87,12 @@ impl<V: Lanes> Around<V> for Sums<V> {
 
 /// Forces with and without damping.
 impl<V: Lanes> Around<V> for [Force<V>; 2] {
-    type Elements<'e> = &'e [[f32; 4]];
-    type View<'e> = View<'e, 1, u32>;
+    type Elements<'e> = [&'e [Element]; 2];
+    type View<'e> = [Pairs<'e, 1, u32>; 2];
 
     #[inline(always)]
-    fn see<'e>(elements: &'e [[f32; 4]], places: &'e Places<1, u32>) -> Self::View<'e> {
-        places.view(elements)
+    fn see<'e>(elements: [&'e [Element]; 2], places: &'e Places<1, u32>) -> Self::View<'e> {
+        elements.map(|e| places.pairs(e))
     }
 
     #[inline(always)]
@@ -103,9 +103,10 @@ impl<V: Lanes> Around<V> for [Force<V>; 2] {
 
     #[inline(always)]
     fn element(&mut self, (elements, row, first): (&Self::View<'_>, usize, usize), n: &Vector<V>, volume: V) {
-        let [slope, rise, slope_without, rise_without]: [V; 4] = elements.gather(row, 0, first);
-        self[0].add_element(rise.mul_off(volume, slope), n);
-        self[1].add_element(rise_without.mul_off(volume, slope_without), n);
+        for (force, elements) in self.iter_mut().zip(elements) {
+            let [slope, rise]: [V; 2] = elements.gather(row, 0, first);
+            force.add_element(rise.mul_off(volume, slope), n);
+        }
     }
 }
 

@@ -372,8 +372,8 @@ impl Descent {
         let DescentScratch { target, far, streams, still, memory, touches, .. } = scratch;
         let task = match purpose {
             Purpose::Move => Task::Move,
-            Purpose::Note => Task::Note(&still.both),
-            Purpose::Balance => Task::Balance(&still.both),
+            Purpose::Note => Task::Note([&still.elements, &still.undamped]),
+            Purpose::Balance => Task::Balance([&still.elements, &still.undamped]),
         };
         let films = &self.films;
         let mut before = 0;

@@ -96,8 +96,8 @@ pub(super) struct Still {
     of: Option<(u64, f32)>,
     /// Each element, and one more that is nothing.
     pub(super) elements: Vec<Element>,
-    /// The same, and beside it what they are without damping.
-    pub(super) both: Vec<[f32; 4]>,
+    /// What they are without damping.
+    pub(super) undamped: Vec<Element>,
     /// Of each region: the share of an element's second derivative that is the sweeps' own volumetric stiffness.
     carried: Vec<f32>,
 }
@@ -105,7 +105,7 @@ pub(super) struct Still {
 impl Still {
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
-        bytes::of(&self.elements) + bytes::of(&self.both) + bytes::of(&self.carried)
+        bytes::of(&self.elements) + bytes::of(&self.undamped) + bytes::of(&self.carried)
     }
 }
 
@@ -167,27 +167,26 @@ impl Pressures {
             [-(mu * more + own(mu, more) + carried) / 6.0, (own(mu, more) + carried) / 6.0].map(|v| v as f32)
         };
         let more = 1.0 + f64::from(damping);
-        let regions: Vec<[[f32; 2]; 2]> = self.regions.iter().map(|r| [region(r, more), region(r, 1.0)]).collect();
         still.carried = self.regions.iter().map(|r| (r[1] / (own(r[0], more) + r[1])) as f32).collect();
+        for (more, elements) in [(more, &mut still.elements), (1.0, &mut still.undamped)] {
+            let regions: Vec<[f32; 2]> = self.regions.iter().map(|r| region(r, more)).collect();
+            self.elements_of(of, &regions, elements, pool);
+        }
+        true
+    }
+
+    /// Elements from what those of each region are at no volume, and their second derivative times six times their volume.
+    fn elements_of(&self, of: Tissue<'_>, regions: &[[f32; 2]], elements: &mut Vec<Element>, pool: &Pool) {
+        elements.resize(self.tets + 1, [0.0; 2]);
+        elements[self.tets] = [0.0; 2];
         let six = of.volumes.six_rest().as_flattened();
         let cuts = self.element_cuts();
-        still.elements.resize(self.tets + 1, [0.0; 2]);
-        still.elements[self.tets] = [0.0; 2];
-        pool.each_part(&mut still.elements, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
+        pool.each_part(elements, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
             for (t, element) in (cuts[i]..).zip(elements) {
-                let [start, rise] = regions[of.region[t] as usize][0];
+                let [start, rise] = regions[of.region[t] as usize];
                 *element = [start, rise / six[t]];
             }
         });
-        still.both.resize(self.tets + 1, [0.0; 4]);
-        still.both[self.tets] = [0.0; 4];
-        pool.each_part(&mut still.both, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
-            for (t, element) in (cuts[i]..).zip(elements) {
-                let [[start, rise], [start_without, rise_without]] = regions[of.region[t] as usize];
-                *element = [start, rise / six[t], start_without, rise_without / six[t]];
-            }
-        });
-        true
     }
 
     /// Growth of elements at the current positions, and their pressures with it. With `advance` the nodal pressures

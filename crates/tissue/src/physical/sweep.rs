@@ -1,6 +1,6 @@
 //! One sweep of vertex block descent through a part: each vertex goes to its own minimum.
 
-use super::around::{Around, Force, Matrix, Sums, Vector, area, away};
+use super::around::{Around, Element, Force, Matrix, Sums, Vector, area, away};
 use super::rings::{Batch, Part};
 use super::streams::Stream;
 use super::touch::Touching;
@@ -48,9 +48,9 @@ pub(super) enum Task<'a> {
     /// Each vertex goes to its own minimum.
     Move,
     /// Notes what stays as it is in a substep. For it, all elements with and without damping, and one more that is nothing.
-    Note(&'a [[f32; 4]]),
+    Note([&'a [Element]; 2]),
     /// Notes how it is at rest, with the same elements.
-    Balance(&'a [[f32; 4]]),
+    Balance([&'a [Element]; 2]),
 }
 
 /// A pass through a part.
@@ -142,7 +142,7 @@ impl<'a> Sweep<'a> {
     }
 
     #[inline(always)]
-    fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: &'a [[f32; 4]]) {
+    fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: [&'a [Element]; 2]) {
         let damped = V::splat(1.0) + V::splat(self.substep.damping);
         let far: [V; 4] = self.part.own.view(self.substep.far).gather(b, 0, first);
         let resists = self.resistance::<V>(b, batch, first, elements);
@@ -155,7 +155,7 @@ impl<'a> Sweep<'a> {
     }
 
     #[inline(always)]
-    fn balance<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: &'a [[f32; 4]]) {
+    fn balance<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: [&'a [Element]; 2]) {
         let damped = V::splat(1.0) + V::splat(self.substep.damping);
         let (force, _) = self.force(b, batch, first, (self.substep.stream, damped));
         let resists = self.resistance::<V>(b, batch, first, elements);
@@ -169,7 +169,7 @@ impl<'a> Sweep<'a> {
     /// Force of a motion from rest to here within a time step, less the elastic force alone: summed as in a sweep, so that
     /// where nothing moves, nothing is left of what is rounded.
     #[inline(always)]
-    fn resistance<V: Lanes>(&self, b: usize, batch: &Batch, first: usize, elements: &[[f32; 4]]) -> Vector<V> {
+    fn resistance<V: Lanes>(&self, b: usize, batch: &Batch, first: usize, elements: [&[Element]; 2]) -> Vector<V> {
         let (one, damping) = (V::splat(1.0), V::splat(self.substep.damping));
         if self.substep.damping == 0.0 {
             return [V::splat(0.0); 3];
