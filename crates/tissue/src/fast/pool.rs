@@ -30,6 +30,9 @@ pub(super) const MOST: usize = 32;
 
 type Work<'a> = dyn Fn(usize) + Sync + 'a;
 
+/// What is done with a part: told are the round, the number of the part in it, the part and its slot.
+type RoundWork<'a, T, S> = dyn Fn(usize, usize, &mut [T], &mut S) + Sync + 'a;
+
 /// Threads that wait.
 #[derive(Debug)]
 pub(crate) struct Pool {
@@ -96,19 +99,22 @@ impl Pool {
         }
     }
 
-    /// Calls `work` with each piece of a queue, once, on whichever threads are awake; the queue is for so many threads.
-    fn each(&self, queue: &Queue<'_>, work: &(dyn Fn(usize) + Sync)) {
-        let count = queue.len();
-        if self.threads() == 1 || count < 2 || self.busy.swap(true, Ordering::Acquire) {
-            (0..count).for_each(work);
+    /// Calls `work` with each piece of each queue and the queue's number, once, on whichever threads are awake; no piece is
+    /// taken from a queue before all of the one before it are. Queues are for so many threads.
+    fn each(&self, queues: &[Queue<'_>], work: &(dyn Fn(usize, usize) + Sync)) {
+        let counts = queues.iter().map(Queue::len);
+        if self.threads() == 1 || counts.clone().all(|c| c < 2) || self.busy.swap(true, Ordering::Acquire) {
+            counts.enumerate().for_each(|(q, count)| (0..count).for_each(|i| work(q, i)));
             return;
         }
         // One that fell asleep in a long stretch for one thread would else be missing until the next step.
         self.wake();
         let free = Free(&self.busy);
         self.open(&|thread| {
-            while let Some(piece) = queue.take(thread) {
-                work(piece);
+            for (q, queue) in queues.iter().enumerate() {
+                while let Some(piece) = queue.take(thread) {
+                    work(q, piece);
+                }
             }
         });
         drop(free);
@@ -128,40 +134,75 @@ impl Pool {
         work: &(dyn Fn(usize, &mut [T], &mut S) + Sync),
     ) {
         let queue = Queue::new(cuts.len().saturating_sub(1), self.threads());
-        self.each_part_of(&queue, data, cuts, slots, work);
+        self.each_part_of(queue, data, cuts, slots, work);
     }
 
-    /// As [`Pool::each_part`], by a plan of who begins with what.
+    /// Two rounds of parts of the same data, each as in [`Pool::each_part`] by a plan of who begins with what. A part of the
+    /// second round is begun as soon as those of the first that it shares data with are done. `work` is told the round.
     ///
     /// # Panics
-    /// As [`Pool::each_part`], and when the plan is for other parts.
-    pub(crate) fn each_planned<T: Send, S: Send>(
+    /// As [`Pool::each_part`], and when a plan is for other parts.
+    pub(crate) fn two_rounds<T: Send, S: Send>(
         &self,
-        plans: &Plans,
+        (plans, cuts): ([&Plans; 2], [&[usize]; 2]),
         data: &mut [T],
-        cuts: &[usize],
-        slots: &mut [S],
-        work: &(dyn Fn(usize, &mut [T], &mut S) + Sync),
+        slots: [&mut [S]; 2],
+        work: &RoundWork<'_, T, S>,
     ) {
-        let parts = cuts.len().saturating_sub(1);
-        let queue = plans.of(self.threads()).map_or_else(|| Queue::new(parts, self.threads()), Queue::planned);
-        self.each_part_of(&queue, data, cuts, slots, work);
+        let parts = cuts.map(|c| c.len().saturating_sub(1));
+        let queue = |round: usize| {
+            let even = || Queue::new(parts[round], self.threads());
+            plans[round].of(self.threads()).map_or_else(even, Queue::planned)
+        };
+        let queues = [queue(0), queue(1)];
+        for round in 0..2 {
+            check(&queues[round], data.len(), cuts[round], slots[round].len());
+        }
+        let data = Base(data.as_mut_ptr());
+        let slots = slots.map(|s| Base(s.as_mut_ptr()));
+        let done = Done::default();
+        let one = |round: usize, i: usize| {
+            let (from, to) = (cuts[round][i], cuts[round][i + 1]);
+            // SAFETY: the cuts are in order and within the data, which is borrowed until all pieces are done, and each
+            // piece is done once. In a round nobody else has this part, or this slot; and a part of the second round comes
+            // after all of the first that share data with it.
+            let (part, slot) =
+                unsafe { (core::slice::from_raw_parts_mut(data.at(from), to - from), &mut *slots[round].at(i)) };
+            work(round, i, part, slot);
+        };
+        if parts[0] > Done::MOST {
+            // Too many to tell apart: one round after the other.
+            self.each(&queues[..1], &|_, i| one(0, i));
+            self.each(&queues[1..], &|_, i| one(1, i));
+            return;
+        }
+        self.each(&queues, &|round, i| {
+            if round == 0 {
+                // Noted even when it panics: nobody must wait for it for ever.
+                let noted = Noted(&done, i);
+                one(0, i);
+                drop(noted);
+            } else {
+                let own = cuts[1][i]..cuts[1][i + 1];
+                let shares = |p: &usize| cuts[0][*p] < own.end && cuts[0][p + 1] > own.start;
+                // All of the first round have been taken, by threads that are at work on them.
+                (0..parts[0]).filter(shares).for_each(|p| done.wait(p));
+                one(1, i);
+            }
+        });
     }
 
     fn each_part_of<T: Send, S: Send>(
         &self,
-        queue: &Queue<'_>,
+        queue: Queue<'_>,
         data: &mut [T],
         cuts: &[usize],
         slots: &mut [S],
         work: &(dyn Fn(usize, &mut [T], &mut S) + Sync),
     ) {
-        let parts = queue.len();
-        assert_eq!(parts, cuts.len().saturating_sub(1), "a plan is for its own parts");
-        let sound = cuts.is_sorted() && cuts.last().is_none_or(|&last| last <= data.len()) && parts <= slots.len();
-        assert!(sound, "cuts {cuts:?} of {} entries with {} slots", data.len(), slots.len());
+        check(&queue, data.len(), cuts, slots.len());
         let (data, slots) = (Base(data.as_mut_ptr()), Base(slots.as_mut_ptr()));
-        self.each(queue, &|i| {
+        self.each(&[queue], &|_, i| {
             // SAFETY: the cuts are in order and within the data, which is borrowed until all pieces are done, and each
             // piece is done once: nobody else has this part, or this slot.
             let (part, slot) = unsafe {
@@ -270,6 +311,40 @@ impl Shared {
     }
 }
 
+fn check(queue: &Queue<'_>, data: usize, cuts: &[usize], slots: usize) {
+    let parts = queue.len();
+    assert_eq!(parts, cuts.len().saturating_sub(1), "a plan is for its own parts");
+    let sound = cuts.is_sorted() && cuts.last().is_none_or(|&last| last <= data) && parts <= slots;
+    assert!(sound, "cuts {cuts:?} of {data} entries with {slots} slots");
+}
+
+/// Parts that are done, one bit each.
+#[derive(Default)]
+struct Done([AtomicU64; 16]);
+
+/// Notes that a part is done, whatever happens.
+struct Noted<'a>(&'a Done, usize);
+
+impl Drop for Noted<'_> {
+    fn drop(&mut self) {
+        let (done, part) = (self.0, self.1);
+        done.0[part / 64].fetch_or(1 << (part % 64), Ordering::Release);
+    }
+}
+
+impl Done {
+    /// Parts that there are bits for.
+    const MOST: usize = 16 * 64;
+
+    fn wait(&self, part: usize) {
+        let mut turns = 0u32;
+        while self.0[part / 64].load(Ordering::Acquire) >> (part % 64) & 1 == 0 {
+            turns += 1;
+            pause(turns);
+        }
+    }
+}
+
 /// The start of data that is lent in parts.
 struct Base<T>(*mut T);
 
@@ -312,16 +387,37 @@ mod tests {
     }
 
     #[test]
+    fn parts_of_a_second_round_come_after_those_of_the_first_that_they_share_data_with() {
+        for (threads, pieces) in [(1, 6), (2, 6), (3, 9), (7, 40), (2, 3000)] {
+            let pool = Pool::new(threads);
+            let cuts = [(0..=pieces).map(|i| 4 * i).collect::<Vec<_>>(), (0..pieces).map(|i| 4 * i + 2).collect()];
+            let plans = [&cuts[0], &cuts[1]].map(|c| Plans::new(&vec![1; c.len() - 1]));
+            for _ in 0..if pieces > 100 { 3 } else { 300 } {
+                let (mut data, mut slots) = (vec![0u32; 4 * pieces], [vec![0; pieces], vec![0; pieces - 1]]);
+                let [even, odd] = &mut slots;
+                let how = ([&plans[0], &plans[1]], [&cuts[0][..], &cuts[1][..]]);
+                pool.two_rounds(how, &mut data, [even, odd], &|round, i, part, slot| {
+                    assert!(round == 0 || part.iter().all(|&v| v == 1), "{part:?} in part {i}");
+                    part.iter_mut().for_each(|v| *v += 1 + round as u32);
+                    *slot += 1;
+                });
+                assert!(slots.iter().flatten().all(|&s| s == 1));
+                assert_eq!(data.iter().sum::<u32>() as usize, 4 * pieces + 8 * (pieces - 1));
+            }
+        }
+    }
+
+    #[test]
     fn sleeping_threads_are_not_waited_for_and_come_when_called() {
         let pool = Pool::new(2);
         std::thread::sleep(std::time::Duration::from_millis(50));
         let done = AtomicUsize::new(0);
-        let count = |_: usize| {
+        let count = |_: usize, _: usize| {
             done.fetch_add(1, Ordering::SeqCst);
         };
-        pool.each(&Queue::new(10, 2), &count);
+        pool.each(&[Queue::new(10, 2)], &count);
         pool.wake();
-        pool.each(&Queue::new(10, 2), &count);
+        pool.each(&[Queue::new(10, 2)], &count);
         assert_eq!(done.load(Ordering::SeqCst), 20);
     }
 
@@ -329,8 +425,8 @@ mod tests {
     fn a_call_from_within_a_piece_does_its_own_work() {
         let pool = Pool::new(2);
         let done = AtomicUsize::new(0);
-        pool.each(&Queue::new(4, 2), &|_| {
-            pool.each(&Queue::new(4, 2), &|_| {
+        pool.each(&[Queue::new(4, 2)], &|_, _| {
+            pool.each(&[Queue::new(4, 2)], &|_, _| {
                 done.fetch_add(1, Ordering::SeqCst);
             });
         });
@@ -341,10 +437,10 @@ mod tests {
     fn a_panic_in_a_piece_reaches_the_caller_and_the_pool_goes_on() {
         let pool = Pool::new(2);
         for _ in 0..20 {
-            let bad = || pool.each(&Queue::new(8, 2), &|i| assert!(i != 5, "piece five"));
+            let bad = || pool.each(&[Queue::new(8, 2)], &|_, i| assert!(i != 5, "piece five"));
             assert!(std::panic::catch_unwind(core::panic::AssertUnwindSafe(bad)).is_err());
             let done = AtomicUsize::new(0);
-            pool.each(&Queue::new(8, 2), &|_| {
+            pool.each(&[Queue::new(8, 2)], &|_, _| {
                 done.fetch_add(1, Ordering::SeqCst);
             });
             assert_eq!(done.load(Ordering::SeqCst), 8);

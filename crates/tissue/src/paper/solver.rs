@@ -126,18 +126,19 @@ impl PaperModel {
 
     /// One iteration over the constraints in Gauss-Seidel order.
     pub(crate) fn iterate(&self, positions: &mut [[f32; 4]], scratch: &mut PaperScratch, extent: Extent, pool: &Pool) {
-        for ((round, parts), memory) in self.rounds.iter().zip(&mut scratch.parts) {
-            pool.each_planned(&round.plans, positions, &round.cuts, memory, &|i, vertices, memory| {
-                let PartScratch { shares, motion, active } = memory;
-                let scope = match extent {
-                    Extent::Whole => Scope::Whole,
-                    Extent::Measured => Scope::Measured(motion),
-                    Extent::Predicted if active.is_empty() => return,
-                    Extent::Predicted => Scope::Only(active),
-                };
-                widest(Sweep { part: &parts[i], shares, vertices, scope });
-            });
-        }
+        let [even, odd] = &mut scratch.parts;
+        let rounds = [&self.rounds[0].0, &self.rounds[1].0];
+        let how = (rounds.map(|r| &r.plans), rounds.map(|r| &r.cuts[..]));
+        pool.two_rounds(how, positions, [even, odd], &|round, i, vertices, memory| {
+            let PartScratch { shares, motion, active } = memory;
+            let scope = match extent {
+                Extent::Whole => Scope::Whole,
+                Extent::Measured => Scope::Measured(motion),
+                Extent::Predicted if active.is_empty() => return,
+                Extent::Predicted => Scope::Only(active),
+            };
+            widest(Sweep { part: &self.rounds[round].1[i], shares, vertices, scope });
+        });
         if extent != Extent::Predicted
             && let Some(global) = &self.global
         {

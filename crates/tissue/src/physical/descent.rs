@@ -376,18 +376,17 @@ impl Descent {
             Purpose::Balance => Task::Balance([&still.elements, &still.undamped]),
         };
         let films = &self.films;
-        let mut before = 0;
-        for ((round, parts), memory) in self.rounds.iter().zip(memory) {
-            pool.each_planned(&round.plans, positions, &round.cuts, memory, &|i, vertices, memory| {
-                let own = round.cuts[i]..round.cuts[i + 1];
-                let touching = Touching { touches, films, couplings, rest, first: own.start };
-                let (target, far) = (&target[own.clone()], &far[own]);
-                let stream = streams.part(&self.visits, before + i);
-                let substep = Shared { stream, target, far, damping, inertia, beyond, touching };
-                widest(Sweep { part: &parts[i], substep, vertices, memory, task });
-            });
-            before += parts.len();
-        }
+        let [even, odd] = memory;
+        let rounds = [&self.rounds[0].0, &self.rounds[1].0];
+        let how = (rounds.map(|r| &r.plans), rounds.map(|r| &r.cuts[..]));
+        pool.two_rounds(how, positions, [even, odd], &|round, i, vertices, memory| {
+            let own = rounds[round].cuts[i]..rounds[round].cuts[i + 1];
+            let touching = Touching { touches, films, couplings, rest, first: own.start };
+            let (target, far) = (&target[own.clone()], &far[own]);
+            let stream = streams.part(&self.visits, round * self.rounds[0].1.len() + i);
+            let substep = Shared { stream, target, far, damping, inertia, beyond, touching };
+            widest(Sweep { part: &self.rounds[round].1[i], substep, vertices, memory, task });
+        });
     }
 
     /// The concave part of the shear energy, linearised at the start of the substep: a bound from above, so descent on it
@@ -502,7 +501,25 @@ mod tests {
         if let Some(when) = when {
             descent.press(&mut body, &mut scratch, when, &pool);
         }
+        in_order(descent, &scratch);
         (state.pressure.clone(), scratch.total, scratch.slopes)
+    }
+
+    /// What sweeps come by is what the elements are.
+    fn in_order(descent: &Descent, scratch: &DescentScratch) {
+        let mut visits = 0;
+        for (i, part) in descent.rounds.iter().flat_map(|r| &r.1).enumerate() {
+            let stream = scratch.streams.part(&descent.visits, i);
+            for batch in &part.batches {
+                for (row, lane) in batch.rows().flat_map(|row| (0..batch.count).map(move |lane| (row, lane))) {
+                    let t = part.tets.row(row)[0][lane] as usize;
+                    let element = (scratch.slopes[t], scratch.still.elements[t][1]);
+                    assert_eq!((stream.slope[row][lane], stream.rise[row][lane]), element, "element {t}");
+                    visits += usize::from(t < descent.pressures.elements());
+                }
+            }
+        }
+        assert_eq!(visits, 4 * descent.pressures.elements(), "no vertex is held, so each has all of its elements");
     }
 
     #[test]
