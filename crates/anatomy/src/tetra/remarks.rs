@@ -5,11 +5,15 @@ use super::error::COARSE;
 use super::report::{
     Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR, Source, SurfaceReport,
 };
+use super::voxels::Missing;
 use super::{COUNT, LabelReport, MeshReport, listed, place};
 use monro_geometry::Point;
 
 /// Beyond this mean distance, mm, the surface of a label is.
 const SURFACE_ERROR: f64 = 1.5;
+/// Where the centres of more than this part of a label's voxels are not in it, it is too thin for smooth surfaces.
+const MOST_ABSENT: f64 = 0.1;
+const THICKER: &str = "thicken it or resample the labels to voxels of half the size, more elements do not help";
 /// Places along a path are so far apart, mm.
 const ALONG: f64 = 0.5;
 
@@ -24,8 +28,13 @@ pub(super) fn remarks<T: Copy + Into<u16> + Sync>(report: &MeshReport, source: &
     let far = SURFACE_ERROR * source.fields.unit;
     for (i, l) in report.labels.iter().enumerate() {
         all.extend(of_crumbs(source, i));
-        all.extend(of_missing(source, i).filter(|_| l.lost_at.is_none()));
-        all.extend(of_label(l, report.coarse_regions, far));
+        let missing = missing(source, i);
+        let thin = missing.absent as f64 > MOST_ABSENT * l.voxels as f64;
+        if l.lost_at.is_none() {
+            all.extend(of_missing(source, i, &missing));
+            all.extend(thin.then(|| of_thin(l, &missing)));
+        }
+        all.extend(of_label(l, report.coarse_regions, thin, far));
     }
     if has_outer(report) {
         all.extend(of_pinch(Boundary::Outer, &report.outer));
@@ -120,10 +129,14 @@ fn of_crumbs<T>(source: &Source<'_, T>, label: usize) -> Option<String> {
     ))
 }
 
-/// Pieces so small or flat that nothing of them is left in the smooth fields.
-fn of_missing<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>, label: usize) -> Option<String> {
+fn missing<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>, label: usize) -> Missing {
     let fields = source.fields;
-    let missing = source.voxels.missing(fields.labels[label], fields.step, |p| fields.label_at(p) == Some(label));
+    source.voxels.missing(fields.labels[label], fields.step, |p| fields.label_at(p) == Some(label))
+}
+
+/// Pieces so small or flat that nothing of them is left in the smooth fields.
+fn of_missing<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>, label: usize, missing: &Missing) -> Option<String> {
+    let fields = source.fields;
     let spacing = source.voxels.0.grid().spacing();
     let even = spacing.iter().all(|s| (s / fields.step - 1.0).abs() < 0.01);
     let way_out =
@@ -141,7 +154,16 @@ fn of_missing<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>, label: usize) 
     })
 }
 
-fn of_label(l: &LabelReport, coarse_regions: bool, far: f64) -> Vec<String> {
+/// A label that is not where its voxels are, although its volume may be theirs: the mesh is made thicker for what it lacks.
+fn of_thin(l: &LabelReport, missing: &Missing) -> String {
+    let share = 100.0 * missing.absent as f64 / l.voxels as f64;
+    format!(
+        "label {}: the centres of {share:.0} % of its voxels lie outside of its smooth surface: it is thinner than two voxels there; {THICKER}",
+        l.label
+    )
+}
+
+fn of_label(l: &LabelReport, coarse_regions: bool, thin: bool, far: f64) -> Vec<String> {
     if let Some(at) = l.lost_at {
         return vec![format!(
             "label {} has no element: its {} voxel(s), one at {}, are too thin or too small for this mesh",
@@ -153,7 +175,8 @@ fn of_label(l: &LabelReport, coarse_regions: bool, far: f64) -> Vec<String> {
     let pinch = of_pinch(Boundary::Label(l.label), &l.surface).filter(|_| !coarse_regions);
     let mut all: Vec<String> = pinch.into_iter().collect();
     if l.volume_error.abs() > MOST_VOLUME_ERROR {
-        all.push(format!("label {}: {:+.1} % of its volume; {COARSE}", l.label, l.volume_error * 100.0));
+        let way_out = if thin { THICKER } else { COARSE };
+        all.push(format!("label {}: {:+.1} % of its volume; {way_out}", l.label, l.volume_error * 100.0));
     }
     if let Some(d) = l.interface.filter(|d| d.mean > far) {
         let coarse = if coarse_regions { " is a coarse region" } else { "" };

@@ -206,3 +206,20 @@ fn a_path_that_is_no_number_passed_the_labels_by_inf_mm_and_a_mesh_was_made() {
     let refused = mesh(&Volume::filled(grid, 1u16), &options).expect_err("refused");
     assert_eq!(refused.to_string(), "a coordinate of the path is NaN; it must be a finite number of mm (LPS)");
 }
+
+#[test]
+fn a_skin_of_one_voxel_had_its_volume_and_a_quarter_of_its_voxels_outside_without_a_word() {
+    let radius = |v: [usize; 3]| v.iter().map(|&i| (i as f64 - 21.5).powi(2)).sum::<f64>().sqrt();
+    let skin = |from: f64| labelled([1.0; 3], move |v| 2 * u8::from((from..18.0).contains(&radius(v))));
+    let of = |labels: &Volume<u8>| mesh(labels, &MeshOptions::new(&[2], &[2], 30_000)).expect("a mesh").1;
+    let thin = of(&skin(17.0));
+    assert!(thin.labels[0].volume_error.abs() < 0.01, "{:?}", thin.labels);
+    let words = ["of its voxels lie outside of its smooth surface", "more elements do not help"];
+    assert!(told(&thin, &words), "{:?}", thin.remarks);
+    assert!(!told(&of(&skin(16.0)), &words[..1]), "two voxels are enough");
+    // A fin beside a ball: its missing volume has the same cause, and no other advice is given for it.
+    let fin = labelled([1.0; 3], |v| if radius(v) < 10.0 { 1 } else { 2 * u8::from(v[0] == 21 && radius(v) < 18.0) });
+    let (_, report) = mesh(&fin, &MeshOptions::new(&[1, 2], &[2], 30_000)).expect("a mesh");
+    assert!(told(&report, &["label 2", "% of its volume", "more elements do not help"]), "{:?}", report.remarks);
+    assert!(!told(&report, &["label 1", words[0]]), "{:?}", report.remarks);
+}

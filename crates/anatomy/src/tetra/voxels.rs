@@ -74,19 +74,20 @@ impl<T: Copy + Into<u16> + Sync> Voxels<'_, T> {
         }
     }
 
-    /// The small separate pieces of a label of which no voxel `is_there`, by its centre, in what they were smoothed to.
+    /// The small separate pieces of a label of which no voxel `is_there`, by its centre, in what they were smoothed to; and
+    /// how many voxels are not there in all.
     pub(super) fn missing(&self, label: u16, step: f64, is_there: impl Fn([f64; 3]) -> bool + Sync) -> Missing {
         let (grid, data) = (self.0.grid(), self.0.data());
         let absent = |&at: &usize| data[at].into() == label && !is_there(centre(grid, at));
         let absent: Vec<usize> = (0..data.len()).into_par_iter().filter(absent).collect();
-        let (mut all, mut seen) = (Missing::default(), BTreeSet::new());
+        let (mut all, mut seen) = (Missing { absent: absent.len(), ..Missing::default() }, BTreeSet::new());
         for &at in &absent {
             if seen.contains(&at) {
                 continue;
             }
             let Some(piece) = self.piece(at, step, |l| l == label) else { continue };
             if piece.iter().all(|v| absent.binary_search(v).is_ok()) {
-                all = Missing { pieces: all.pieces + 1, voxels: all.voxels + piece.len(), at: centre(grid, at) };
+                (all.pieces, all.voxels, all.at) = (all.pieces + 1, all.voxels + piece.len(), centre(grid, at));
             }
             seen.extend(piece);
         }
@@ -94,11 +95,14 @@ impl<T: Copy + Into<u16> + Sync> Voxels<'_, T> {
     }
 }
 
-/// Pieces of a label that are lost.
+/// What of a label is lost.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Missing {
     pub(super) pieces: usize,
+    /// Voxels of those pieces.
     pub(super) voxels: usize,
+    /// All voxels whose centres are lost, those of no small piece, too.
+    pub(super) absent: usize,
     /// The centre of a voxel of one of them, LPS mm.
     pub(super) at: [f64; 3],
 }
