@@ -1,12 +1,12 @@
 //! Vertex block descent with nodal pressures, in single precision.
 
-use super::differences::Differences;
+use super::differences::{DifferenceRows, Differences};
 use super::elastic::Elastic;
 use super::film::FilmsAround;
 use super::near::Near;
 use super::pressure::{Pressures, Still, Tissue, Which};
 use super::region;
-use super::rings::{self, Part, SingleRows};
+use super::rings::{self, Part};
 use super::streams::{Streams, Visits};
 use super::sweep::{Memory, Substep as Shared, Sweep, Task};
 use super::touch::{Touches, Touching, penalty_force};
@@ -41,7 +41,7 @@ pub(crate) struct Descent {
     /// Two rounds of parts that can be done at the same time.
     rounds: [(Round, Vec<Part>); 2],
     visits: Visits,
-    far: SingleRows,
+    far: DifferenceRows,
     node_cuts: Vec<usize>,
     pressures: Pressures,
     films: FilmsAround,
@@ -180,7 +180,7 @@ impl Descent {
         Self {
             visits: Visits::new(&rounds, elastic.tets.len()),
             rounds,
-            far: SingleRows::new(&elastic.far),
+            far: DifferenceRows::new(&elastic.far),
             node_cuts: slabs::even_cuts(rest.len()),
             pressures: Pressures::new(elastic, region, regions),
             films: FilmsAround::new(&elastic.films, rest),
@@ -393,7 +393,7 @@ impl Descent {
     /// is descent on the energy.
     fn average_shear(&self, body: &Body<'_>, scratch: &mut DescentScratch, pool: &Pool) {
         scratch.far.resize(body.positions.len(), [0.0; 4]);
-        if self.far.entries.is_empty() {
+        if self.far.is_empty() {
             return;
         }
         let away = |(p, r): (&[f32; 4], &[f32; 4])| core::array::from_fn(|a| p[a] - r[a]);

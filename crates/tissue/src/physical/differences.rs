@@ -1,11 +1,59 @@
 //! Weighted sums of differences between vertices, as a matrix whose rows add up to nothing makes them.
 
-use super::rings::SingleRows;
+use super::elastic::Rows;
+use crate::bytes;
 use crate::fast::{Kernel, Lanes};
+
+/// Rows of such a matrix in single precision. Columns lie near each other, so they are held as what they are beyond the
+/// first of their row: the largest part of a model, gone through in each substep.
+#[derive(Debug, Clone)]
+pub(super) struct DifferenceRows {
+    start: Vec<u32>,
+    first: Vec<u32>,
+    beyond: Beyond,
+    weight: Vec<f32>,
+}
+
+#[derive(Debug, Clone)]
+enum Beyond {
+    Near(Vec<u16>),
+    Far(Vec<u32>),
+}
+
+impl DifferenceRows {
+    pub(super) fn new(rows: &Rows) -> Self {
+        let columns = |i: usize| &rows.column[rows.start[i] as usize..rows.start[i + 1] as usize];
+        let count = rows.start.len() - 1;
+        let first: Vec<u32> = (0..count).map(|i| columns(i).iter().copied().min().unwrap_or(0)).collect();
+        let beyond: Vec<u32> =
+            (0..count).flat_map(|i| columns(i).iter().map(|c| c - first[i]).collect::<Vec<_>>()).collect();
+        let near: Result<Vec<u16>, _> = beyond.iter().map(|&b| u16::try_from(b)).collect();
+        Self {
+            start: rows.start.clone(),
+            first,
+            beyond: near.map_or(Beyond::Far(beyond), Beyond::Near),
+            weight: rows.weight.iter().map(|&w| w as f32).collect(),
+        }
+    }
+
+    /// Whether there is nothing to sum.
+    pub(super) fn is_empty(&self) -> bool {
+        self.weight.is_empty()
+    }
+
+    /// Bytes that they take.
+    pub(super) fn bytes(&self) -> usize {
+        let beyond = match &self.beyond {
+            Beyond::Near(b) => bytes::of(b),
+            Beyond::Far(b) => bytes::of(b),
+        };
+        bytes::of(&self.start) + bytes::of(&self.first) + beyond + bytes::of(&self.weight)
+    }
+}
 
 /// For each vertex from `first` on, the sum of its row's weights times what others have more than it.
 pub(super) struct Differences<'a> {
-    pub(super) rows: &'a SingleRows,
+    pub(super) rows: &'a DifferenceRows,
     pub(super) of: &'a [[f32; 4]],
     pub(super) first: usize,
     pub(super) out: &'a mut [[f32; 4]],
@@ -17,34 +65,80 @@ impl Kernel for Differences<'_> {
     /// Four numbers at a time on any processor; but one with wider vectors has better words for that, too.
     #[inline(always)]
     fn run<V: Lanes>(self) {
+        match &self.rows.beyond {
+            Beyond::Near(beyond) => self.sums(beyond),
+            Beyond::Far(beyond) => self.sums(beyond),
+        }
+    }
+}
+
+impl Differences<'_> {
+    #[inline(always)]
+    fn sums<B: Copy + Into<u32>>(self, beyond: &[B]) {
+        let rows = self.rows;
         for (v, out) in (self.first..).zip(self.out) {
-            *out = weighted(self.rows.row(v), self.of, self.of[v]);
+            let row = rows.start[v] as usize..rows.start[v + 1] as usize;
+            let from = &self.of[rows.first[v] as usize..];
+            *out = weighted((&beyond[row.clone()], &rows.weight[row]), from, self.of[v]);
         }
     }
 }
 
 /// Weighted sum of differences from `own`. Loops, not closures: these would be compiled for any processor.
 #[inline(always)]
-fn weighted(row: &[(u32, f32)], of: &[[f32; 4]], own: [f32; 4]) -> [f32; 4] {
+fn weighted<B: Copy + Into<u32>>((beyond, weight): (&[B], &[f32]), from: &[[f32; 4]], own: [f32; 4]) -> [f32; 4] {
     // Four sums at a time: one after the other would wait for each addition.
     let mut sums = [[0f32; 4]; 4];
-    let (fours, rest) = row.as_chunks::<4>();
-    for four in fours {
-        for (sum, entry) in sums.iter_mut().zip(four) {
-            add(sum, entry, of, own);
+    let ((fours, rest), (weights, last)) = (beyond.as_chunks::<4>(), weight.as_chunks::<4>());
+    for (four, weights) in fours.iter().zip(weights) {
+        for i in 0..4 {
+            add(&mut sums[i], from[four[i].into() as usize], own, weights[i]);
         }
     }
-    for (sum, entry) in sums.iter_mut().zip(rest) {
-        add(sum, entry, of, own);
+    for (i, (&b, &weight)) in rest.iter().zip(last).enumerate() {
+        add(&mut sums[i], from[b.into() as usize], own, weight);
     }
     let [a, b, c, d] = sums;
     core::array::from_fn(|i| (a[i] + b[i]) + (c[i] + d[i]))
 }
 
 #[inline(always)]
-fn add(sum: &mut [f32; 4], &(n, weight): &(u32, f32), of: &[[f32; 4]], own: [f32; 4]) {
-    let other = of[n as usize];
+fn add(sum: &mut [f32; 4], other: [f32; 4], own: [f32; 4], weight: f32) {
     for a in 0..4 {
         sum[a] = weight.mul_add(other[a] - own[a], sum[a]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fast::{plain, widest};
+
+    #[test]
+    fn rows_with_columns_near_and_far_give_the_same_sums() {
+        // The third row reaches beyond what 16 bits hold.
+        let rows = |far: u32| Rows {
+            start: vec![0, 0, 5, 12],
+            column: [3, 1, 2, 4, 0].into_iter().chain((0..6).map(|i| 2 * i)).chain([far]).collect(),
+            weight: (0..12).map(|i| f64::from(i) - 4.5).collect(),
+        };
+        let of: Vec<[f32; 4]> = (0..70_000u32).map(|i| [i % 97, i % 31, i % 7, i].map(|v| v as f32 * 0.25)).collect();
+        for far in [11, 69_999] {
+            let (rows, single) = (rows(far), DifferenceRows::new(&rows(far)));
+            assert_eq!(matches!(single.beyond, Beyond::Far(_)), far > 65_535);
+            let mut out = [[[0.0; 4]; 3]; 2];
+            widest(Differences { rows: &single, of: &of, first: 0, out: &mut out[0] });
+            plain(Differences { rows: &single, of: &of, first: 0, out: &mut out[1] });
+            assert_eq!(out[0], out[1]);
+            for v in 0..3 {
+                let row = rows.start[v] as usize..rows.start[v + 1] as usize;
+                for a in 0..4 {
+                    let one = |k: usize| rows.weight[k] * f64::from(of[rows.column[k] as usize][a] - of[v][a]);
+                    let (wanted, size) =
+                        (row.clone().map(one).sum::<f64>(), row.clone().map(|k| one(k).abs()).sum::<f64>());
+                    assert!((f64::from(out[0][v][a]) - wanted).abs() <= 1e-6 * size, "{:?}, row {v}", out[0][v]);
+                }
+            }
+        }
     }
 }

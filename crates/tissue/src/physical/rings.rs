@@ -54,32 +54,6 @@ pub(super) struct Part {
     pub(super) diagonal: Vec<Row>,
 }
 
-/// Rows of a matrix in single precision: start of each row, then column and weight.
-#[derive(Debug, Clone, Default)]
-pub(super) struct SingleRows {
-    pub(super) start: Vec<u32>,
-    pub(super) entries: Vec<(u32, f32)>,
-}
-
-impl SingleRows {
-    pub(super) fn new(rows: &super::elastic::Rows) -> Self {
-        let entries = rows.column.iter().zip(&rows.weight).map(|(&c, &w)| (c, w as f32)).collect();
-        Self { start: rows.start.clone(), entries }
-    }
-
-    #[inline(always)]
-    pub(super) fn row(&self, i: usize) -> &[(u32, f32)] {
-        &self.entries[self.start[i] as usize..self.start[i + 1] as usize]
-    }
-}
-
-impl SingleRows {
-    /// Bytes that they take.
-    pub(super) fn bytes(&self) -> usize {
-        bytes::of(&self.start) + bytes::of(&self.entries)
-    }
-}
-
 impl Part {
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
@@ -92,7 +66,6 @@ impl Part {
 /// Everything about all vertices.
 struct Rings<'a> {
     elastic: &'a Elastic,
-    near: SingleRows,
     mass: &'a [f32],
     start: Vec<u32>,
     around: Vec<Spoke>,
@@ -102,7 +75,7 @@ struct Rings<'a> {
 /// The free vertices by part: two rounds of parts that can be done at the same time.
 pub(super) fn rounds(elastic: &Elastic, rest: &[[f32; 4]], mass: &[f32], slabs: &Slabs) -> [(Round, Vec<Part>); 2] {
     let (start, around) = around(&elastic.tets, rest.len());
-    let mut rings = Rings { elastic, near: SingleRows::new(&elastic.near), mass, start, around, walks: Vec::new() };
+    let mut rings = Rings { elastic, mass, start, around, walks: Vec::new() };
     let free = |v: u32| rest[v as usize][3] > 0.0;
     let walk = |v: u32| if free(v) { strips::walk(rings.of(v)) } else { Vec::new() };
     rings.walks = (0..rest.len() as u32).map(walk).collect();
@@ -200,7 +173,9 @@ impl Rings<'_> {
         if before.iter().any(|b| b.vertex == step.vertex) {
             return 0.0;
         }
-        self.near.row(v as usize).iter().find(|link| link.0 == step.vertex).map_or(0.0, |link| link.1)
+        let near = &self.elastic.near;
+        let mut row = near.start[v as usize] as usize..near.start[v as usize + 1] as usize;
+        row.find(|&k| near.column[k] == step.vertex).map_or(0.0, |k| near.weight[k] as f32)
     }
 }
 
