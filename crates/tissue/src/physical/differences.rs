@@ -31,7 +31,10 @@ impl DifferenceRows {
         Self {
             start: rows.start.clone(),
             first,
-            beyond: near.map_or(Beyond::Far(beyond), Beyond::Near),
+            // They stay as long as the model: nothing is kept free.
+            beyond: near.map_or(Beyond::Far(beyond.into_boxed_slice().into_vec()), |near| {
+                Beyond::Near(near.into_boxed_slice().into_vec())
+            }),
             weight: rows.weight.iter().map(|&w| w as f32).collect(),
         }
     }
