@@ -396,10 +396,13 @@ fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Option<Sta
             continue;
         }
         let now = miss(raw.tets.len());
-        if best.as_ref().is_none_or(|b| now.abs() < miss(b.raw.tets.len()).abs()) {
+        let (nearer, has_thin) =
+            (best.as_ref().is_none_or(|b| now.abs() < miss(b.raw.tets.len()).abs()), !bounds.is_empty());
+        if nearer {
             best = Some(Start { raw, bounds, lattice_edge, finest: lattice_edge });
         }
-        if now.is_infinite() || (-SHORT..OVER).contains(&now) {
+        // Cells of thin parts come and go by themselves: a step that led no nearer is followed by others that do not.
+        if now.is_infinite() || (-SHORT..OVER).contains(&now) || (has_thin && !nearer) {
             break;
         }
         // Far too many and far too few: a lattice sees thin parts or does not.
@@ -460,6 +463,10 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
     work.split_far(size, finest);
     work.restore_volumes(&fields.volumes, Bounds { floor: 0.40, lift: 1.0 });
     work.finish();
+    if work.count() as f64 > (1.0 + 0.5 * COUNT) * wanted as f64 {
+        // On rough surfaces these passes add more than a mesh may have: less is lost inside than by making all of it again.
+        work.coarsen(size, &Coarse { limit: 3.0, floor: improve::GOOD, ..inside });
+    }
     work.settle_volumes(&fields.volumes);
     let (count, restored) = (work.count(), volumes(&work));
     let lost = coarse::is_lost(&found, count, fields) || coarse::is_off(&restored, count, fields);

@@ -41,8 +41,7 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
     /// The voxels of the piece of a voxel, of those whose labels `of` accepts, if it is small: less than some cells of edge
     /// `step` (mm) in all.
     fn piece(&self, at: usize, step: f64, of: impl Fn(u16) -> bool) -> Option<BTreeSet<usize>> {
-        let grid = self.0.grid();
-        let most = (CELLS * step.powi(3) / grid.voxel_volume()) as usize + 1;
+        let (grid, most) = (self.0.grid(), self.most_of_piece(step));
         let (mut piece, mut edge) = (BTreeSet::from([at]), vec![grid.voxel(at)]);
         while let Some(v) = edge.pop() {
             for [i, j, k] in around(v, grid.dims()) {
@@ -57,6 +56,11 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
         }
         Some(piece)
     }
+
+    /// Voxels that a small piece has at most.
+    fn most_of_piece(&self, step: f64) -> usize {
+        (CELLS * step.powi(3) / self.0.grid().voxel_volume()) as usize + 1
+    }
 }
 
 impl<T: Copy + Into<u16> + Sync> Voxels<'_, T> {
@@ -67,7 +71,10 @@ impl<T: Copy + Into<u16> + Sync> Voxels<'_, T> {
             if found > (1.0 - NOTICED) * fields.volumes[l] {
                 continue;
             }
-            let lost = self.missing(fields.labels[l], fields.step, |p| fields.label_at(p) == Some(l)).voxels;
+            let (label, step) = (fields.labels[l], fields.step);
+            // A longer run is of no small piece, and most voxels are in such.
+            let absent = self.absent(label, self.most_of_piece(step), |p| fields.label_at(p) == Some(l));
+            let lost = self.lost(&absent, label, step).voxels;
             if lost < fields.voxels[l] {
                 fields.volumes[l] -= lost as f64 * fields.voxel;
             }
@@ -77,17 +84,39 @@ impl<T: Copy + Into<u16> + Sync> Voxels<'_, T> {
     /// The small separate pieces of a label of which no voxel `is_there`, by its centre, in what they were smoothed to; and
     /// how many voxels are not there in all.
     pub(super) fn missing(&self, label: u16, step: f64, is_there: impl Fn([f64; 3]) -> bool + Sync) -> Missing {
+        self.lost(&self.absent(label, usize::MAX, is_there), label, step)
+    }
+
+    /// The voxels of a label, in runs along the first axis of up to `longest`, that are not there.
+    fn absent(&self, label: u16, longest: usize, is_there: impl Fn([f64; 3]) -> bool + Sync) -> Vec<usize> {
         let (grid, data) = (self.0.grid(), self.0.data());
-        let absent = |&at: &usize| data[at].into() == label && !is_there(centre(grid, at));
-        let absent: Vec<usize> = (0..data.len()).into_par_iter().filter(absent).collect();
+        let row = grid.dims()[0];
+        let rows = data.par_chunks(row).enumerate();
+        let of_row = |(n, voxels): (usize, &[T])| {
+            let mut absent = Vec::new();
+            let mut at = n * row;
+            for run in voxels.chunk_by(|&a, &b| (a.into() == label) == (b.into() == label)) {
+                if run[0].into() == label && run.len() <= longest {
+                    absent.extend((at..at + run.len()).filter(|&at| !is_there(centre(grid, at))));
+                }
+                at += run.len();
+            }
+            absent
+        };
+        rows.flat_map_iter(of_row).collect()
+    }
+
+    /// The small pieces of a label all of whose voxels are `absent`.
+    fn lost(&self, absent: &[usize], label: u16, step: f64) -> Missing {
         let (mut all, mut seen) = (Missing { absent: absent.len(), ..Missing::default() }, BTreeSet::new());
-        for &at in &absent {
+        for &at in absent {
             if seen.contains(&at) {
                 continue;
             }
             let Some(piece) = self.piece(at, step, |l| l == label) else { continue };
             if piece.iter().all(|v| absent.binary_search(v).is_ok()) {
-                (all.pieces, all.voxels, all.at) = (all.pieces + 1, all.voxels + piece.len(), centre(grid, at));
+                (all.pieces, all.voxels) = (all.pieces + 1, all.voxels + piece.len());
+                all.at = centre(self.0.grid(), at);
             }
             seen.extend(piece);
         }

@@ -17,7 +17,7 @@ mod work;
 use super::vec3::distance;
 pub(super) use coarsen::Coarse;
 pub(super) use mask::MOST_LABELS;
-pub(super) use volume::Bounds;
+pub(super) use volume::{Bounds, GOOD};
 pub(super) use work::Work;
 
 /// Bars of the passes: elements below are worked on. 0.46 is the sine of 27 degrees.

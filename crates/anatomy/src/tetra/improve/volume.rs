@@ -26,7 +26,7 @@ const STUCK: f64 = 0.95;
 const ROUNDS: usize = 5;
 const ENOUGH: f64 = 2e-3;
 /// Elements are not made worse than this by volumes in the end, and are bettered up to that between the rounds.
-pub(super) const GOOD: f64 = 0.47;
+pub(in super::super) const GOOD: f64 = 0.47;
 const RESTED: f64 = 0.52;
 
 /// Points are moved by their heights where these are mostly of one sign: sum over sum of sizes. On a surface with as much
