@@ -423,13 +423,19 @@ const tests = {
       await p.waitForTimeout(100);
     };
     const button = (name) => p.getByRole("button", { name, exact: true });
+    const said = () => text(p, "#register-said");
+    // A hand that still moves is refused, as it may be here on a slow machine: asked again, as somebody would.
+    const press = (name, done) => until(`${name} is done`, async () => {
+      if (await done()) return true;
+      if (!/Hold still …/.test(await said())) await button(name).click({ timeout: 2000 }).catch(() => undefined);
+      return false;
+    });
     await button("Register").click();
     const { landmarks } = await held.api("/api/registration");
     assert.deepEqual(landmarks.map((l) => l.name), ["nasion", "Kocher left", "Kocher right", "vertex"]);
     for (const { name, marked_lps_mm } of landmarks) {
       await move(marked_lps_mm);
-      await button(`Touch ${name}`).click();
-      await button(`Forget ${name}`).waitFor();
+      await press(`Touch ${name}`, () => button(`Forget ${name}`).isVisible());
     }
     const solved = await held.api("/api/registration");
     assert.equal(await text(p, "#register-tre"), `${solved.predicted_tre_mm.toFixed(1)} mm`);
@@ -448,8 +454,7 @@ const tests = {
     await until("no mole", async () => (await p.getByRole("button", { name: "Touch a mole" }).count()) === 0);
     await button("Accept").click();
     await move(landmarks[0].marked_lps_mm);
-    await button("Check nasion").click();
-    await until("a passed check", async () => /registration holds/.test(await text(p, "#register-said")));
+    await press("Check nasion", async () => /registration holds/.test(await said()));
     await button("Start navigation").click();
     await until("navigation", async () => (await held.api("/api/guidance")).phase === "navigating");
     const { target_lps_mm } = (await held.api("/api/case")).plan;
@@ -459,21 +464,22 @@ const tests = {
     assert.equal(await text(p, "#n-tre"), `${solved.predicted_tre_mm.toFixed(1)} mm`);
     // The reference is bumped: an alarm, until a landmark was checked.
     // A tip that was put 70 mm deep at once may have the soft body step back for a frame, which is said.
-    await until("no alarm before the bump", async () => !(await p.locator("#alarm").isVisible()));
+    await until("no alarm before the bump", async () => !(await p.locator("#alarm").isVisible())).catch(async (e) => {
+      throw new Error(`${e.message}; it says "${await text(p, "#alarm")}"`);
+    });
     held.tell("bump 4 0 0");
     await until("the alarm", async () => /reference has moved by 4\.\d mm/.test(await text(p, "#alarm")) && (await p.locator("#alarm").isVisible()));
     await shot(p, "reference-moved");
     held.tell("bump 0 0 0");
     await move(landmarks[0].marked_lps_mm);
-    await button("Check nasion").click();
-    await until("no alarm", async () => !(await p.locator("#alarm").isVisible()));
+    await press("Check nasion", async () => !(await p.locator("#alarm").isVisible()));
     const [x, y, z] = landmarks[3].marked_lps_mm;
     await move([x, y + 9, z]);
-    await button("Check vertex").click();
-    await until("a failed check", async () => /Register again/.test(await text(p, "#register-said")));
+    await press("Check vertex", async () => /Register again/.test(await said()));
     assert.equal((await held.api("/api/guidance")).phase, "registered");
     await shot(p, "register-failed");
-    assert.deepEqual(p.faults, []);
+    // The browser itself reports refusals on the console.
+    assert.deepEqual(p.faults.filter((f) => !/422/.test(f)), []);
     held.child.kill();
   },
 
