@@ -195,6 +195,29 @@ fn a_cut_near_the_roof_of_the_ventricles_does_not_move_them() {
 }
 
 #[test]
+fn a_removed_face_gave_a_nasion_and_an_entry_29_mm_off_without_a_word() {
+    let phantom = made(&upright(3));
+    let nasion = phantom.landmarks.nasion;
+    let told = |ct: &Volume<i16>| {
+        let marks = landmarks::find(ct, &segment(ct).expect("segmentation")).expect("landmarks");
+        marks.findings.iter().any(|f| f.contains("bone without skin"))
+    };
+    assert!(!told(&phantom.ct));
+    // Flat, and along a slope from the forehead to the chin: air from so many mm behind the nasion on.
+    for slope in [0.0, 0.5] {
+        let mut ct = phantom.ct.clone();
+        for n in 0..ct.data().len() {
+            let [i, j, k] = ct.grid().voxel(n);
+            let off = ct.grid().centre(i, j, k) - nasion;
+            if off.z < 40.0 && off.y + slope * off.z < 10.0 {
+                ct.data_mut()[n] = -1000;
+            }
+        }
+        assert!(told(&ct), "slope {slope}");
+    }
+}
+
+#[test]
 fn nasion_and_target_stay_where_they_are_when_the_vertex_is_missing() {
     for seed in [1, 3, 7] {
         let phantom = made(&upright(seed));

@@ -3,6 +3,7 @@
 //! All come from the labels, so that labels corrected by hand move them; the scan only refines the skin between voxels.
 
 mod error;
+mod face;
 mod foramina;
 mod profile;
 mod surroundings;
@@ -53,6 +54,7 @@ pub fn find(ct: &Volume<i16>, segmentation: &Segmentation) -> Result<Landmarks, 
     let [monro_left, monro_right] = foramina::find(&surroundings, &mut findings);
     let skin = Skin::new(ct, &segmentation.labels)?;
     let profile = Profile::new(&skin, &surroundings);
+    findings.extend(face::finding(&skin, &surroundings));
     let nasion = profile.nasion(&mut findings)?;
     let left = segmentation.midsagittal.normal;
     let [midline_110mm, kocher_left, kocher_right] = entries((&skin, &profile), nasion, left, &mut findings)?;

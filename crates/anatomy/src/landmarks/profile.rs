@@ -46,8 +46,18 @@ impl<'a> Skin<'a> {
         Ok(Self { ct, labels })
     }
 
+    /// Longest side of a voxel, mm.
+    pub(super) fn coarsest_mm(&self) -> f64 {
+        self.ct.grid().spacing().into_iter().fold(0.0, f64::max)
+    }
+
+    /// What the scan shows at a point, HU; `None` beyond it.
+    pub(super) fn hu(&self, at: Point<Patient>) -> Option<f64> {
+        self.ct.trilinear(at)
+    }
+
     /// Distance along a ray at which the head is left for good; `None` where the scan ends first.
-    fn leave(&self, from: Point<Patient>, direction: Vector<Patient>) -> Option<f64> {
+    pub(super) fn leave(&self, from: Point<Patient>, direction: Vector<Patient>) -> Option<f64> {
         let steps = (FAR / FINE) as usize;
         let at = |n: usize| from + direction * (n as f64 * FINE);
         let last = (0..steps).rev().find(|&n| self.labels.nearest(at(n)).is_some_and(|l| l != 0))?;
