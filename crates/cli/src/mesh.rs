@@ -160,6 +160,8 @@ fn input(args: &MeshArgs) -> Result<Input> {
     }
     if let Some(fine) = &args.fine {
         input.fine.clone_from(fine);
+    } else if !input.structures {
+        input.remarks.extend(taken_for_ventricles(&input.keep, &input.fine));
     }
     if let Some(path) = &args.path {
         input.path = Some(options::path(path)?);
@@ -189,7 +191,7 @@ fn of_case(dir: &Path) -> Result<Input> {
 
 /// All labels of a file but 0; fine around the ventricles where the numbers are those of a case, else everywhere.
 fn of_file(path: &Path) -> Result<Input> {
-    let CaseLabels { volume: labels, warnings: mut remarks } = monro_scan::read_labels_with_warnings(path)?;
+    let CaseLabels { volume: labels, warnings: remarks } = monro_scan::read_labels_with_warnings(path)?;
     let mut keep = labels.data().to_vec();
     keep.sort_unstable();
     keep.dedup();
@@ -201,7 +203,6 @@ fn of_file(path: &Path) -> Result<Input> {
         |l: &u16| u8::try_from(*l).ok().and_then(Structure::from_label).is_some_and(Structure::is_ventricle);
     let fine: Vec<u16> = keep.iter().copied().filter(ventricle).collect();
     let fine = if fine.is_empty() { keep.clone() } else { fine };
-    remarks.extend(taken_for_ventricles(&keep, &fine));
     Ok(Input { labels, keep, fine, path: None, structures: false, remarks })
 }
 
@@ -215,7 +216,7 @@ fn numbers(labels: &[u16]) -> String {
 fn taken_for_ventricles(keep: &[u16], fine: &[u16]) -> Option<String> {
     let known = |l: &u16| u8::try_from(*l).is_ok_and(|l| Structure::from_label(l).is_some());
     let brain = keep.contains(&u16::from(Structure::Brain.label()));
-    (fine != keep && !(brain && keep.iter().all(known))).then(|| {
+    (!fine.is_empty() && fine != keep && !(brain && keep.iter().all(known))).then(|| {
         format!(
             "the mesh is fine around {} alone, which are the ventricles in cases of Monro; other numbers than those of \
              a case are there too: \"--fine\" says around which to be fine",

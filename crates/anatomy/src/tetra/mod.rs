@@ -69,6 +69,13 @@ use voxels::Voxels;
 const CELL_PER_EDGE: f64 = 1.083;
 /// A cell is split when longer than this many wanted edges.
 const SPLIT: f64 = 1.41;
+/// So is one that may hold some of what is fine, when it is longer than so many times that: with strong growth the edge wanted
+/// in its middle does not tell. With the usual growth of 0.7 mm a mm it does: cells become no longer than 7 of the finest edges.
+const STEPS_OVER: [f64; 2] = [2.0, 8.0];
+/// Growth of edges when none is asked for, mm a mm.
+const USUAL_GROWTH: f64 = 0.7;
+/// Half the diagonal of a cell over its edge.
+const HALF_DIAGONAL: f64 = 0.867;
 /// Levels of the octree at most: coordinates are packed into 21 bits.
 const MOST_LEVELS: u32 = 18;
 
@@ -113,7 +120,7 @@ impl MeshOptions {
             density: Vec::new(),
             path: None,
             elements,
-            growth: 0.7,
+            growth: USUAL_GROWTH,
             coarsest: 5.0,
             strict: false,
         }
@@ -504,6 +511,8 @@ fn build(fields: &LabelFields, size: &SizeField, thin_parts: &Thin, finest: f64)
     let origin: [f64; 3] = std::array::from_fn(|a| 0.5 * (low[a] + high[a] - span));
     let place = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| origin[a] + p[a] * unit) };
     let bounds = RefCell::new(Vec::new());
+    let [least, most] = STEPS_OVER;
+    let steps_over = SPLIT * finest * (most * (USUAL_GROWTH / size.growth()).powi(2)).clamp(least, most);
     let tree = Octree::new(levels, |corner, edge| {
         let (from, to) = (place(corner.map(f64::from)), place(corner.map(|c| f64::from(c + edge))));
         // As far again as the cell is large: neighbours share elements.
@@ -512,7 +521,8 @@ fn build(fields: &LabelFields, size: &SizeField, thin_parts: &Thin, finest: f64)
         }
         let centre = place(corner.map(|c| f64::from(c) + 0.5 * f64::from(edge)));
         let length = f64::from(edge) * unit;
-        if length > SPLIT * size.edge(centre, finest) {
+        let steps_over = length > steps_over && size.distance(centre) < HALF_DIAGONAL * length;
+        if length > SPLIT * size.edge(centre, finest) || steps_over {
             return true;
         }
         let unseen = thin_parts.is_unseen(fields, centre, length);

@@ -99,6 +99,11 @@ impl SizeField {
         Self { cap, ..self.clone() }
     }
 
+    /// Growth of the edges, mm a mm.
+    pub(super) const fn growth(&self) -> f64 {
+        self.growth
+    }
+
     /// Box of the region, mm.
     pub(super) const fn bounds(&self) -> ([f64; 3], [f64; 3]) {
         (self.low, self.high)

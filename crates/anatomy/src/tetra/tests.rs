@@ -63,6 +63,38 @@ fn a_head_with_folds_was_meshed_twice() {
 }
 
 #[test]
+fn strong_growth_of_edges_stepped_over_what_is_fine() {
+    // The first cells of the lattice are as large as the whole: edges as long were wanted in their middles, and they were not
+    // split. "Too thin or too small", or half a minute for lattices of millions of elements.
+    let grid = Grid::axis_aligned([120, 70, 60], [1.0; 3], [-59.5, -34.5, -29.5]).expect("grid");
+    let label = |at| {
+        let [x, y, z] = grid.centre(grid.voxel(at)[0], grid.voxel(at)[1], grid.voxel(at)[2]).to_array();
+        let inside = (x / 55.0).hypot(y / 32.0).hypot(z / 26.0) < 1.0;
+        u8::from(inside) + u8::from((x - 44.0).hypot(y).hypot(z) < 6.0)
+    };
+    let labels = Volume::new(grid, (0..grid.len()).map(label).collect()).expect("count");
+    let mut options = MeshOptions::new(&[1, 2], &[2], 8_000);
+    (options.growth, options.coarsest) = (2.0, 64.0);
+    let fields = LabelFields::new(&labels, &options.keep).expect("fields");
+    let of = fields.labels.iter().position(|&l| l == 2).expect("there");
+    let size = SizeField::new(&fields, &[of], &options).expect("size");
+    for finest in [1.0, 2.0, 3.0] {
+        let (raw, _) = build(&fields, &size, &Thin::none(), finest);
+        let volume = |t: &[u32; 4]| vec3::volume6(t.map(|v| raw.points[v as usize])) / 6.0;
+        let own = raw.tets.iter().zip(&raw.labels).filter(|(_, l)| usize::from(**l) == of);
+        let found: f64 = own.map(|(t, _)| volume(t)).sum();
+        assert!(
+            (found / fields.volumes[of] - 1.0).abs() < 0.15,
+            "finest {finest}: {found} mm3, {} tets",
+            raw.tets.len()
+        );
+    }
+    let (mesh, report) = mesh(&labels, &options).expect("mesh");
+    check(&mesh, &report, options.elements);
+    assert!(!report.coarse_regions && report.dihedral_min >= 22.0, "{report:?}");
+}
+
+#[test]
 fn the_horns_stay_at_a_few_thousand_elements() {
     // Horn tips and the third ventricle used to be merged away below 20,000 elements.
     let options = MeshOptions::new(&[4, 5, 6, 7], &[5, 6, 7], 5_824);
