@@ -312,17 +312,35 @@ fn a_surface_far_from_the_origin_is_refused_where_it_would_collapse() {
 
 /// A ball of label 4 with a smaller one of label 5, voxels of 2 mm.
 fn labels(file: &Path) {
+    balls(file, [4, 5]);
+}
+
+/// A ball of one label with a smaller one of another, voxels of 2 mm.
+fn balls(file: &Path, [outer, inner]: [u8; 2]) {
     let grid = Grid::axis_aligned([24; 3], [2.0; 3], [-23.0; 3]).expect("grid");
     let at = |n: usize| {
         let [i, j, k] = grid.voxel(n);
         match grid.centre(i, j, k).distance(Point::ORIGIN) {
-            r if r < 10.0 => 5,
-            r if r < 20.0 => 4,
+            r if r < 10.0 => inner,
+            r if r < 20.0 => outer,
             _ => 0,
         }
     };
     let volume: Volume<u8> = Volume::new(grid, (0..grid.len()).map(at).collect()).expect("count");
     fs::write(file, nifti::encode_u8(&volume)).expect("write");
+}
+
+#[test]
+fn a_guess_around_what_to_be_fine_was_told_although_it_was_said() {
+    let dir = tempfile::tempdir().expect("temp");
+    let [file, out] = ["labels.nii.gz", "out.vtu"].map(|n| dir.path().join(n));
+    balls(&file, [12, 5]);
+    let told = |more: &[&'static str]| {
+        let done = json(&[&["mesh", text(&file), "--elements", "3000", "--force", "--out", text(&out)], more].concat());
+        done["remarks"].to_string().contains("fine around 5 alone")
+    };
+    assert!(told(&[]));
+    assert!(!told(&["--fine", "12"]) && !told(&["--fine", "5,12"]) && !told(&["--keep", "12"]));
 }
 
 #[test]
