@@ -1,8 +1,7 @@
 //! Whether there is skin where the nasion is sought: a face that was cut off for anonymity leaves bone and cavities bare.
 
-use super::profile::Skin;
-use super::surroundings::Surroundings;
-use monro_geometry::{Patient, Point, Vector};
+use super::profile::{Profile, Skin};
+use monro_geometry::{Patient, Vector};
 
 /// Rays from the height of the foramina: degrees above forward, mm aside. They meet brow, root of the nose and cheeks.
 const ANGLES: [f64; 8] = [-45.0, -38.0, -31.0, -24.0, -17.0, -10.0, -3.0, 4.0];
@@ -12,12 +11,12 @@ const UNDER_MM: f64 = 1.5;
 const BONE_HU: f64 = 200.0;
 /// In larger voxels than this, mm, nothing can be told.
 const FINE_MM: f64 = 2.6;
-/// Part of the places that are bare by chance: none in six heads.
+/// Part of the places that are bare by chance: none in three heads and three phantoms.
 const BARE: f64 = 0.06;
 
-/// A sentence where bone lies bare at the front of the head.
-pub(super) fn finding(skin: &Skin<'_>, surroundings: &Surroundings<'_>) -> Option<String> {
-    let bare = bare(skin, surroundings)?;
+/// A sentence where bone lies bare at the front of the head; `left` is the direction across the profile.
+pub(super) fn finding(skin: &Skin<'_>, profile: &Profile, left: Vector<Patient>) -> Option<String> {
+    let bare = bare(skin, profile, left)?;
     (bare > BARE).then(|| {
         format!(
             "the front of the head has bone without skin over it ({:.0} % of the places around the nasion): the face seems to \
@@ -29,19 +28,16 @@ pub(super) fn finding(skin: &Skin<'_>, surroundings: &Surroundings<'_>) -> Optio
 }
 
 /// Part of the places around the nasion at which bone is bare; `None` where too little is shown to tell.
-fn bare(skin: &Skin<'_>, surroundings: &Surroundings<'_>) -> Option<f64> {
+fn bare(skin: &Skin<'_>, profile: &Profile, left: Vector<Patient>) -> Option<f64> {
     if skin.coarsest_mm() > FINE_MM {
         return None;
     }
-    let origin = surroundings.midsagittal.project(surroundings.pose.place([0.0; 3]));
-    let [aside, forward, up] =
-        [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]].map(|d| surroundings.pose.direction(d));
-    let rays = ANGLES.into_iter().flat_map(|angle| ASIDE.map(|mm| (angle.to_radians(), mm)));
-    let under = |(angle, mm): (f64, f64)| -> Option<f64> {
-        let (from, direction): (Point<Patient>, Vector<Patient>) =
-            (origin + aside * mm, forward * angle.cos() + up * angle.sin());
+    let under = |(degrees, aside): (f64, f64)| -> Option<f64> {
+        let (middle, direction) = profile.ray(degrees);
+        let from = middle + left * aside;
         skin.hu(from + direction * (skin.leave(from, direction)? - UNDER_MM))
     };
+    let rays = ANGLES.into_iter().flat_map(|degrees| ASIDE.map(|aside| (degrees, aside)));
     let found: Vec<f64> = rays.filter_map(under).collect();
     let bare = found.iter().filter(|&&hu| hu > BONE_HU).count();
     (found.len() >= ANGLES.len() * ASIDE.len() / 2).then(|| bare as f64 / found.len() as f64)

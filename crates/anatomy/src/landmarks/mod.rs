@@ -54,9 +54,9 @@ pub fn find(ct: &Volume<i16>, segmentation: &Segmentation) -> Result<Landmarks, 
     let [monro_left, monro_right] = foramina::find(&surroundings, &mut findings);
     let skin = Skin::new(ct, &segmentation.labels)?;
     let profile = Profile::new(&skin, &surroundings);
-    findings.extend(face::finding(&skin, &surroundings));
-    let nasion = profile.nasion(&mut findings)?;
     let left = segmentation.midsagittal.normal;
+    findings.extend(face::finding(&skin, &profile, left));
+    let nasion = profile.nasion(&mut findings)?;
     let [midline_110mm, kocher_left, kocher_right] = entries((&skin, &profile), nasion, left, &mut findings)?;
     let nasion = profile.point(nasion);
     Ok(Landmarks { nasion, midline_110mm, kocher_left, kocher_right, monro_left, monro_right, findings })

@@ -100,7 +100,7 @@ impl Profile {
         let origin = plane.project(surroundings.pose.place([0.0; 3]));
         let forward = surroundings.pose.direction([0.0, -1.0, 0.0]);
         let up = surroundings.pose.direction([0.0, 0.0, 1.0]);
-        let coarse = skin.ct.grid().spacing().into_iter().fold(1.0, f64::max);
+        let coarse = skin.coarsest_mm().max(1.0);
         let mut out = Self { origin, forward, up, coarse, radius: Vec::new() };
         let count = ((LAST - FIRST) / STEP) as usize + 1;
         let raw: Vec<Option<f64>> = (0..count).map(|n| skin.leave(origin, out.direction(n as f64))).collect();
@@ -113,8 +113,13 @@ impl Profile {
     }
 
     fn direction(&self, at: f64) -> Vector<Patient> {
-        let (s, c) = Self::angle(at).to_radians().sin_cos();
-        self.forward * c + self.up * s
+        self.ray(Self::angle(at)).1
+    }
+
+    /// Where the rays of the profile begin, and the direction of the one so many degrees above forward.
+    pub(super) fn ray(&self, degrees: f64) -> (Point<Patient>, Vector<Patient>) {
+        let (s, c) = degrees.to_radians().sin_cos();
+        (self.origin, self.forward * c + self.up * s)
     }
 
     /// Position of a (continuous) sample of the profile.
