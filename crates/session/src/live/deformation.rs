@@ -306,6 +306,29 @@ pub(crate) mod tests {
         }
     }
 
+    /// One pose beside the head, the next at the target: the shaft is drawn through the tissue sideways. What was held on the
+    /// surface stayed tied to it with hundreds of newtons, and crushed elements were taken back frame after frame.
+    #[test]
+    fn a_tip_put_deep_at_once_leaves_a_soft_body_that_has_no_faults() {
+        let target = case().plan.target();
+        for turn in 0..6 {
+            let (s, c) = f64::from(turn).sin_cos();
+            let aside = target + Vector::new(70.0 * c, 70.0 * s, 15.0);
+            let mut d = deformation();
+            let mut faults = [0; 2];
+            for i in 0..240 {
+                let tip = if i < 30 { aside } else { target };
+                let tremble = [12.9, 78.2, 37.7].map(|w| 0.1 * (w * f64::from(i)).sin());
+                let direction = Vector::new(-0.5 * s, 0.5 * c, -1.0);
+                let needle = NeedlePose::new(tip + Vector::from_array(tremble), direction).expect("needle");
+                let frame = d.advance(&needle, f64::from(i) / 60.0, 1.0 / 60.0);
+                faults[usize::from(i >= 120)] = frame.faults;
+                assert!(frame.largest_mm < 30.0, "{turn} {i}: {}", frame.largest_mm);
+            }
+            assert_eq!(faults[0], faults[1], "{turn}");
+        }
+    }
+
     #[test]
     fn a_pause_or_a_clock_that_jumps_does_no_harm() {
         let mut d = deformation();

@@ -13,6 +13,7 @@ use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
 use crate::vec3::{V3, add, axpy, cross, dot, norm, scale, sub, xyz};
 use crate::{CollisionResponse, Event, Material, Model, State};
+use core::cell::OnceCell;
 use monro_geometry::{Patient, Point};
 
 /// Distance of the anchors along the shaft, in radii of the tool.
@@ -22,8 +23,12 @@ const THROUGH: f32 = 2.0;
 /// Stiffness of an anchor over modulus times spacing: two orders above the tissue around the shaft.
 const PENALTY: f32 = 100.0;
 
-/// Tissue dragged further than this, in radii of the tool, tears off the shaft.
-const TEAR: f32 = 10.0;
+/// Tissue dragged further than this, in radii of the tool, tears off the shaft. A line dragged by `u` shears what is beside
+/// it by `u` over the radius and the logarithm of outer over inner radius (3.3, see `drag_length`): here by 1.5.
+const TEAR: f32 = 5.0;
+/// So does tissue whose place on the shaft is this far from it across the axis, in radii of the tool: one with a hold on the
+/// skull cannot follow, and by then it would bear 200 moduli times the square of the radius.
+const OUT: f32 = 2.0;
 /// How far around the shaft tissue tells where it would be without it, in those lengths.
 const AROUND: f32 = 4.0;
 
@@ -125,11 +130,8 @@ fn renew_anchors(
         return;
     }
     let step = spacing(rod);
-    let moved = |a: &Anchor| sub(current(state, a), rest_point(model, a));
-    let far = |way: V3| norm(way) > TEAR * rod.radius;
-    // Tissue that moves with all around it, as a brain that shifts does, is not dragged.
-    let all = if memory.anchors.iter().any(|a| far(moved(a))) { way_around(model, state, rod) } else { [0.0; 3] };
-    let torn = |a: &Anchor| far(moved(a)) && far(sub(moved(a), all));
+    let around = OnceCell::new();
+    let torn = |a: &Anchor| is_torn(model, state, rod, a, &around);
     memory.anchors.retain(|a| a.arc > -0.5 * step && a.arc < rod.length && !torn(a));
     memory.anchors.sort_by(|a, b| a.arc.total_cmp(&b.arc));
     let old = memory.anchors.len();
@@ -155,7 +157,9 @@ fn renew_anchors(
                         true => Some(place),
                         false => detect::locate(model, state, spheres, add(rod.at(arc), *aside), found),
                     };
-                    memory.anchors.extend(place.and_then(|p| anchor(model, p, (arc, *aside), (stretch, share))));
+                    let new = place.and_then(|p| anchor(model, p, (arc, *aside), (stretch, share)));
+                    // What has just torn off is not caught again before it has gone back.
+                    memory.anchors.extend(new.filter(|a| !torn(a)));
                 }
             }
             // The shaft leaves the tissue here; beyond the last old anchor it does not come back.
@@ -164,6 +168,19 @@ fn renew_anchors(
         }
     }
     memory.anchors.sort_by(|a, b| a.arc.total_cmp(&b.arc));
+}
+
+/// Whether an anchor has come off the shaft: the shaft has gone out of it sideways, or drags it too far. `around` keeps the
+/// mean way of the tissue around the shaft, which is sought when it is first asked for.
+fn is_torn(model: &Model, state: &State, rod: &Rod, a: &Anchor, around: &OnceCell<V3>) -> bool {
+    let gap = sub(held_at(rod, a), current(state, a));
+    if norm(axpy(gap, -dot(gap, rod.back), rod.back)) > OUT * rod.radius {
+        return true;
+    }
+    let moved = sub(current(state, a), rest_point(model, a));
+    let far = |way: V3| norm(way) > TEAR * rod.radius;
+    // Tissue that moves with all around it, as a brain that shifts does, is not dragged.
+    far(moved) && far(sub(moved, *around.get_or_init(|| way_around(model, state, rod))))
 }
 
 /// Points on a circle around the axis that a piece of shaft holds in small elements, and its radius over the tool's.
