@@ -119,7 +119,7 @@ pub(super) fn turned_given(mesh: &TetMesh, displacement: &[Vector<Patient>]) -> 
     (0..moved.tets.len()).filter(|&t| moved.volume(t) <= 0.0).collect()
 }
 
-fn moved(mesh: &TetMesh, displacement: &[Vector<Patient>]) -> TetMesh {
+pub(super) fn moved(mesh: &TetMesh, displacement: &[Vector<Patient>]) -> TetMesh {
     let vertices = mesh.vertices.iter().zip(displacement).map(|(p, d)| *p + *d).collect();
     TetMesh { vertices, ..mesh.clone() }
 }

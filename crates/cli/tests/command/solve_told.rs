@@ -95,6 +95,22 @@ fn elements_turned_inside_out_are_remarked_upon_and_not_called_converged() {
     says(&remarks(&told), &["turned inside out", "6 of the mesh as given", "tetrahedron"]);
 }
 
+/// Bars near incompressible were called converged with a corner crushed to a fifth of its volume, without a word.
+#[test]
+fn what_hardly_changes_its_volume_and_lost_half_is_remarked_upon() {
+    let pressed = |poisson: f64, by: f64| {
+        let told = told(|case| {
+            case["materials"]["1"]["nu"] = json!(poisson);
+            case["dirichlet"] = json!([held("z0", "xyz", [0.0; 3]), held("z1", "xyz", [0.0, 0.0, by])]);
+        });
+        remarks(&told)
+    };
+    says(&pressed(0.49, -0.012), &["6 elements", "tetrahedron 0, 40 %", "Poisson's ratio", "--refine"]);
+    for (poisson, by) in [(0.3, -0.012), (0.49, -0.002)] {
+        assert!(!pressed(poisson, by).contains("Poisson"), "{poisson} {by}");
+    }
+}
+
 #[test]
 fn a_sphere_that_never_touches_is_told_with_its_distance() {
     let near = told(punched([0.01, 0.01, 0.1], [0.01, 0.01, 0.06]));
