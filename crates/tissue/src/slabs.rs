@@ -47,7 +47,7 @@ pub(crate) fn split<'a, T>(mut data: &'a mut [T], cuts: &[usize]) -> [&'a mut [T
 
 impl Slabs {
     /// From the slab of each vertex, which must not fall along the order of the vertices. Slabs too full for 16 bits make
-    /// rounds of one part impossible; see [`Slabs::fit`].
+    /// rounds of one part impossible; see [`Slabs::too_full`].
     pub(crate) fn new(slab_of: &[u32]) -> Self {
         debug_assert!(slab_of.is_sorted(), "vertices are ordered by slab");
         let count = slab_of.last().map_or(0, |&s| s as usize + 1);
