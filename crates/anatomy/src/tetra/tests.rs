@@ -49,14 +49,37 @@ fn changed_head(label: impl Fn([f64; 3], u8) -> u8) -> Volume<u8> {
     labels
 }
 
+/// Its outer surface has folds of up to a quarter of its radius, so many radians of them a mm.
+fn folded_head(f: f64) -> Volume<u8> {
+    changed_head(|[x, y, z], label| {
+        let folds = 0.25 * ((f * x).sin() * (f * y).sin() * (f * z).sin()).abs();
+        if label == 4 && (x / 60.0).hypot(y / 75.0).hypot(z / 55.0) > 1.0 - folds { 0 } else { label }
+    })
+}
+
+#[test]
+fn more_than_one_in_a_hundred_angles_of_a_coarse_mesh_were_below_28_degrees() {
+    let options = MeshOptions::new(&[4, 5, 6, 7], &[5, 6, 7], 12_000);
+    let (mesh, report) = mesh(&folded_head(0.45), &options).expect("mesh");
+    check(&mesh, &report, options.elements);
+    // It was 27.85 degrees.
+    assert!(report.dihedral_p1 >= 28.0, "{report:?}");
+}
+
+#[test]
+fn the_last_elements_that_flips_and_moves_do_not_better_get_points_put_in() {
+    let options = MeshOptions::new(&[4, 5, 6, 7], &[5, 6, 7], 14_000);
+    let (mesh, report) = mesh(&folded_head(0.55), &options).expect("mesh");
+    check(&mesh, &report, options.elements);
+    // Elements had a radius ratio of 0.167, after surfaces had been given way for them.
+    assert!(report.radius_ratio_min >= 0.2 && report.dihedral_min >= 22.0, "{report:?}");
+}
+
 #[test]
 fn a_head_with_folds_was_meshed_twice() {
     // Edges that cut corners of a rough surface are split in the end: some 2.5 % more elements than wanted, and all of it was done
     // again with fewer in mind, for twice the time.
-    let labels = changed_head(|[x, y, z], label| {
-        let folds = 0.25 * ((0.45 * x).sin() * (0.45 * y).sin() * (0.45 * z).sin()).abs();
-        if label == 4 && (x / 60.0).hypot(y / 75.0).hypot(z / 55.0) > 1.0 - folds { 0 } else { label }
-    });
+    let labels = folded_head(0.45);
     let options = MeshOptions::new(&[4, 5, 6, 7], &[5, 6, 7], 65_691);
     let mut coarsened = 0;
     let observe = |stage| coarsened += usize::from(stage == Stage::Coarsen);

@@ -27,6 +27,14 @@ fn an_empty_folder_is_no_scan() {
 }
 
 #[test]
+fn a_missing_file_was_told_after_all_phantoms_had_been_meshed_and_their_numbers_were_lost() {
+    let dir = tempfile::tempdir().expect("temp");
+    let missing = dir.path().join("head.nii.gz");
+    let said = refusal(&["bench", "mesh", "--seeds", "1", "--elements", "612", text(&missing)]);
+    assert!(said.contains("head.nii.gz") && !said.contains("phantom 0"), "{said}");
+}
+
+#[test]
 fn a_text_file_named_dcm_is_named() {
     let dir = tempfile::tempdir().expect("temp");
     let file = dir.path().join("notes.dcm");

@@ -4,6 +4,7 @@
 
 mod coarsen;
 mod collapse;
+mod insert;
 mod mask;
 mod pull;
 mod relabel;
@@ -24,6 +25,10 @@ pub(super) use work::Work;
 const BARS: [f64; 4] = [0.30, 0.38, 0.44, 0.47];
 /// Passes once points have the places that the volumes ask for.
 const LAST_BARS: [f64; 3] = [0.40, 0.46, 0.485];
+/// More passes, at this bar, as long as more than this part of the elements is worse than [`GOOD`].
+const MORE_BAR: f64 = 0.50;
+const MORE_PASSES: usize = 6;
+const FEW: f64 = 0.009;
 /// Worst elements may be left to the last resorts below this bar: leaving the surface by a little, changing the label. It is
 /// the sine of 25.2 and 154.8 degrees, and stands for a radius ratio of 0.203. With a bar at 26.7 degrees more
 /// elements went through the resorts, which moved surfaces by up to 0.9 mm.
@@ -33,9 +38,10 @@ const ROOMY: f64 = 0.55;
 const ROOMIER: f64 = 0.65;
 /// By how much of an edge they may leave the surface;
 const LOOSE: [f64; 14] = [0.03, 0.06, 0.06, 0.09, 0.12, 0.16, 0.2, 0.25, 0.3, 0.3, 0.35, 0.4, 0.5, 0.6];
-/// from which of these on neighbours are bettered, and labels changed.
+/// from which of these on neighbours are bettered, labels changed, and points put in.
 const ROOM_FROM: usize = 1;
 const RELABEL_FROM: usize = 2;
+const INSERT_FROM: usize = 4;
 /// An element that changes its label may be as thick as this part of its longest edge, as its surface moves by as much;
 const THIN: f64 = 0.15;
 /// as thick as it is from this looseness on, when next to none are left. Then two rings of neighbours are bettered, too.
@@ -66,6 +72,9 @@ impl Work<'_> {
             if self.below(RESORT).is_empty() {
                 break;
             }
+            if i >= INSERT_FROM {
+                self.insert_points(RESORT);
+            }
             self.loose = loose;
             self.pass(RESORT);
             if i >= RELABEL_FROM {
@@ -83,6 +92,20 @@ impl Work<'_> {
         self.pull_points();
         // What was just good enough has more room now: it counts for the first percentile.
         self.pass(LAST_BARS[2]);
+        self.leave_few();
+    }
+
+    /// Goes on until few elements have an angle below 28 degrees: where a mesh is coarse for what it shows, more had than one
+    /// in a hundred. Without merges, which are no help here and cost the count.
+    fn leave_few(&mut self) {
+        self.merges = false;
+        for _ in 0..MORE_PASSES {
+            if self.below(GOOD).len() as f64 <= FEW * self.count() as f64 {
+                break;
+            }
+            self.pass(MORE_BAR);
+        }
+        self.merges = true;
     }
 
     /// Betters the good neighbours of elements below a bar, so many rings of them, which are then less in their way.
@@ -145,9 +168,10 @@ impl Work<'_> {
     /// Merges the ends of an edge of `t`, in either direction, if that betters the worst element around.
     fn merge_edge(&mut self, t: u32, [i, j]: [usize; 2], size: f64) -> bool {
         let tet = self.tets[t as usize];
-        [(tet[i], tet[j]), (tet[j], tet[i])].into_iter().any(|(v, w)| {
-            let floor = self.worst_around(v) + 1e-6;
-            self.collapse(v, w, floor, SAG.max(self.loose) * size)
-        })
+        self.merges
+            && [(tet[i], tet[j]), (tet[j], tet[i])].into_iter().any(|(v, w)| {
+                let floor = self.worst_around(v) + 1e-6;
+                self.collapse(v, w, floor, SAG.max(self.loose) * size)
+            })
     }
 }

@@ -11,7 +11,7 @@ use super::mask::Mask;
 pub(super) const DEAD: u8 = u8::MAX;
 
 /// Points, elements, the elements around each point, and the labels that meet at each point.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(in super::super) struct Work<'a> {
     pub(super) points: Vec<V3>,
     pub(super) tets: Vec<[u32; 4]>,
@@ -24,6 +24,8 @@ pub(in super::super) struct Work<'a> {
     pub(super) lift: Vec<f64>,
     /// Points may leave their surface by this part of the mean edge around them.
     pub(super) loose: f64,
+    /// Whether elements may be merged away.
+    pub(super) merges: bool,
     pub(super) fields: &'a LabelFields,
     /// How far the surface that a point stands for reaches beyond it because of points merged into it, mm.
     pub(super) drift: Vec<f64>,
@@ -60,6 +62,7 @@ impl<'a> Work<'a> {
             masks,
             lift,
             loose: 0.0,
+            merges: true,
             fields,
             drift,
             scratch,

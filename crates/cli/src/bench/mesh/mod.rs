@@ -26,6 +26,8 @@ const LEAST: usize = 5_824;
 
 /// Runs the bench.
 pub(super) fn run(args: &MeshBenchArgs, console: &Console) -> Result<()> {
+    // What cannot be read is told before minutes of phantoms.
+    let files = args.subjects.iter().map(|path| of_file(path)).collect::<Result<Vec<_>>>()?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads.max(1)).build()?;
     let mut rows: Vec<Value> = Vec::new();
     let mut measure = |subject: &Subject| {
@@ -42,9 +44,7 @@ pub(super) fn run(args: &MeshBenchArgs, console: &Console) -> Result<()> {
         voxels.push(json!({ "subject": subject.name, "to_truth": off }));
         measure(&subject);
     }
-    for path in &args.subjects {
-        measure(&of_file(path)?);
-    }
+    files.iter().for_each(measure);
     let mut result = json!({ "threads": args.threads, "repeat": args.repeat, "voxels": voxels, "meshes": rows });
     if args.surfaces {
         result["surfaces"] = pool.install(surfaces::measure)?;

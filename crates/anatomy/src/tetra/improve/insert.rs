@@ -1,0 +1,77 @@
+//! New points in the few elements that nothing else betters.
+
+use super::super::vec3::{add, distance, scale};
+use super::mask::Mask;
+use super::ring::Ring;
+use super::work::Work;
+use super::{EDGES, ROOMY};
+
+/// It is tried for so many elements at most: each try keeps a copy of the mesh.
+const MOST: usize = 24;
+/// Rounds of bettering what lies around a new point, and the part of what was lacking that a point must save.
+const ROUNDS: usize = 3;
+const WORTH: f64 = 0.1;
+
+impl Work<'_> {
+    /// Splits an edge of each element below `bar` where that and what can then be done around it betters the whole
+    /// (Klingner and Shewchuk 2007: new points help where flips and moves do not).
+    pub(super) fn insert_points(&mut self, bar: f64) {
+        for t in self.below(bar).into_iter().take(MOST) {
+            if self.is_alive(t) && self.quality[t as usize] < bar {
+                let edges = self.inner_first(t);
+                edges.into_iter().any(|ends| self.insert_point(ends, bar));
+            }
+        }
+    }
+
+    /// The edges of an element: those inside of a label first, the longest of either first.
+    fn inner_first(&self, t: u32) -> [[u32; 2]; 6] {
+        let tet = self.tets[t as usize];
+        let mut edges = EDGES.map(|e| e.map(|k| tet[k]));
+        let length = |[a, b]: [u32; 2]| distance(self.points[a as usize], self.points[b as usize]);
+        let inside = |[a, b]: [u32; 2]| (self.masks[a as usize] & self.masks[b as usize]).count() < 2;
+        edges.sort_by(|&x, &y| inside(y).cmp(&inside(x)).then(length(y).total_cmp(&length(x))));
+        edges
+    }
+
+    fn insert_point(&mut self, ends: [u32; 2], bar: f64) -> bool {
+        let Some(ring) = Ring::new(self, ends[0], ends[1]) else { return false };
+        let (before, kept) = (self.lacking(bar), self.clone());
+        let [p, q] = ends.map(|v| self.points[v as usize]);
+        let outside = if ring.closed { Mask::default() } else { Mask::OUTSIDE };
+        let (middle, length) = (scale(add(p, q), 0.5), distance(p, q));
+        let new = self.add_point(middle, outside);
+        self.apply_split(&ring.tets[..ring.len], ends, new);
+        // Onto its surface, if it is on one.
+        let freedom = self.freedom(new);
+        if let Some(place) = self.constrain(new, &freedom, middle, length) {
+            self.try_move(new, place, 0.0);
+        }
+        for _ in 0..ROUNDS {
+            self.better_around(new);
+        }
+        let is_better = self.lacking(bar) < (1.0 - WORTH) * before;
+        if !is_better {
+            *self = kept;
+        }
+        is_better
+    }
+
+    /// How much the elements below `bar` lack, together.
+    fn lacking(&self, bar: f64) -> f64 {
+        self.below(bar).into_iter().map(|t| bar - self.quality[t as usize]).sum()
+    }
+
+    /// Betters the elements around a point and around its neighbours, the worst first.
+    fn better_around(&mut self, v: u32) {
+        let points = self.stars[v as usize].iter().flat_map(|&t| self.tets[t as usize]);
+        let mut near: Vec<u32> = points.flat_map(|w| self.stars[w as usize].iter().copied()).collect();
+        near.sort_unstable_by(|&s, &t| self.quality[s as usize].total_cmp(&self.quality[t as usize]).then(s.cmp(&t)));
+        near.dedup();
+        for t in near {
+            if self.is_alive(t) && self.quality[t as usize] < ROOMY {
+                self.mend(t, ROOMY);
+            }
+        }
+    }
+}
