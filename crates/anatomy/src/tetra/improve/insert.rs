@@ -1,13 +1,13 @@
 //! New points in the few elements that nothing else betters.
 
 use super::super::vec3::{add, distance, scale};
-use super::mask::Mask;
 use super::ring::Ring;
 use super::work::Work;
 use super::{EDGES, ROOMY};
 
-/// It is tried for so many elements at most: each try keeps a copy of the mesh.
+/// It is tried for so many elements at most, fewer where so many elements would be copied: each try keeps a copy of the mesh.
 const MOST: usize = 24;
+const COPIED: usize = 6_000_000;
 /// Rounds of bettering what lies around a new point, and the part of what was lacking that a point must save.
 const ROUNDS: usize = 3;
 const WORTH: f64 = 0.1;
@@ -16,10 +16,11 @@ impl Work<'_> {
     /// Splits an edge of each element below `bar` where that and what can then be done around it betters the whole
     /// (Klingner and Shewchuk 2007: new points help where flips and moves do not).
     pub(super) fn insert_points(&mut self, bar: f64) {
-        for t in self.below(bar).into_iter().take(MOST) {
+        let most = (COPIED / (EDGES.len() * self.count().max(1))).clamp(1, MOST);
+        for t in self.below(bar).into_iter().take(most) {
             if self.is_alive(t) && self.quality[t as usize] < bar {
                 let edges = self.inner_first(t);
-                edges.into_iter().any(|ends| self.insert_point(ends, bar));
+                let _inserted = edges.into_iter().any(|ends| self.insert_point(ends, bar));
             }
         }
     }
@@ -38,10 +39,9 @@ impl Work<'_> {
         let Some(ring) = Ring::new(self, ends[0], ends[1]) else { return false };
         let (before, kept) = (self.lacking(bar), self.clone());
         let [p, q] = ends.map(|v| self.points[v as usize]);
-        let outside = if ring.closed { Mask::default() } else { Mask::OUTSIDE };
         let (middle, length) = (scale(add(p, q), 0.5), distance(p, q));
-        let new = self.add_point(middle, outside);
-        self.apply_split(&ring.tets[..ring.len], ends, new);
+        let new = self.add_point_on(&ring, middle);
+        self.apply_split(&ring, new);
         // Onto its surface, if it is on one.
         let freedom = self.freedom(new);
         if let Some(place) = self.constrain(new, &freedom, middle, length) {
@@ -64,14 +64,8 @@ impl Work<'_> {
 
     /// Betters the elements around a point and around its neighbours, the worst first.
     fn better_around(&mut self, v: u32) {
-        let points = self.stars[v as usize].iter().flat_map(|&t| self.tets[t as usize]);
-        let mut near: Vec<u32> = points.flat_map(|w| self.stars[w as usize].iter().copied()).collect();
-        near.sort_unstable_by(|&s, &t| self.quality[s as usize].total_cmp(&self.quality[t as usize]).then(s.cmp(&t)));
-        near.dedup();
-        for t in near {
-            if self.is_alive(t) && self.quality[t as usize] < ROOMY {
-                self.mend(t, ROOMY);
-            }
-        }
+        let mut near = self.around(&self.stars[v as usize]);
+        self.sort_by_quality(&mut near);
+        self.mend_all(near, ROOMY);
     }
 }

@@ -112,26 +112,20 @@ impl Work<'_> {
     fn make_room(&mut self, bar: f64, rings: usize) {
         let up_to = if rings > 1 { ROOMIER } else { ROOMY };
         for t in self.below(bar) {
-            if !self.is_alive(t) {
-                continue;
-            }
-            let mut near = vec![t];
-            for _ in 0..rings {
-                let points = near.iter().flat_map(|&u| self.tets[u as usize]);
-                near = points.flat_map(|v| self.stars[v as usize].iter().copied()).collect();
-                near.sort_unstable();
-                near.dedup();
-            }
-            for u in near {
-                if self.is_alive(u) && self.quality[u as usize] < up_to {
-                    self.mend(u, up_to);
-                }
+            if self.is_alive(t) {
+                let near = (0..rings).fold(vec![t], |near, _| self.around(&near));
+                self.mend_all(near, up_to);
             }
         }
     }
 
     fn pass(&mut self, bar: f64) {
-        for t in self.below(bar) {
+        self.mend_all(self.below(bar), bar);
+    }
+
+    /// Tries to better those of some elements that are below a bar, in their order.
+    fn mend_all(&mut self, tets: Vec<u32>, bar: f64) {
+        for t in tets {
             if self.is_alive(t) && self.quality[t as usize] < bar {
                 self.mend(t, bar);
             }

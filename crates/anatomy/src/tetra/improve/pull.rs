@@ -6,7 +6,6 @@
 
 use super::super::vec3::{V3, add, scale, sub};
 use super::RESORT;
-use super::mask::Mask;
 use super::split::Sag;
 use super::volume::GOOD;
 use super::work::Work;
@@ -78,9 +77,8 @@ impl Work<'_> {
         let tets = &ring.tets[..ring.len];
         let old: Vec<([u32; 4], u8)> = tets.iter().map(|&t| (self.tets[t as usize], self.labels[t as usize])).collect();
         let mut patch = self.patch(&sag.ends);
-        let outside = if ring.closed { Mask::default() } else { Mask::OUTSIDE };
-        let new = self.add_point(add(sag.middle, scale(sub(sag.target, sag.middle), way)), outside);
-        self.apply_split(tets, sag.ends, new);
+        let new = self.add_point_on(&ring, add(sag.middle, scale(sub(sag.target, sag.middle), way)));
+        self.apply_split(&ring, new);
         patch.near.push(new);
         if self.settle(&patch) {
             return true;

@@ -90,13 +90,12 @@ impl Work<'_> {
         let tets = &ring.tets[..ring.len];
         let place = |way: f64| -> V3 { add(scale(sag.middle, 1.0 - way), scale(sag.target, way)) };
         let floor = tets.iter().map(|&t| self.quality[t as usize]).fold(FLOOR, f64::min);
-        let outside = if ring.closed { Mask::default() } else { Mask::OUTSIDE };
-        let new = self.add_point(sag.middle, outside);
+        let new = self.add_point_on(&ring, sag.middle);
         for way in WAYS {
             self.points[new as usize] = place(way);
             let halves = tets.iter().flat_map(|&t| self.halves(t, sag.ends, new));
             if halves.into_iter().all(|h| self.worth(h) > floor) {
-                return self.apply_split(tets, sag.ends, new);
+                return self.apply_split(&ring, new);
             }
         }
         self.drop_last_point();
@@ -107,9 +106,15 @@ impl Work<'_> {
         ends.map(|e| tet.map(|v| if v == e { new } else { v }))
     }
 
-    pub(super) fn apply_split(&mut self, tets: &[u32], ends: [u32; 2], new: u32) {
-        for &t in tets {
-            let (label, halves) = (self.labels[t as usize], self.halves(t, ends, new));
+    /// A point for [`Work::apply_split`], without elements yet.
+    pub(super) fn add_point_on(&mut self, ring: &Ring, at: V3) -> u32 {
+        self.add_point(at, if ring.closed { Mask::default() } else { Mask::OUTSIDE })
+    }
+
+    /// Halves the elements around an edge at a new point.
+    pub(super) fn apply_split(&mut self, ring: &Ring, new: u32) {
+        for &t in &ring.tets[..ring.len] {
+            let (label, halves) = (self.labels[t as usize], self.halves(t, ring.ends, new));
             self.remove(t);
             halves.into_iter().for_each(|h| {
                 self.insert(h, label);

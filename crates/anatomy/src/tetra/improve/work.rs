@@ -196,8 +196,22 @@ impl<'a> Work<'a> {
     pub(super) fn below(&self, bar: f64) -> Vec<u32> {
         let mut bad: Vec<u32> =
             (0..self.tets.len() as u32).filter(|&t| self.is_alive(t) && self.quality[t as usize] < bar).collect();
-        bad.sort_unstable_by(|&a, &b| self.quality[a as usize].total_cmp(&self.quality[b as usize]).then(a.cmp(&b)));
+        self.sort_by_quality(&mut bad);
         bad
+    }
+
+    /// Puts the worst elements first.
+    pub(super) fn sort_by_quality(&self, tets: &mut [u32]) {
+        tets.sort_unstable_by(|&a, &b| self.quality[a as usize].total_cmp(&self.quality[b as usize]).then(a.cmp(&b)));
+    }
+
+    /// Elements that share a point with some, and these, in order.
+    pub(super) fn around(&self, tets: &[u32]) -> Vec<u32> {
+        let points = tets.iter().flat_map(|&t| self.tets[t as usize]);
+        let mut near: Vec<u32> = points.flat_map(|v| self.stars[v as usize].iter().copied()).collect();
+        near.sort_unstable();
+        near.dedup();
+        near
     }
 }
 
