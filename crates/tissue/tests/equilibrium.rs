@@ -149,16 +149,20 @@ fn squeezed(m: &Material, kpa: f64) -> f64 {
     0.5 * (low + high)
 }
 
+/// Three sides of a block at the origin that only slide.
+fn rollers(mesh: &TetMesh) -> Vec<Support> {
+    let side = |a: usize| {
+        let way = core::array::from_fn(|k| (k == a).then_some(0.0));
+        held(nodes(mesh, |p| p.to_array()[a] == 0.0), way)
+    };
+    (0..3).flat_map(side).collect()
+}
+
 /// A shaken block of 20 mm on rollers at three sides, pressed upon by 0.3 kPa at the other three.
 fn pressed_block(poisson: f64) -> (TetMesh, ModelOptions, StaticProblem) {
     let mesh = shaken(block([4, 4, 4], 5.0, |_| 4), 5.0, 0.15);
     let at = |v: u32, a: usize| mesh.vertices[v as usize].to_array()[a];
-    let mut problem = StaticProblem::default();
-    for a in 0..3 {
-        let way = core::array::from_fn(|k| (k == a).then_some(0.0));
-        let rollers = nodes(&mesh, |p| p.to_array()[a] == 0.0).into_iter();
-        problem.supports.extend(rollers.map(|node| Support { node, set: a as u32, displacement_mm: way }));
-    }
+    let mut problem = StaticProblem { supports: rollers(&mesh), ..StaticProblem::default() };
     let far = |f: &[u32; 3]| (0..3).any(|a| f.iter().all(|&v| at(v, a) == 20.0));
     let faces = mesh.boundary(|_| true).into_iter().filter(far).collect();
     problem.pressures.push(Pressure { faces, kpa: 0.3 });
@@ -178,6 +182,22 @@ fn a_block_on_rollers_under_pressure_shrinks_evenly_however_fine_its_mesh() {
                 let off = (*d - (*p - Point::ORIGIN) * (l - 1.0)).norm();
                 assert!(off < 1e-4 * 20.0 * (1.0 - l), "{poisson} {finer:?}: {off} mm at {p:?}");
             }
+        }
+    }
+}
+
+#[test]
+fn a_nearly_incompressible_bar_stretched_far_turned_about_its_axis() {
+    for (poisson, stretch, amount) in [(0.4985, 2.0, 0.0), (0.4998, 1.5, 0.0), (0.4998, 2.0, 0.1), (0.4998, 0.6, 0.1)] {
+        let mesh = shaken(block([2, 2, 4], 10.0, |_| 4), 10.0, amount);
+        let o = material(poisson);
+        let mut supports = rollers(&mesh);
+        supports.extend(held(nodes(&mesh, |p| p.z == 40.0), [None, None, Some(40.0 * (stretch - 1.0))]));
+        let solved = solve(&mesh, &o, &StaticProblem { supports, ..StaticProblem::default() });
+        let (l, _) = uniaxial(&o.materials[&4], stretch);
+        for (p, d) in mesh.vertices.iter().zip(&solved.displacement) {
+            let off = (*d - Vector::new(p.x * (l - 1.0), p.y * (l - 1.0), p.z * (stretch - 1.0))).norm();
+            assert!(off < 1e-3, "nu {poisson}, stretch {stretch}: {off} mm at {p:?}");
         }
     }
 }

@@ -188,7 +188,9 @@ impl Problem<'_> {
         }
         let settled = self.converge(&mut at, tolerance, if patient { PATIENCE } else { u32::MAX });
         let through = self.spheres.through(&self.elastic.tets, &at.x);
-        if patient && self.stop.is_none() && (!settled || through || self.elastic.turned(&at.x).next().is_some()) {
+        // What leaps may have come to another equilibrium than the one that this way leads to.
+        let strayed = || self.elastic.turned(&at.x).next().is_some() || self.elastic.leapt(&from.x, &at.x);
+        if patient && self.stop.is_none() && (!settled || through || strayed()) {
             return None;
         }
         if through {
