@@ -66,9 +66,10 @@ pub(crate) struct Elastic {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Tangent {
     /// Derivative of each element's volume by its four corners.
-    gradient: Vec<[D3; 4]>,
+    pub(super) gradient: Vec<[D3; 4]>,
     /// Derivative of the energy by each element's volume.
-    pressure: Vec<f64>,
+    pub(super) pressure: Vec<f64>,
+    /// The same of each patch's, of which that is the mean.
     patch_rate: Vec<f64>,
 }
 
@@ -93,7 +94,7 @@ pub(crate) fn volume_gradient(p: [D3; 4]) -> Shape {
 }
 
 /// Change of the volume gradient when the corners move by `d`.
-fn gradient_change(p: [D3; 4], d: [D3; 4]) -> [D3; 4] {
+pub(super) fn gradient_change(p: [D3; 4], d: [D3; 4]) -> [D3; 4] {
     let [a, b, c] = [1, 2, 3].map(|i| sub(p[i], p[0]));
     let [da, db, dc] = [1, 2, 3].map(|i| sub(d[i], d[0]));
     let mixed = |u: D3, dv: D3, du: D3, v: D3| -> D3 {
@@ -197,33 +198,8 @@ impl Elastic {
     fn stretch(&self, d: &[D3], out: &mut Vec<D3>) {
         out.clear();
         out.resize(d.len(), [0.0; 3]);
-        self.near.add_product(d, out);
-        self.far.add_product(d, out);
-    }
-
-    /// Product of the Hessian with `d`, at the state of `tangent`.
-    pub(crate) fn hessian(&self, x: &[D3], d: &[D3], tangent: &mut Tangent, out: &mut Vec<D3>) {
-        self.stretch(d, out);
-        tangent.patch_rate.fill(0.0);
-        for (t, tet) in self.tets.iter().enumerate() {
-            let rate: f64 = (0..4).map(|i| dot(tangent.gradient[t][i], d[tet[i] as usize])).sum();
-            self.patch[t].iter().for_each(|&p| tangent.patch_rate[p as usize] += rate / 4.0);
-        }
-        for (p, rate) in tangent.patch_rate.iter_mut().enumerate() {
-            *rate *= self.patch_bulk[p] / self.patch_volume[p];
-        }
-        for (t, tet) in self.tets.iter().enumerate() {
-            let rate: f64 = (0..4).map(|i| dot(tangent.gradient[t][i], d[tet[i] as usize])).sum();
-            let mean = self.patch[t].iter().map(|&p| tangent.patch_rate[p as usize]).sum::<f64>() / 4.0;
-            let change = self.bulk[t] / self.volume[t] * rate + mean;
-            scatter(out, tet, &tangent.gradient[t], change);
-            let turned = gradient_change(tet.map(|n| x[n as usize]), tet.map(|n| d[n as usize]));
-            scatter(out, tet, &turned, tangent.pressure[t]);
-        }
-        for film in &self.films {
-            let [x, d] = [x, d].map(|of| film.nodes.map(|n| of[n as usize]));
-            scatter(out, &film.nodes, &film.product(&x, &d), 1.0);
-        }
+        self.near.add_product(0, d, out);
+        self.far.add_product(0, d, out);
     }
 
     /// Elements that have no volume left.
@@ -275,7 +251,7 @@ pub(super) fn add_outer(h: &mut [f64; 6], k: f64, n: D3) {
     h.iter_mut().zip(products).for_each(|(h, p)| *h += k * p);
 }
 
-fn scatter<const N: usize>(out: &mut [D3], corners: &[u32; N], g: &[D3; N], factor: f64) {
+pub(super) fn scatter<const N: usize>(out: &mut [D3], corners: &[u32; N], g: &[D3; N], factor: f64) {
     for (g, &n) in g.iter().zip(corners) {
         (0..3).for_each(|a| out[n as usize][a] += factor * g[a]);
     }
@@ -372,10 +348,11 @@ impl Rows {
         out
     }
 
-    fn add_product(&self, d: &[D3], out: &mut [D3]) {
-        for (i, (di, out)) in d.iter().zip(out).enumerate() {
+    /// Adds the product of the rows from `first` on with `d`.
+    pub(super) fn add_product(&self, first: usize, d: &[D3], out: &mut [D3]) {
+        for (i, out) in (first..).zip(out) {
             for k in self.start[i] as usize..self.start[i + 1] as usize {
-                let (dj, w) = (d[self.column[k] as usize], self.weight[k]);
+                let (di, dj, w) = (d[i], d[self.column[k] as usize], self.weight[k]);
                 // Rows sum to zero: differences lose no digits.
                 (0..3).for_each(|a| out[a] += w * (dj[a] - di[a]));
             }
@@ -390,6 +367,7 @@ impl Rows {
 
 #[cfg(test)]
 mod tests {
+    use super::super::products::Products;
     use super::*;
     use crate::model::tests::block;
     use crate::{Material, Model};
@@ -464,7 +442,10 @@ mod tests {
             let (mut g, mut tangent) = (Vec::new(), Tangent::default());
             e.gradient(&x, &mut g, &mut tangent);
             let mut hd = Vec::new();
-            e.hessian(&x, &d, &mut tangent, &mut hd);
+            e.hessian((&x, &tangent), &d, &mut hd, &mut Products::new(&e, 1));
+            let mut shared = Vec::new();
+            e.hessian((&x, &tangent), &d, &mut shared, &mut Products::new(&e, 3));
+            prop_assert_eq!(&hd, &shared);
             let h = 1e-5;
             let (mut up, mut down) = (Vec::new(), Vec::new());
             let eu = e.gradient(&shift(&x, &d, h), &mut up, &mut Tangent::default());

@@ -14,6 +14,7 @@ pub(crate) mod elastic;
 pub(crate) mod film;
 mod near;
 mod pressure;
+pub(crate) mod products;
 mod region;
 mod rings;
 mod streams;

@@ -6,7 +6,8 @@
 //!
 //! Old vertices keep their numbers; new ones follow, each the midpoint of two earlier ones.
 
-use std::collections::{BTreeMap, BTreeSet};
+use super::edges::{self, Edges};
+use std::collections::BTreeMap;
 
 /// Coordinates, mm.
 pub(super) type P = [f64; 3];
@@ -28,7 +29,7 @@ pub(super) struct Fine {
 /// Midpoint of each edge cut in one pass.
 pub(super) type Cuts = BTreeMap<[u32; 2], u32>;
 
-const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+pub(super) const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 
 pub(super) fn key(a: u32, b: u32) -> [u32; 2] {
     [a.min(b), a.max(b)]
@@ -40,7 +41,7 @@ impl Fine {
         Self { points, tets, labels, part_of, parents: Vec::new(), first }
     }
 
-    fn length2(&self, e: [u32; 2]) -> f64 {
+    pub(super) fn length2(&self, e: [u32; 2]) -> f64 {
         let (a, b) = (self.points[e[0] as usize], self.points[e[1] as usize]);
         (0..3).map(|k| (a[k] - b[k]).powi(2)).sum()
     }
@@ -66,24 +67,27 @@ impl Fine {
     /// One pass of bisection where an element's longest edge exceeds the size wanted of it, mm. `None` when nothing is too
     /// long.
     pub(super) fn bisect(&mut self, size: &dyn Fn(&Self, usize) -> f64) -> Option<Cuts> {
-        let mut marked = BTreeSet::new();
-        for t in 0..self.tets.len() {
-            let Some(e) = self.longest(self.tets[t], |_| true) else { continue };
+        let edges = Edges::of(self);
+        let too_long = |t: usize| {
             let wanted = size(self, t);
-            if self.length2(e) > wanted * wanted {
-                marked.insert(e);
-            }
-        }
-        if marked.is_empty() {
+            self.length2(edges.ends[edges.longest[t] as usize]) > wanted * wanted
+        };
+        let mut marked = vec![false; edges.ends.len()];
+        (0..self.tets.len()).filter(|&t| too_long(t)).for_each(|t| marked[edges.longest[t] as usize] = true);
+        if !marked.contains(&true) {
             return None;
         }
-        self.close(&mut marked);
+        edges.close(&mut marked);
         let mut cuts = Cuts::new();
-        for &e in &marked {
+        for (&e, _) in edges.ends.iter().zip(&marked).filter(|(_, m)| **m) {
             self.midpoint(&mut cuts, e);
         }
-        for (tet, kept) in self.taken() {
-            self.cut(tet, kept, &cuts);
+        for ((tet, kept), around) in self.taken().into_iter().zip(&edges.around) {
+            if edges::any(around, &marked) {
+                self.cut(tet, kept, &cuts);
+            } else {
+                self.put(tet, kept);
+            }
         }
         Some(cuts)
     }
@@ -104,33 +108,22 @@ impl Fine {
         core::array::from_fn(|k| corners.iter().map(|p| p[k]).sum::<f64>() / 4.0)
     }
 
-    /// An element with a marked edge has its longest edge marked, too.
-    fn close(&self, marked: &mut BTreeSet<[u32; 2]>) {
-        loop {
-            let before = marked.len();
-            for &tet in &self.tets {
-                if EDGES.iter().any(|&[i, j]| marked.contains(&key(tet[i], tet[j]))) {
-                    marked.extend(self.longest(tet, |_| true));
-                }
-            }
-            if marked.len() == before {
-                return;
-            }
-        }
-    }
-
     /// Cuts an element along its cut edges, the longest first.
     fn cut(&mut self, tet: [u32; 4], kept: (u16, u32), cuts: &Cuts) {
         let Some(e) = self.longest(tet, |e| cuts.contains_key(&e)) else {
-            self.tets.push(tet);
-            self.labels.push(kept.0);
-            self.part_of.push(kept.1);
+            self.put(tet, kept);
             return;
         };
         let middle = cuts[&e];
         for end in e {
             self.cut(tet.map(|v| if v == end { middle } else { v }), kept, cuts);
         }
+    }
+
+    fn put(&mut self, tet: [u32; 4], (label, whole): (u16, u32)) {
+        self.tets.push(tet);
+        self.labels.push(label);
+        self.part_of.push(whole);
     }
 
     /// Every element into eight.

@@ -9,6 +9,7 @@
 
 mod balance;
 mod bisect;
+mod edges;
 mod held;
 mod level;
 mod loads;

@@ -5,6 +5,7 @@ use super::overlap::Sphere;
 use super::sphere::Spheres;
 use super::{StaticOptions, Stop};
 use crate::physical::elastic::{D3, Elastic, Tangent, dot, volume_gradient};
+use crate::physical::products::Products;
 
 /// Tolerance on the way; only the end must be exact.
 const LOOSE: f64 = 1e-2;
@@ -63,6 +64,7 @@ struct Problem<'a> {
     stop: Option<Stop>,
     /// Square of the force out of balance at each node that is nothing but rounding, mN2.
     rounding: Vec<f64>,
+    hessian: Products,
 }
 
 /// A state with its derivatives.
@@ -87,8 +89,9 @@ pub(super) fn solve(
     let options = *options;
     let rounding = rounding(elastic);
     let (share, stop) = (0.0, None);
+    let hessian = Products::new(elastic, std::thread::available_parallelism().map_or(1, usize::from));
     let mut problem =
-        Problem { elastic, loads, spheres, options, keep_going, share, steps: 0, products: 0, stop, rounding };
+        Problem { elastic, loads, spheres, options, keep_going, share, steps: 0, products: 0, stop, rounding, hessian };
     let (at, share) = match start {
         Some(x) if !problem.spheres.rub() => problem.from(x),
         _ => problem.path(),
@@ -126,6 +129,10 @@ fn rounding(elastic: &Elastic) -> Vec<f64> {
 
 fn shifted(x: &[D3], d: &[D3], s: f64) -> Vec<D3> {
     x.iter().zip(d).map(|(x, d)| core::array::from_fn(|a| x[a] + s * d[a])).collect()
+}
+
+fn shift(x: &mut [D3], d: &[D3], s: f64) {
+    x.iter_mut().zip(d).for_each(|(x, d)| (0..3).for_each(|a| x[a] += s * d[a]));
 }
 
 fn inner(a: &[D3], b: &[D3]) -> f64 {
@@ -182,7 +189,7 @@ impl Problem<'_> {
         let mut at = self.evaluate(from.x.clone());
         if lift.iter().flatten().any(|&v| v != 0.0) {
             // The first step carries the prescribed displacements, and the tissue along by the tangent.
-            let d = self.linear(&mut at, Some(&lift), 1e-2);
+            let d = self.linear(&at, Some(&lift), 1e-2);
             at = self.evaluate(shifted(&at.x, &d, 1.0));
             self.steps += 1;
         }
@@ -323,8 +330,8 @@ impl Problem<'_> {
         if loads > 0.0 { dot(sum, sum).sqrt() / loads } else { 0.0 }
     }
 
-    fn product(&mut self, at: &mut Point, d: &[D3], out: &mut Vec<D3>) {
-        self.elastic.hessian(&at.x, d, &mut at.tangent, out);
+    fn product(&mut self, at: &Point, d: &[D3], out: &mut Vec<D3>) {
+        self.elastic.hessian((&at.x, &at.tangent), d, out, &mut self.hessian);
         self.loads.add_hessian(self.share, &at.x, d, out);
         self.spheres.add_hessian(&at.x, d, out);
         self.products += 1;
@@ -332,17 +339,18 @@ impl Problem<'_> {
 
     /// Solves the Newton system by preconditioned conjugate gradients to the relative residual `tolerance`. With `lift` the
     /// prescribed components move by it and the rest follows. Stops at negative curvature with what it has.
-    fn linear(&mut self, at: &mut Point, lift: Option<&[D3]>, tolerance: f64) -> Vec<D3> {
+    fn linear(&mut self, at: &Point, lift: Option<&[D3]>, tolerance: f64) -> Vec<D3> {
         let mut d: Vec<D3> = lift.map_or_else(|| vec![[0.0; 3]; at.x.len()], <[D3]>::to_vec);
         let mut hp = Vec::new();
         let mut r: Vec<D3> = at.gradient.iter().map(|g| g.map(|v| -v)).collect();
         if lift.is_some() {
             self.product(at, &d, &mut hp);
-            r = shifted(&r, &hp, -1.0);
+            shift(&mut r, &hp, -1.0);
         }
         self.mask(&mut r);
         let blocks = self.preconditioner(at);
-        let mut z = apply(&blocks, &r);
+        let mut z = Vec::new();
+        apply(&blocks, &r, &mut z);
         self.mask(&mut z);
         let (mut p, mut rz) = (z.clone(), inner(&r, &z));
         let goal = rz * tolerance * tolerance;
@@ -357,12 +365,12 @@ impl Problem<'_> {
                 break;
             }
             let alpha = rz / curvature;
-            d = shifted(&d, &p, alpha);
-            r = shifted(&r, &hp, -alpha);
-            z = apply(&blocks, &r);
+            shift(&mut d, &p, alpha);
+            shift(&mut r, &hp, -alpha);
+            apply(&blocks, &r, &mut z);
             self.mask(&mut z);
             let next = inner(&r, &z);
-            p = shifted(&z, &p, next / rz);
+            p.iter_mut().zip(&z).for_each(|(p, z)| (0..3).for_each(|a| p[a] = z[a] + next / rz * p[a]));
             rz = next;
         }
         d
@@ -403,7 +411,7 @@ impl Problem<'_> {
     }
 }
 
-fn apply(blocks: &[[f64; 6]], r: &[D3]) -> Vec<D3> {
+fn apply(blocks: &[[f64; 6]], r: &[D3], out: &mut Vec<D3>) {
     let row = |b: &[f64; 6], v: &D3| {
         [
             b[0] * v[0] + b[3] * v[1] + b[4] * v[2],
@@ -411,7 +419,8 @@ fn apply(blocks: &[[f64; 6]], r: &[D3]) -> Vec<D3> {
             b[4] * v[0] + b[5] * v[1] + b[2] * v[2],
         ]
     };
-    blocks.iter().zip(r).map(|(b, v)| row(b, v)).collect()
+    out.clear();
+    out.extend(blocks.iter().zip(r).map(|(b, v)| row(b, v)));
 }
 
 /// Inverse of a symmetric positive definite 3x3 matrix given as xx, yy, zz, xy, xz, yz.
