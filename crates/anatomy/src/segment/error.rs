@@ -87,7 +87,8 @@ pub enum SegmentError {
     /// A lateral ventricle was not found.
     #[error(
         "no {side} lateral ventricle: {found_ml:.2} mL of fluid where it should lie (at least {needed_ml:.1} mL \
-         expected); slit or displaced ventricles must be given with --labels FILE or the editor"
+         expected); slit or displaced ventricles, and those of a head turned by more than 45 degrees, must be given with --labels \
+         FILE or the editor"
     )]
     NoVentricle {
         /// "left" or "right" (the patient's).

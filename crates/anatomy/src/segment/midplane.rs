@@ -25,13 +25,13 @@ struct Symmetry {
     centroid: [f64; 3],
 }
 
-/// Finds the plane of best mirror symmetry within 25 degrees of yaw and roll of the scan's x axis; its normal points to
+/// Finds the plane of best mirror symmetry within 50 degrees of yaw and 40 of roll of the scan's x axis; its normal points to
 /// the patient's left. `hu` and `cavity` lie on `lattice`, whose voxels should be about 2 mm.
 pub(crate) fn midplane(hu: &Raster<f32>, cavity: &Mask, lattice: Lattice) -> Option<Plane<Patient>> {
     let symmetry = Symmetry::new(hu, cavity, lattice)?;
     let degrees = |from: i32, step: i32, count: i32| (0..count).map(move |n| f64::from(from + n * step).to_radians());
-    let starts: Vec<Turn> = degrees(-25, 5, 11)
-        .flat_map(|yaw| degrees(-20, 5, 9).map(move |roll| (yaw, roll)))
+    let starts: Vec<Turn> = degrees(-50, 5, 21)
+        .flat_map(|yaw| degrees(-40, 5, 17).map(move |roll| (yaw, roll)))
         .flat_map(|(yaw, roll)| [-8.0, -4.0, 0.0, 4.0, 8.0].map(|offset| [yaw, roll, offset]))
         .collect();
     let costs: Vec<f64> = starts.par_iter().map(|t| symmetry.cost(*t)).collect();
@@ -108,8 +108,16 @@ mod tests {
 
     #[test]
     fn a_turned_egg_shows_its_plane() {
+        // By 12 and by 45 degrees of yaw.
+        for normal in [[0.97, -0.2, 0.1], [0.68, 0.7, -0.2]] {
+            shows_its_plane(Vector::from_array(normal));
+        }
+    }
+
+    fn shows_its_plane(normal: Vector<Patient>) {
         let lattice = Lattice { origin: [-90.0, -100.0, -80.0], step: 2.0 };
-        let truth = Plane::<Patient>::new(Point::new(3.0, 0.0, 0.0), Vector::new(0.97, -0.2, 0.1)).expect("plane");
+        let truth = Plane::<Patient>::new(Point::new(3.0, 0.0, 0.0), normal).expect("plane");
+        let forwards = Vector::new(-normal.y, normal.x, 0.0).normalized().expect("not upright");
         let mut hu = Raster::filled([90, 100, 80], -1000f32);
         let mut cavity = Mask::filled(hu.dims, false);
         for n in 0..hu.data.len() {
@@ -117,9 +125,10 @@ mod tests {
             let s = truth.signed_distance(p);
             let along = (p - truth.point) - truth.normal * s;
             // An egg, wider at the back, with one dark spot on one side only.
-            let r = (s / 56.0).hypot(along.y / (77.0 + 0.1 * along.y)).hypot(along.z / 66.0);
+            let y = along.dot(forwards);
+            let r = (s / 56.0).hypot(y / (77.0 + 0.1 * y)).hypot(along.z / 66.0);
             cavity.data[n] = r < 1.0;
-            let spot = (s - 30.0).hypot(along.y).hypot(along.z) < 12.0;
+            let spot = (s - 30.0).hypot(y).hypot(along.z) < 12.0;
             hu.data[n] = if r < 1.0 {
                 if spot { 5.0 } else { 30.0 }
             } else if r < 1.1 {

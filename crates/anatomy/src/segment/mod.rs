@@ -5,6 +5,7 @@
 //! a flood of the fluid from the model's seeds (`ventricles`) up to the half-way surface (`boundary`), which is then
 //! fitted to the scan's own voxels (`samples`, `fit`); and labels painted on the scan's own grid (`paint`).
 
+mod air;
 mod bearings;
 mod blood;
 mod boundary;

@@ -13,6 +13,9 @@ use monro_geometry::{Patient, Plane, Point, Structure, Volume};
 /// A midline shift brings this part of a ventricle across the midplane seldom; more is told.
 const ACROSS: f64 = 0.4;
 
+/// Less air than this in the ventricles may be noise, mL.
+const LEAST_AIR_ML: f64 = 0.05;
+
 /// What the steps found.
 #[derive(Debug)]
 pub(crate) struct Evidence<'a> {
@@ -70,6 +73,13 @@ fn findings(evidence: &Evidence<'_>, across: [f64; 2], size: impl Fn(Structure) 
         out.push(format!("lateral ventricles of unlike size: left {left:.1} mL, right {right:.1} mL"));
     }
     out.extend(blood_in(evidence));
+    if evidence.ventricles.air_ml > LEAST_AIR_ML {
+        out.push(format!(
+            "{:.1} mL of air in the ventricles, as after an operation: it is counted to them, and their surface beside it is \
+             not fitted to the scan",
+            evidence.ventricles.air_ml
+        ));
+    }
     for (side, share) in [("left", across[0]), ("right", across[1])] {
         if share > ACROSS {
             let percent = 100.0 * share;

@@ -1,5 +1,6 @@
 //! The ventricles: fluid reached from the posed model's seeds before it is reached from cisterns and sulci.
 
+use super::air::Air;
 use super::blood::{Clot, clot};
 use super::boundary;
 use super::confidence::{Borders, Doubt, borders};
@@ -70,6 +71,8 @@ pub(crate) struct Ventricles {
     pub(crate) fluid: f32,
     /// Edge between fluid and brain, HU.
     pub(crate) edge: f32,
+    /// Air in the ventricles, mL.
+    pub(crate) air_ml: f64,
     /// Blood in the ventricles, voxels of `lattice`.
     pub(crate) clot: Option<Clot>,
     /// Expected Dice of left, right and third.
@@ -85,6 +88,7 @@ struct Crop<'a> {
     /// The scan and the smoothed scan, HU.
     raw: Raster<f32>,
     hu: Raster<f32>,
+    air: Air,
     cavity: Mask,
     depth: Raster<f32>,
     /// Distance to the model's course on each side, mm.
@@ -98,8 +102,10 @@ struct Crop<'a> {
 /// # Errors
 /// [`SegmentError::NoContrast`], [`SegmentError::NoVentricle`].
 pub(crate) fn ventricles(scene: &Scene<'_>) -> Result<Ventricles, SegmentError> {
-    let crop = Crop::new(scene)?;
+    let mut crop = Crop::new(scene)?;
     let fluid = crop.fluid()?;
+    crop.air.fill(&mut crop.hu, fluid);
+    crop.air.fill(&mut crop.raw, fluid);
     let edge = (fluid + scene.brain) / 2.0;
     let clot = crop.clot();
     let mut calcified = crop.calcified();
@@ -116,8 +122,18 @@ pub(crate) fn ventricles(scene: &Scene<'_>) -> Result<Ventricles, SegmentError> 
     }
     enough(&classes)?;
     let (classes, field) = crop.surface(&classes, &flooded, (fluid, edge));
-    let mut found =
-        Ventricles { lattice: crop.lattice, classes, field, fluid, edge, clot, expected: [0.0; 3], doubts: Vec::new() };
+    let air_ml = crop.air.ml(|n| classes.data[n] > 0);
+    let mut found = Ventricles {
+        lattice: crop.lattice,
+        classes,
+        field,
+        fluid,
+        edge,
+        air_ml,
+        clot,
+        expected: [0.0; 3],
+        doubts: Vec::new(),
+    };
     let Borders { expected, doubts } = borders(&crop.hu, &found, scene.brain, scene.noise);
     (found.expected, found.doubts) = (expected, doubts);
     Ok(found)
@@ -157,7 +173,8 @@ impl<'a> Crop<'a> {
         let horns = drawings.each_ref().map(distance_to);
         let depth = scene.depth.crop(low, high);
         let (raw, hu) = (scene.raw.crop(low, high), scene.smooth.crop(low, high));
-        Ok(Self { scene, lattice, raw, hu, cavity, depth, course, horns })
+        let air = Air::of(&hu, &cavity);
+        Ok(Self { scene, lattice, raw, hu, air, cavity, depth, course, horns })
     }
 
     fn nearest_course(&self, n: usize) -> f32 {
@@ -174,7 +191,8 @@ impl<'a> Crop<'a> {
     fn fluid(&self) -> Result<f32, SegmentError> {
         let brain = self.scene.brain;
         let mut dark: Vec<f32> = (0..self.hu.data.len())
-            .filter(|&n| self.nearest_course(n) <= 3.0 && self.hu.data[n] < brain - LEAST_CONTRAST)
+            .filter(|&n| !self.air.all.data[n] && self.nearest_course(n) <= 3.0)
+            .filter(|&n| self.hu.data[n] < brain - LEAST_CONTRAST)
             .map(|n| self.hu.data[n])
             .collect();
         let fluid = quantile(&mut dark, 0.25);
@@ -318,10 +336,10 @@ impl<'a> Crop<'a> {
         (fluid, edge): (f32, f32),
     ) -> (Raster<u8>, Raster<f32>) {
         let guess = self.guess(classes, flooded, (fluid, edge));
-        // Fluid that belongs elsewhere and what fills a ventricle would pull the surface.
+        // Fluid that belongs elsewhere, what fills a ventricle, and air would pull the surface.
         let other = flooded.zip(classes, |f, c| f > 0 && c == 0);
         let filled = classes.zip(&self.hu, |c, v| c > 0 && v > self.scene.brain + CHOROID);
-        let counts = self.cavity.minus(&dilate(&other, 1.0)).minus(&dilate(&filled, 2.0));
+        let counts = self.cavity.minus(&dilate(&other, 1.0)).minus(&dilate(&filled, 2.0)).minus(&self.air.all);
         let mut field = self.fitted(&guess, classes, &counts, (fluid, edge));
         for n in 0..field.data.len() {
             if filled.data[n] {
