@@ -388,6 +388,10 @@ pub(crate) enum CalibrateCommand {
         /// The tip in the tool's frame, mm: towards it the axis points.
         #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
         tip: String,
+        /// A point of the shaft at the hub, mm, from which the axis points to the tip: needed where the frame has its origin
+        /// at the tip.
+        #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, default_value = "0,0,0")]
+        hub: String,
     },
     /// Lens and place of a camera from corners: lines "x y z u v" (mm in the tracker, pixels).
     Camera {

@@ -100,6 +100,9 @@ impl OnSkin {
     }
 }
 
+/// Traced points that span so many times as much as the landmarks, or as little, are in another unit.
+const OTHER_UNIT: f64 = 50.0;
+
 /// Runs the command.
 pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
     let case = Case::open(&args.case)?;
@@ -113,8 +116,14 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
     let check = args.check.as_deref().map(|c| check(c, args, &landmarks, &found)).transpose()?;
     let pose = found.patient_from_reference();
     let (target, entry) = (case.plan.target(), case.plan.entry());
-    let result = json!({
+    // All that a live session takes, and nothing else: it refuses what it does not know.
+    let session_event = json!({
         "event": "registered", "quaternion_wxyz": pose.quaternion_wxyz(), "translation_mm": pose.translation().to_array(),
+        "predicted_tre_mm": found.tre(target).rms(),
+    });
+    let result = json!({
+        "session_event": session_event,
+        "quaternion_wxyz": pose.quaternion_wxyz(), "translation_mm": pose.translation().to_array(),
         "predicted_tre_mm": found.tre(target).rms(), "predicted_tre_95_mm": found.tre(target).percentile_95(),
         "predicted_tre_entry_mm": found.tre(entry).rms(),
         "landmarks": residuals(&found), "surface": found.surface.as_ref().map(|s| s.json(target)), "check": check,
@@ -152,7 +161,7 @@ fn words(result: &Value, found: &Found, target: Point<Patient>) -> String {
     }
     out + &format!(
         "Pose of the reference body in the patient: quaternion (w, x, y, z) {}, translation {} mm.\n\
-         With --json: what a live session takes at /api/session.",
+         With --json: all digits, and \"session_event\", what a live session takes at /api/session.",
         short(&result["quaternion_wxyz"]),
         short(&result["translation_mm"])
     )
@@ -230,7 +239,15 @@ fn on_skin(
 ) -> Result<OnSkin> {
     let noise = Covariance::isotropic(args.trace_sigma);
     let sample = |p| SurfaceSample { point: Point::from_array(p), noise };
-    let samples: Vec<_> = rows::<3>(path, "x y z")?.into_iter().map(sample).collect();
+    let traced = rows::<3>(path, "x y z")?;
+    let (wide, touched) = (span(&traced), span(&landmarks.iter().map(|l| l.touched.to_array()).collect::<Vec<_>>()));
+    if wide > 0.0 && !(1.0 / OTHER_UNIT..OTHER_UNIT).contains(&(wide / touched)) {
+        bail!(
+            "{}: the traced points span {wide:.3}, the touched landmarks {touched:.3}: both must be in mm",
+            path.display()
+        );
+    }
+    let samples: Vec<_> = traced.into_iter().map(sample).collect();
     let skin = Surface::new(&case.skin)?;
     // A landmark that the others contradict would pull the surface along, and is not in the noise that is predicted from.
     let kept: Vec<_> =
@@ -243,6 +260,16 @@ fn on_skin(
     let agreement = Agreement::new(&kept, &start, &refined, by_skin.as_ref());
     let used = refined.residuals.iter().filter(|r| r.used).count();
     Ok(OnSkin { refined, agreement, used })
+}
+
+/// The longest edge of the box around some points.
+fn span(points: &[[f64; 3]]) -> f64 {
+    let along = |a: usize| {
+        let ends =
+            points.iter().map(|p| p[a]).fold([f64::INFINITY, f64::NEG_INFINITY], |e, v| [e[0].min(v), e[1].max(v)]);
+        ends[1] - ends[0]
+    };
+    (0..3).map(along).fold(0.0, f64::max)
 }
 
 /// `NAME,X,Y,Z`: a landmark touched again.

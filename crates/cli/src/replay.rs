@@ -51,7 +51,13 @@ pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
         done.seconds, done.frames, done.steps, done.identical, done.snapshots
     );
     console.result(&result, &text);
+    if done.cut_off > 0 {
+        console.warn(&format!("the last {} bytes of the recording are no whole entry: it was cut off", done.cut_off));
+    }
     if let Some(at) = done.differs_at_s {
+        if !at.is_finite() {
+            bail!("a snapshot has no time that could be: the recording is damaged");
+        }
         bail!(
             "the snapshot of {at:.3} s comes out differently; it was recorded by {}, this is monro {}",
             done.generator,

@@ -31,7 +31,7 @@ pub(crate) struct TrackArgs {
     /// replay: `fast=1` (not at real speed), `up=y|z`, `version=4.1`.
     #[arg(verbatim_doc_comment)]
     pub(crate) url: String,
-    /// Stop after so many frames: so many poses of each tool, also where each comes in a message of its own.
+    /// Stop when one tool has come so often, also where each comes in a message of its own (slower ones are then fewer).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) frames: Option<u64>,
     /// Keep what arrives (natnet, igtl) in a new file, to be played again with `replay:FILE`.

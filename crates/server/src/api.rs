@@ -143,7 +143,12 @@ async fn event(State(shared): State<Arc<Shared>>, body: Result<Json<EventRequest
         Err(e) => return refuse(e.status(), &e.body_text()),
     };
     match request.event().map(|e| shared.live.apply(e)) {
-        Ok(Ok(phase)) => Json(json!({ "phase": phase.name() })).into_response(),
+        Ok(Ok(phase)) => {
+            if matches!(request, EventRequest::ToolChanged | EventRequest::ReferenceMoved) {
+                register::forget_all(&shared);
+            }
+            Json(json!({ "phase": phase.name() })).into_response()
+        }
         Ok(Err(refusal)) => refuse(StatusCode::CONFLICT, &refusal.to_string()),
         Err(e) => refuse(StatusCode::UNPROCESSABLE_ENTITY, e),
     }

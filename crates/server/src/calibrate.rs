@@ -9,7 +9,7 @@ use axum::extract::State;
 use axum::extract::rejection::JsonRejection;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use monro_geometry::{Rigid, Tool, Tracker};
+use monro_geometry::{Point, Rigid, Tool, Tracker};
 use monro_guidance::calibration::{
     AxisCalibration, AxisError, PivotCalibration, PivotError, PivotOptions, calibrate_axis, calibrate_pivot,
 };
@@ -41,7 +41,11 @@ pub(crate) enum Action {
     /// Watch the catheter being swung about its resting tip.
     Pivot { seconds: Option<f64> },
     /// Watch it being turned about its own axis in a fixed guide.
-    Turn { seconds: Option<f64> },
+    Turn {
+        seconds: Option<f64>,
+        /// A point of the shaft at the hub, mm in the tool's frame, where that has its origin at the tip.
+        hub_mm: Option<[f64; 3]>,
+    },
     /// Take what was found into the session.
     Accept,
 }
@@ -92,9 +96,10 @@ async fn act(shared: &Shared, action: Action) -> Result<(), Why> {
             // Another tip: the axis belonged to the old one.
             *lock(shared) = Calibrating { tip: Some(found), axis: None };
         }
-        Action::Turn { seconds } => {
+        Action::Turn { seconds, hub_mm } => {
             let tip = lock(shared).tip.as_ref().map(|t| t.tip).ok_or(Why::NoTip)?;
-            let found = calibrate_axis(&watch(&shared.live, seconds).await?, tip)?;
+            let hub = hub_mm.map_or(Point::ORIGIN, Point::from_array);
+            let found = calibrate_axis(&watch(&shared.live, seconds).await?, (hub, tip))?;
             lock(shared).axis = Some(found);
         }
         Action::Accept => {

@@ -9,7 +9,7 @@ use crate::snapshot::{Moved, Quantised, digest, encode};
 use monro_geometry::{Display, Patient, Point, Rigid, Tool, Tracker};
 use monro_guidance::NeedlePose;
 use monro_session::live::log::Entry;
-use monro_session::live::{Deformed, Observation, Phase, Refusal, Session, SessionEvent, Snapshot};
+use monro_session::live::{Deformed, Observation, Phase, Refusal, Registration, Session, SessionEvent, Snapshot};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use tokio::sync::watch;
@@ -179,6 +179,11 @@ impl Live {
     /// How far the procedure has come.
     pub(crate) fn phase(&self) -> Phase {
         lock(&self.session).phase()
+    }
+
+    /// The registration, while it holds.
+    pub(crate) fn registration(&self) -> Option<Registration> {
+        lock(&self.session).registration().copied()
     }
 
     /// When the tip was seen (s), and where, in the frame of the reference.

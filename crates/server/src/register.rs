@@ -11,15 +11,16 @@ use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use monro_case::Case;
 use monro_geometry::{Patient, Point, Tool};
-use monro_session::live::{PlainEvent, Refusal, Registering, SessionEvent, Touch, TouchError, TouchMark};
+use monro_session::live::{Phase, PlainEvent, Refusal, Registering, SessionEvent, Touch, TouchError, TouchMark};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::{Arc, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::time::sleep;
 
-/// How long the tip is watched.
+/// How long the tip is watched: longer where a slow tracker has not shown it often enough by then.
 const WATCHED: Duration = Duration::from_millis(500);
+const LONGEST: Duration = Duration::from_millis(2500);
 /// How often it is looked at: more often than trackers give poses; one that was seen already is not taken twice.
 const LOOK: Duration = Duration::from_millis(4);
 /// Landmarks of a case farther than this from the skin cannot be touched, mm.
@@ -81,6 +82,11 @@ pub(crate) async fn post(State(shared): State<Arc<Shared>>, body: Result<Json<Ac
     }
 }
 
+/// Forgets all touches after an event that voids them.
+pub(crate) fn forget_all(shared: &Shared) {
+    lock(shared).forget_all();
+}
+
 fn lock(shared: &Shared) -> MutexGuard<'_, Registering> {
     shared.registering.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -103,7 +109,8 @@ async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
         }
         Action::Check { name } => {
             let touch = watch(&shared.live).await?;
-            let found = lock(shared).check(&name, &touch)?;
+            let used = shared.live.registration();
+            let found = lock(shared).check(&name, &touch, used.as_ref())?;
             let event = if found.holds() { PlainEvent::CheckPassed } else { PlainEvent::CheckFailed };
             shared.live.apply(SessionEvent::Plain(event))?;
             return Ok(Some(json!({
@@ -116,9 +123,13 @@ async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
 
 /// Watches the tip while it rests.
 async fn watch(live: &Live) -> Result<Touch, TouchError> {
+    if live.phase() < Phase::Calibrated {
+        return Err(TouchError::NotCalibrated);
+    }
     let mut samples: Vec<Point<Tool>> = Vec::new();
-    let (mut last, end) = (f64::NEG_INFINITY, live.clock.now() + WATCHED.as_secs_f64());
-    while live.clock.now() < end {
+    let (mut last, begun) = (f64::NEG_INFINITY, live.clock.now());
+    let needed = |samples: usize| if samples < Touch::LEAST_SAMPLES { LONGEST } else { WATCHED };
+    while live.clock.now() < begun + needed(samples.len()).as_secs_f64() {
         if let Some((time, tip)) = live.tip().filter(|(time, _)| *time > last) {
             last = time;
             samples.push(tip);

@@ -181,10 +181,8 @@ impl Peer {
             let (mut parser, mut buffer) = (Parser::new(MOST_BODY_BYTES), vec![0; 4096]);
             while let Ok(count @ 1..) = reading.read(&mut buffer).await {
                 parser.push(&buffer[..count]);
-                while let Some(message) = parser.next_message() {
-                    if parser.is_broken() {
-                        return;
-                    }
+                // A broken parser gives nothing but its error, and takes nothing.
+                while let Some(message) = parser.next_message().filter(|_| !parser.is_broken()) {
                     if let Ok(Message { content: Content::Query { verb, of, .. }, .. }) = message {
                         let _ = asked.send((verb, of)).await;
                     }

@@ -390,6 +390,13 @@ async fn slicer_gets_catheter_deformed_ventricles_plan_numbers_and_ct() {
     let query = Content::Query { verb: Verb::Get, of: "IMAGE".into(), stream: None };
     stream.write_all(&Message::v1("Slicer", None, query).encode().expect("query")).await.expect("ask");
     until_all(&mut stream, &["CT"]).await;
+
+    // Who says too much is not listened to any more, but still shown what there is.
+    let much = Message::v1("Slicer", None, Content::Image(ct.clone())).encode().expect("image");
+    stream.write_all(&much).await.expect("say");
+    for _ in 0..5 {
+        until_all(&mut stream, &["Catheter", "Guidance", "Monro"]).await;
+    }
 }
 
 #[tokio::test]

@@ -90,6 +90,9 @@ pub(crate) struct IgtlDecoder {
     ready: VecDeque<Batch>,
     /// Messages of each type and device.
     pub(crate) devices: BTreeMap<String, u64>,
+    /// When each tool, and when anything, was last told of, s.
+    pub(crate) tools: BTreeMap<String, f64>,
+    pub(crate) last: Option<f64>,
     /// Messages that could not be read, and why the last could not.
     pub(crate) dropped: u64,
     pub(crate) fault: Option<String>,
@@ -108,7 +111,10 @@ impl IgtlDecoder {
             match message {
                 Ok(m) => {
                     *self.devices.entry(format!("{} {}", m.content.type_name(), m.device)).or_default() += 1;
-                    self.add(poses(&m, arrival));
+                    self.last = Some(arrival);
+                    let told = poses(&m, arrival);
+                    self.tools.extend(told.iter().map(|p| (p.name.clone(), arrival)));
+                    self.add(told);
                 }
                 Err(error) if self.parser.is_broken() => return Err(error),
                 Err(error) => {

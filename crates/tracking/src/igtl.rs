@@ -11,6 +11,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
+/// What has not been told of for so long is missing, s.
+const SILENT_S: f64 = 2.0;
+
 enum Arrived {
     Connected,
     Bytes(Vec<u8>),
@@ -66,6 +69,21 @@ impl IgtlSource {
         self.recorder.as_mut().map_or(Ok(()), |r| r.write(Protocol::OpenIgtLink, since, bytes))
     }
 
+    /// What is wrong with a tool, if something is.
+    fn missing(&self, wanted: &str, now: f64) -> Option<String> {
+        // Also without the "ToTracker" that PLUS puts behind a tool's name.
+        let is_it = |name: &str| name == wanted || tool_name(name) == wanted;
+        let told = self.decoder.tools.iter().filter(|(name, _)| is_it(name)).map(|(_, at)| now - at);
+        match told.min_by(f64::total_cmp) {
+            Some(age) if age <= SILENT_S => None,
+            Some(age) => Some(format!("'{wanted}' was last sent {age:.1} s ago")),
+            None => {
+                let sent = self.decoder.devices.keys().cloned().collect::<Vec<_>>().join(", ");
+                Some(format!("'{wanted}' is not sent (sent: {sent})"))
+            }
+        }
+    }
+
     fn trouble(&self) -> Option<&String> {
         self.trouble.as_ref().or(self.decoder.fault.as_ref())
     }
@@ -114,15 +132,15 @@ impl Source for IgtlSource {
                 "connected to {place}, but no message came{why}: has the server no tool, or does it wait to be asked (?start=TDATA or ?start=QTDATA)?"
             ));
         }
-        // Also without the "ToTracker" that PLUS puts behind a tool's name.
-        let sent = |wanted: &str| {
-            devices.keys().any(|d| d.split(' ').nth(1).is_some_and(|n| tool_name(n) == wanted || n == wanted))
-        };
-        match wanted.iter().find(|w| !sent(w)) {
-            Some(name) => {
-                let sent = devices.keys().cloned().collect::<Vec<_>>().join(", ");
-                Health::ill(format!("'{name}' is not sent (sent: {sent})"))
-            }
+        let now = self.clock.now();
+        let silent = self.decoder.last.map_or(0.0, |last| now - last);
+        if silent > SILENT_S {
+            return Health::ill(format!(
+                "nothing has come from {place} for {silent:.1} s, though it is connected{why}"
+            ));
+        }
+        match wanted.iter().find_map(|w| self.missing(w, now)) {
+            Some(what) => Health::ill(format!("{what}{why}")),
             None => Health::well(format!("receiving from {place}")),
         }
     }

@@ -6,7 +6,7 @@ use monro_wire::natnet::{ClientOptions, DATA_PORT, Diagnosis, MULTICAST_GROUP, M
 use monro_wire::recording::Protocol;
 use socket2::{Domain, Socket, Type};
 use std::collections::BTreeSet;
-use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs, UdpSocket};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -17,7 +17,7 @@ const TICK: Duration = Duration::from_millis(20);
 
 /// A sender of frames that has been silent for this long may be replaced by another, ns.
 const SILENCE: u64 = 1_000_000_000;
-/// Senders of foreign frames that are remembered at most.
+/// Foreign senders that are remembered at most.
 const MOST_STRANGERS: usize = 4;
 
 /// Nanoseconds since the start of the clock, and what arrived then from whom.
@@ -40,6 +40,8 @@ pub(crate) struct NatNetSource {
     notes: Vec<String>,
     /// Who sends the frames, and when last (ns).
     streamer: Option<(SocketAddr, u64)>,
+    /// Who answers our questions.
+    answers_from: Option<IpAddr>,
     strangers: BTreeSet<SocketAddr>,
 }
 
@@ -75,6 +77,7 @@ impl NatNetSource {
             recorder,
             notes: Vec::new(),
             streamer: None,
+            answers_from: None,
             strangers: BTreeSet::new(),
         };
         // With a forced version frames may be read before, or without, any word of the server.
@@ -114,23 +117,33 @@ impl NatNetSource {
     }
 
     /// Whether a datagram is to be heard. Several servers may send to one group and port: frames are taken from one sender,
-    /// if possible from the very server that was asked.
+    /// if possible from the very server that was asked; answers from the machine that was asked, or, where another has
+    /// answered in its place (it has several addresses), from that.
     fn is_heard(&mut self, since: u64, from: SocketAddr, bytes: &[u8]) -> bool {
         if !split(bytes).is_ok_and(|(header, _)| header.id == MessageId::Frame) {
-            return true;
+            if from.ip() == self.server.ip() || self.answers_from.is_none_or(|a| a == from.ip()) {
+                self.answers_from = Some(from.ip());
+                return true;
+            }
+            self.note_stranger(from);
+            return false;
         }
         let nearness = |a: SocketAddr| (a.ip() == self.server.ip(), a == self.server);
         match self.streamer {
             Some((s, last)) if s != from && since.saturating_sub(last) < SILENCE && nearness(from) <= nearness(s) => {
-                if self.strangers.len() < MOST_STRANGERS {
-                    self.strangers.insert(from);
-                }
+                self.note_stranger(from);
                 false
             }
             _ => {
                 self.streamer = Some((from, since));
                 true
             }
+        }
+    }
+
+    fn note_stranger(&mut self, from: SocketAddr) {
+        if self.strangers.len() < MOST_STRANGERS {
+            self.strangers.insert(from);
         }
     }
 
@@ -204,7 +217,7 @@ impl Source for NatNetSource {
         let mut facts = vec![format!("server {} from interface {}", self.server, self.interface)];
         facts.extend(self.notes.iter().cloned());
         let left_out =
-            |s: &SocketAddr| format!("another server, {s}, sends frames to the same port; they are left out");
+            |s: &SocketAddr| format!("another server, {s}, sends to the same port; what it says is left out");
         facts.extend(self.strangers.iter().map(left_out));
         if let Some(info) = self.decoder.client.server() {
             let [a, b, ..] = info.sender.application;
@@ -313,5 +326,26 @@ mod tests {
         assert!(heard(32, "127.0.0.1:1510", &frame) && !heard(40, "127.0.0.1:4000", &frame));
         assert!(heard(1100, "127.0.0.1:4000", &frame), "one that has fallen silent may be replaced");
         assert!(source.facts().iter().any(|f| f.contains("10.0.0.3:1511")), "{:?}", source.facts());
+    }
+
+    #[test]
+    fn names_and_versions_were_taken_from_any_machine() {
+        let Ok(TrackerUrl::NatNet(address)) = "natnet://127.0.0.1:9?unicast=1".parse() else { panic!("an address") };
+        let mut source = NatNetSource::open(&address, Clock::new(), None).expect("sockets");
+        let heard = |source: &mut NatNetSource, from: &str, id: MessageId| {
+            source.is_heard(
+                0,
+                from.parse().expect("place"),
+                &[&id.number().to_le_bytes()[..], &8u16.to_le_bytes(), &[0; 8]].concat(),
+            )
+        };
+        // A server with several addresses may answer from another than the one that was asked.
+        assert!(heard(&mut source, "127.0.0.9:9", MessageId::ServerInfo));
+        assert!(!heard(&mut source, "127.0.0.8:9", MessageId::ModelDefinition));
+        assert!(heard(&mut source, "127.0.0.1:1510", MessageId::ServerInfo));
+        for id in [MessageId::ServerInfo, MessageId::ModelDefinition, MessageId::Response] {
+            assert!(!heard(&mut source, "127.0.0.9:9", id) && heard(&mut source, "127.0.0.1:9", id));
+        }
+        assert!(source.facts().iter().any(|f| f.contains("127.0.0.9")), "{:?}", source.facts());
     }
 }

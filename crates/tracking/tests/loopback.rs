@@ -14,13 +14,14 @@ use monro_tracking::{
 };
 use monro_wire::TimedPose;
 use monro_wire::natnet::{UpAxis, Version};
-use monro_wire::openigtlink::HeaderVersion;
-use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4};
+use monro_wire::openigtlink::{Content, HeaderVersion, InstrumentKind, Message, QuaternionElement, Text};
+use std::io::Write;
+use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const ANY: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::LOCALHOST, 0);
 
@@ -241,6 +242,44 @@ fn silence_is_explained() {
     let (lines, last) = (found.facts, found.health.words);
     assert!(!found.health.well && last.contains("'Drill' is not streamed") && last.contains("Stylus"), "{last}");
     assert!(lines.iter().any(|l| l.contains("Motive 3.1, NatNet 4.1")), "{lines:?}");
+}
+
+/// A server that says this once to who comes, and then nothing more.
+fn once(messages: Vec<Message>) -> SocketAddr {
+    let listener = TcpListener::bind(ANY).expect("listen");
+    let address = listener.local_addr().expect("address");
+    std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().expect("a client");
+        messages.iter().for_each(|m| stream.write_all(&m.encode().expect("message")).expect("sent"));
+        std::thread::sleep(Duration::from_secs(60));
+    });
+    address
+}
+
+#[test]
+fn a_stream_that_had_stopped_was_called_receiving_and_tools_of_tracking_data_not_sent() {
+    let tool = QuaternionElement {
+        name: "Catheter".to_owned(),
+        kind: InstrumentKind::Tracker,
+        position: [1.0, 2.0, 3.0],
+        quaternion_xyzw: [0.0, 0.0, 0.0, 1.0],
+    };
+    let data = Content::QuaternionTrackingData(vec![tool]);
+    let status = || Message::v1("Monro", None, Content::Text(Text::new("here")));
+    let address = once(vec![Message::v1("Tracker", None, data), status()]);
+    let mut source = connect(&format!("igtl://{address}").parse().expect("address"));
+    frames(source.as_mut(), 1);
+    let told = source.diagnosis(&["Catheter"]);
+    assert!(told.well, "{told}");
+    let told = source.diagnosis(&["Reference"]);
+    assert!(!told.well && told.words.contains("'Reference' is not sent"), "{told}");
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while source.diagnosis(&["Catheter"]).well {
+        assert!(Instant::now() < deadline, "{}", source.diagnosis(&["Catheter"]));
+        source.next(Duration::from_millis(100)).expect("source");
+    }
+    let told = source.diagnosis(&["Catheter"]);
+    assert!(told.words.contains("nothing has come from") && told.words.contains("connected"), "{told}");
 }
 
 /// Mean and scatter (root mean square along one axis) of some points.

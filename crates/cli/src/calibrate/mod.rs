@@ -25,7 +25,7 @@ const ALIGNMENT_PX: f64 = 10.0;
 pub(crate) fn run(command: &CalibrateCommand, console: &Console) -> Result<()> {
     let result = match command {
         CalibrateCommand::Pivot(args) => pivot(&poses(args, console)?, console)?,
-        CalibrateCommand::Axis { poses: args, tip } => axis(&poses(args, console)?, point(tip)?)?,
+        CalibrateCommand::Axis { poses: args, hub, tip } => axis(&poses(args, console)?, (point(hub)?, point(tip)?))?,
         CalibrateCommand::Camera { corners, size } => camera(corners, size)?,
         CalibrateCommand::Display { alignments } => display(alignments)?,
     };
@@ -98,8 +98,8 @@ fn pivot(poses: &[Rigid<Tracker, Tool>], console: &Console) -> Result<Value> {
     }))
 }
 
-fn axis(poses: &[Rigid<Tracker, Tool>], tip: Point<Tool>) -> Result<Value> {
-    let found = calibrate_axis(poses, tip)?;
+fn axis(poses: &[Rigid<Tracker, Tool>], (hub, tip): (Point<Tool>, Point<Tool>)) -> Result<Value> {
+    let found = calibrate_axis(poses, (hub, tip))?;
     Ok(json!({
         "axis": found.axis.to_array(), "axis_sigma_deg": found.sigma.to_degrees(),
         "wobble_deg": found.wobble.to_degrees(), "tip_mm": tip.to_array(), "poses": poses.len(),

@@ -17,9 +17,12 @@ pub enum AxisError {
         needed: usize,
     },
     /// The tool was hardly turned.
-    #[error("the tool was turned by {found:.0} degrees about its shaft, at least {needed:.0} are needed")]
+    #[error(
+        "the tool's turns about its shaft spread by {found:.0} degrees (root mean square), at least {needed:.0} are \
+         needed: turn it evenly by 70 degrees or more"
+    )]
     TooLittleMotion {
-        /// Root mean square turn, degrees.
+        /// Root mean square turn about the mean, degrees.
         found: f64,
         /// Needed, degrees.
         needed: f64,
@@ -33,6 +36,18 @@ pub enum AxisError {
         found: f64,
         /// Allowed, degrees.
         allowed: f64,
+    },
+    /// Nothing tells which end of the shaft the tip is.
+    #[error(
+        "the tip lies {found:.1} mm from the origin of the tool's frame along the shaft, at least {needed:.0} mm are needed \
+         to tell which way the shaft points: give a point of it at the hub (--hub, or \"hub_mm\"), or put the origin of the \
+         tool there in the tracker's software"
+    )]
+    NoSense {
+        /// Distance along the shaft, mm.
+        found: f64,
+        /// Needed, mm.
+        needed: f64,
     },
     /// Tip and hub coincide.
     #[error("tip and hub are {0:.1} mm apart; two points at least 20 mm apart are needed for a direction")]
@@ -53,15 +68,19 @@ pub struct AxisCalibration {
 const POSES: usize = 30;
 const LEAST_TURN_DEGREES: f64 = 20.0;
 const MOST_WOBBLE_DEGREES: f64 = 3.0;
+/// From the hub to the tip, along the axis, mm: ten times what tips are uncertain by at most, and more than a tilt of the axis
+/// makes of markers 100 mm beside the shaft.
+const LEAST_ALONG_MM: f64 = 10.0;
 
 /// The axis of a shaft that was turned about itself in a fixed guide: the direction that the mean rotation shrinks least.
-/// `tip` (of the pivot calibration) tells which of its two senses leads to the tip.
+/// `tip` (of the pivot calibration) and a point nearer to the hub tell which of its two senses leads to the tip; the origin
+/// of the tool's frame serves where the tracker's software puts it among the markers.
 ///
 /// # Errors
-/// When the poses are too few, turn too little, or the shaft moved.
+/// When the poses are too few, turn too little, the shaft moved, or the two points do not tell its sense.
 pub fn calibrate_axis(
     tracker_from_tool: &[Rigid<Tracker, Tool>],
-    tip: Point<Tool>,
+    (hub, tip): (Point<Tool>, Point<Tool>),
 ) -> Result<AxisCalibration, AxisError> {
     let n = tracker_from_tool.len();
     if n < POSES {
@@ -80,9 +99,12 @@ pub fn calibrate_axis(
         return Err(AxisError::Wobble { found: wobble.to_degrees(), allowed: MOST_WOBBLE_DEGREES });
     }
     let axis = eigen.eigenvectors.column(order).into_owned();
-    let sense = if axis.dot(&vec3(tip.to_array())) < 0.0 { -1.0 } else { 1.0 };
+    let along = axis.dot(&vec3((tip - hub).to_array()));
+    if along.is_nan() || along.abs() < LEAST_ALONG_MM {
+        return Err(AxisError::NoSense { found: along.abs(), needed: LEAST_ALONG_MM });
+    }
     let sigma = wobble / (n as f64).sqrt() / turn.sin();
-    Ok(AxisCalibration { axis: Vector::from_array((axis * sense).into()), wobble, sigma })
+    Ok(AxisCalibration { axis: Vector::from_array((axis * along.signum()).into()), wobble, sigma })
 }
 
 /// The axis through two calibrated points of the shaft.
@@ -103,6 +125,7 @@ mod tests {
     use crate::random::Random;
 
     const TIP: Point<Tool> = Point::new(5.0, 0.0, -100.0);
+    const ENDS: (Point<Tool>, Point<Tool>) = (Point::ORIGIN, TIP);
 
     /// Turned about `axis` by up to `turn` rad, with `noise` rad of random rotation on top.
     fn turned(axis: Vector<Tool>, turn: f64, noise: f64, seed: u64) -> Vec<Rigid<Tracker, Tool>> {
@@ -122,19 +145,31 @@ mod tests {
     #[test]
     fn the_axis_is_found_and_points_to_the_tip() {
         let true_axis = Vector::new(0.05, 0.0, -1.0);
-        let exact = calibrate_axis(&turned(true_axis, 5.0, 0.0, 1), TIP).expect("axis");
+        let exact = calibrate_axis(&turned(true_axis, 5.0, 0.0, 1), ENDS).expect("axis");
         assert!(exact.axis.angle(true_axis) < 1e-7);
-        let noisy = calibrate_axis(&turned(true_axis, 5.0, 0.01, 2), TIP).expect("axis");
+        let noisy = calibrate_axis(&turned(true_axis, 5.0, 0.01, 2), ENDS).expect("axis");
         assert!(noisy.axis.angle(true_axis) < 4.0 * 0.01 / 200f64.sqrt(), "{}", noisy.axis.angle(true_axis));
         assert!((0.004..0.012).contains(&noisy.wobble) && noisy.sigma < 0.001);
     }
 
     #[test]
+    fn a_tool_whose_origin_is_its_tip_had_an_axis_that_noise_turned_round() {
+        for (axis, seed) in [([0.0, 0.0, -1.0], 5), ([0.0, 0.0, 1.0], 6), ([1.0, 0.0, 0.0], 7)] {
+            let (axis, poses) = (Vector::from_array(axis), turned(Vector::from_array(axis), 5.0, 0.01, seed));
+            let tip = Point::new(0.03, -0.04, 0.05);
+            let refused = calibrate_axis(&poses, (Point::ORIGIN, tip));
+            assert!(matches!(refused, Err(AxisError::NoSense { found, .. }) if found < 0.1), "{refused:?}");
+            let found = calibrate_axis(&poses, (tip - axis * 150.0, tip)).expect("axis");
+            assert!(found.axis.angle(axis) < 0.01, "{:?}", found.axis);
+        }
+    }
+
+    #[test]
     fn little_turning_and_much_wobble_are_refused() {
         let axis = Vector::new(0.0, 0.0, -1.0);
-        assert!(matches!(calibrate_axis(&turned(axis, 0.3, 0.0, 3), TIP), Err(AxisError::TooLittleMotion { .. })));
-        assert!(matches!(calibrate_axis(&turned(axis, 5.0, 0.2, 4), TIP), Err(AxisError::Wobble { .. })));
-        assert!(matches!(calibrate_axis(&[], TIP), Err(AxisError::TooFew { .. })));
+        assert!(matches!(calibrate_axis(&turned(axis, 0.3, 0.0, 3), ENDS), Err(AxisError::TooLittleMotion { .. })));
+        assert!(matches!(calibrate_axis(&turned(axis, 5.0, 0.2, 4), ENDS), Err(AxisError::Wobble { .. })));
+        assert!(matches!(calibrate_axis(&[], ENDS), Err(AxisError::TooFew { .. })));
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! that the patient may be moved between two touches as long as the reference goes along.
 
 use super::Registration;
-use monro_geometry::{Patient, Point, Tool, Vector};
+use monro_geometry::{Patient, Point, Rigid, Tool, Vector};
 use monro_guidance::Covariance;
 use monro_guidance::registration::{
     Contradiction, Landmark, LandmarkRegistration, Recheck, RegistrationError, recheck, register_landmarks,
@@ -13,8 +13,6 @@ use thiserror::Error;
 
 /// What a hand adds to each touch, mm per axis: as in the simulated trials of `monro_guidance::simulation`.
 const HAND_MM: f64 = 1.0;
-/// Poses that a touch is made of at least.
-const LEAST_SAMPLES: usize = 10;
 /// Farthest that they stray from their mean, root mean square, mm: a tip that slides is not resting.
 const MOST_SPREAD_MM: f64 = 1.0;
 /// Landmarks at most.
@@ -50,9 +48,12 @@ pub enum TouchError {
         /// Allowed, mm.
         allowed: f64,
     },
+    /// There is no tip to watch.
+    #[error("the catheter is not calibrated: nothing tells where its tip is; calibrate it first")]
+    NotCalibrated,
     /// Nothing to check against.
-    #[error("there is no accepted registration to check: touch three landmarks and accept")]
-    NotAccepted,
+    #[error("there is no registration to check: touch three landmarks and accept")]
+    NotRegistered,
     /// The landmarks touched contradict each other.
     #[error("{0}")]
     Contradiction(Box<Contradiction>),
@@ -86,14 +87,17 @@ pub struct Touch {
 }
 
 impl Touch {
+    /// Poses that it is made of at least.
+    pub const LEAST_SAMPLES: usize = 10;
+
     /// From the places of the tip while it rested.
     ///
     /// # Errors
     /// Too few of them, or too far apart.
     pub fn new(samples: &[Point<Tool>]) -> Result<Self, TouchError> {
         let found = samples.len();
-        if found < LEAST_SAMPLES {
-            return Err(TouchError::TooFew { found, needed: LEAST_SAMPLES });
+        if found < Self::LEAST_SAMPLES {
+            return Err(TouchError::TooFew { found, needed: Self::LEAST_SAMPLES });
         }
         let sum = samples.iter().fold(Vector::ZERO, |s, p| s + (*p - Point::ORIGIN));
         let at = Point::ORIGIN + sum / found as f64;
@@ -206,7 +210,13 @@ impl Registering {
         registration.tre(self.target).rms()
     }
 
-    /// Takes the present solution as the registration against which landmarks are checked.
+    /// Forgets all touches, and what was accepted by them: the reference, or the tip, is not where it was.
+    pub fn forget_all(&mut self) {
+        self.marks.iter_mut().for_each(|m| m.touched = None);
+        self.accepted = None;
+    }
+
+    /// Takes the present solution as the registration whose error at a landmark is known.
     ///
     /// # Errors
     /// As [`Registering::solve`], and when the landmarks contradict each other.
@@ -221,21 +231,30 @@ impl Registering {
         Ok(registration)
     }
 
-    /// Compares a new touch of a landmark with the accepted registration.
+    /// Compares a new touch of a landmark with the registration that is in use, wherever that came from. The error expected of
+    /// one that was not accepted here is what it says of the target, none where it says nothing.
     ///
     /// # Errors
-    /// No such landmark, or nothing accepted.
-    pub fn check(&self, name: &str, touch: &Touch) -> Result<Recheck, TouchError> {
+    /// No such landmark, or no registration.
+    pub fn check(&self, name: &str, touch: &Touch, used: Option<&Registration>) -> Result<Recheck, TouchError> {
         let mark = &self.marks[self.index(name)?];
-        let accepted = self.accepted.as_ref().ok_or(TouchError::NotAccepted)?;
-        Ok(recheck(mark.marked, accepted.to_from.point(touch.at), &accepted.tre(mark.marked), &touch.noise()))
+        let used = used.ok_or(TouchError::NotRegistered)?;
+        let accepted = self.accepted.as_ref().filter(|a| is_same(&a.to_from, &used.patient_from_reference));
+        let said = || Covariance::isotropic(used.predicted_tre_mm.unwrap_or(0.0) / 3f64.sqrt());
+        let tre = accepted.map_or_else(said, |a| a.tre(mark.marked));
+        Ok(recheck(mark.marked, used.patient_from_reference.point(touch.at), &tre, &touch.noise()))
     }
+}
+
+/// Whether two poses are the same but for rounding: on the way a pose is written and read.
+fn is_same(a: &Rigid<Patient, Tool>, b: &Rigid<Patient, Tool>) -> bool {
+    let corners = [[0.0; 3], [100.0, 0.0, 0.0], [0.0, 100.0, 0.0], [0.0, 0.0, 100.0]].map(Point::from_array);
+    corners.into_iter().all(|p| a.point(p).distance(b.point(p)) < 1e-6)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use monro_geometry::Rigid;
 
     const PLACES: [(&str, [f64; 3]); 4] = [
         ("nasion", [0.0, -95.0, 0.0]),
@@ -283,11 +302,35 @@ mod tests {
         let mut r = touched();
         let nasion = Point::from_array(PLACES[0].1);
         let at = |p| Touch::new(&resting(p, 0.0)).expect("resting");
-        assert_eq!(r.check("nasion", &at(nasion)), Err(TouchError::NotAccepted));
-        r.accept().expect("registered");
-        assert!(r.check("nasion", &at(nasion)).expect("check").holds());
-        let moved = r.check("nasion", &at(nasion + Vector::new(0.0, 0.0, 6.0))).expect("check");
+        assert_eq!(r.check("nasion", &at(nasion), None), Err(TouchError::NotRegistered));
+        let used = r.accept().expect("registered");
+        assert!(r.check("nasion", &at(nasion), Some(&used)).expect("check").holds());
+        let moved = r.check("nasion", &at(nasion + Vector::new(0.0, 0.0, 6.0)), Some(&used)).expect("check");
         assert!(!moved.holds() && (moved.distance - 6.0).abs() < 1e-9, "{moved:?}");
+    }
+
+    #[test]
+    fn a_check_compared_with_the_registration_accepted_last_though_another_was_in_use() {
+        let mut r = touched();
+        let accepted = r.accept().expect("registered");
+        let nasion = Touch::new(&resting(Point::from_array(PLACES[0].1), 0.0)).expect("resting");
+        let shift = Rigid::from_axis_angle(Vector::new(0.0, 0.0, 1.0), 0.0, Vector::new(9.0, 0.0, 0.0)).expect("axis");
+        let patient_from_reference = shift.after(&accepted.patient_from_reference);
+        let other = Registration { patient_from_reference, predicted_tre_mm: Some(0.3) };
+        let found = r.check("nasion", &nasion, Some(&other)).expect("check");
+        assert!(!found.holds() && (found.distance - 9.0).abs() < 1e-6, "{found:?}");
+        // One that never was accepted here is checked as well.
+        let found = registering().check("nasion", &nasion, Some(&accepted)).expect("check");
+        assert!(found.holds() && found.distance < 1e-6 && found.limit < 5.0, "{found:?}");
+    }
+
+    #[test]
+    fn touches_from_before_the_reference_moved_do_not_register_again() {
+        let mut r = touched();
+        r.accept().expect("registered");
+        r.forget_all();
+        assert!(r.marks().iter().all(|m| m.touched.is_none()));
+        assert!(matches!(r.accept(), Err(TouchError::Registration(RegistrationError::TooFew { found: 0, .. }))));
     }
 
     #[test]

@@ -79,6 +79,8 @@ pub struct Client {
     pub(super) counters: Counters,
     last_number: Option<i32>,
     last_params: u16,
+    /// The last frame said that the bodies have changed.
+    told_of_models: bool,
     pub(super) seen: BTreeMap<i32, bool>,
     pub(super) times: Times,
 }
@@ -98,6 +100,9 @@ pub(super) struct Times {
 
 /// A stream without frames for so long may have a new server, s.
 const SILENT: f64 = 1.0;
+
+/// Between two questions for the names of the bodies, s: a datagram may be lost, and without names there are no tools.
+const MODELS: f64 = 0.25;
 
 fn due(last: &mut Option<f64>, now: f64, interval: f64) -> bool {
     let is_due = last.is_none_or(|t| now - t >= interval);
@@ -120,6 +125,7 @@ impl Client {
             counters: Counters::default(),
             last_number: None,
             last_params: 0,
+            told_of_models: false,
             seen: BTreeMap::new(),
             times: Times::default(),
         }
@@ -160,7 +166,7 @@ impl Client {
         if due(&mut self.times.keep_alive, now, 1.0) {
             out.push(datagram(MessageId::KeepAlive, &[]));
         }
-        if !self.models_known && due(&mut self.times.models, now, 1.0) {
+        if !self.models_known && due(&mut self.times.models, now, MODELS) {
             out.push(datagram(MessageId::RequestModelDefinition, &[]));
         }
         let has_clock = self.server.as_ref().is_some_and(|s| s.clock.is_some());
@@ -289,8 +295,13 @@ impl Client {
         // Bits 2 and 3: the bitstream may have changed. Their meaning differs between sources, so a change of them, not
         // their state, makes us ask again.
         let changed = (frame.suffix.params ^ self.last_params) & 0x0c != 0;
-        self.last_params = frame.suffix.params;
-        self.models_known &= !frame.models_changed();
+        let renamed = frame.models_changed() && !self.told_of_models;
+        (self.last_params, self.told_of_models) = (frame.suffix.params, frame.models_changed());
+        if renamed {
+            // Ids may stand for other bodies now: until the new names are there, nobody has one.
+            self.names.clear();
+            (self.models_known, self.times.models) = (false, None);
+        }
         if changed {
             self.server = None;
         }
