@@ -67,7 +67,11 @@ impl Header {
             -1 => data.len().saturating_sub(need),
             n => usize::try_from(n).unwrap_or(usize::MAX),
         };
-        Raster::new(self.layout, data.get(skip..).unwrap_or_default(), self.packing)
+        // Of compressed voxels, bytes are skipped behind the compression.
+        let (before, behind) = if self.packing == Packing::Raw { (skip, 0) } else { (0, skip) };
+        let mut raster = Raster::new(self.layout, data.get(before..).unwrap_or_default(), self.packing)?;
+        raster.skip(behind)?;
+        Ok(raster)
     }
 }
 

@@ -114,6 +114,20 @@ impl<'a> Raster<'a> {
         Ok(raster)
     }
 
+    /// Leaves out the first bytes of the voxels' stream.
+    pub(crate) fn skip(&mut self, count: usize) -> Result<(), Problem> {
+        let mut chunk = vec![0u8; 1 << 16];
+        let mut left = count;
+        while left > 0 {
+            let want = chunk.len().min(left);
+            if fill(&mut self.body, &mut chunk[..want])? < want {
+                return Err(Problem::Truncated { expected: count as u64 + self.bytes(), found: (count - left) as u64 });
+            }
+            left -= want;
+        }
+        Ok(())
+    }
+
     /// Refuses before anything is allocated a header that promises more voxels than its file can hold.
     fn check_promise(&self, stored: u64, packing: Packing) -> Result<(), Problem> {
         let expected = self.bytes();

@@ -3,8 +3,12 @@
 mod common;
 
 use common::{corner_distance, grid, sampled};
+use flate2::Compression;
+use flate2::read::GzDecoder;
+use flate2::write::GzEncoder;
 use monro_scan::{nifti, nrrd};
 use proptest::prelude::*;
+use std::io::{Read, Write};
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
@@ -61,4 +65,44 @@ fn a_file_of_our_own_was_said_to_have_an_sform_and_a_qform_that_disagree() {
         warnings.extend(nifti::decode(&bytes).expect("own file").warnings.clone());
     }
     assert_eq!(warnings, Vec::<String>::new());
+}
+
+fn unpacked(bytes: &[u8]) -> Vec<u8> {
+    let mut out = Vec::new();
+    GzDecoder::new(bytes).read_to_end(&mut out).expect("gzip");
+    out
+}
+
+#[test]
+fn a_head_stretched_to_a_template_was_measured_in_the_templates_millimetres() {
+    let placed = grid([9, 8, 7], [1.0, 1.0, 2.0], [0.1, 0.2, 0.3], [4.0, 5.0, 6.0], false);
+    let mut bytes = unpacked(&nifti::encode_i16(&sampled(placed)));
+    // The sform 1.2 times as large, and said to be that of the MNI.
+    for at in (280..328).step_by(4).filter(|at| (at - 280) % 16 != 12) {
+        let v = f32::from_le_bytes(bytes[at..at + 4].try_into().expect("four"));
+        bytes[at..at + 4].copy_from_slice(&(1.2 * v).to_le_bytes());
+    }
+    bytes[254..256].copy_from_slice(&4i16.to_le_bytes());
+    let raster = nifti::decode(&bytes).expect("placed");
+    assert!(raster.warnings[0].contains("template") && raster.warnings[0].contains("the qform is used"));
+    assert!(corner_distance(raster.into_hu().expect("values").0.grid(), &placed) < 4e-4);
+    // By the sform alone it is at least told.
+    bytes[252..254].copy_from_slice(&0i16.to_le_bytes());
+    let raster = nifti::decode(&bytes).expect("placed");
+    assert!(raster.warnings[0].contains("distances are the template's"), "{:?}", raster.warnings);
+    assert!(corner_distance(raster.into_hu().expect("values").0.grid(), &placed) > 1.0);
+}
+
+#[test]
+fn bytes_to_skip_of_compressed_nrrd_were_skipped_before_decompression() {
+    let volume = sampled(grid([9, 8, 7], [1.0, 1.0, 2.0], [0.0; 3], [0.0; 3], false));
+    let own = nrrd::encode_i16(&volume);
+    let end = own.windows(2).position(|w| w == b"\n\n").expect("an empty line") + 1;
+    let head = [&own[..end], b"byte skip: 5\n\n"].concat();
+    let mut packed = GzEncoder::new(head, Compression::default());
+    packed.write_all(&[b"12345", &unpacked(&own[end + 1..])[..]].concat()).expect("packed");
+    let bytes = packed.finish().expect("packed");
+    let back = nrrd::decode_header(&bytes).and_then(|h| h.with_data(&bytes)).and_then(|r| r.into_hu()).expect("read").0;
+    let expected: Vec<i16> = volume.data().iter().map(|&v| v.max(-1024)).collect();
+    assert_eq!(back.data(), &expected[..]);
 }

@@ -4,7 +4,6 @@ use super::codestream;
 use super::image::{Image, Stored, chain};
 use super::outline::{Outline, Pixels, outline};
 use super::rle;
-use super::series::PADDING_HU;
 use crate::error::{Problem, ScanError, header};
 use crate::hu::{AIR, HuNotes};
 use dicom_dictionary_std::uids;
@@ -111,9 +110,14 @@ fn fragments(mut rest: &[u8]) -> Vec<&[u8]> {
     out
 }
 
+/// Pixel padding is believed only where it reads as air, or as what no scanner gives (metal ends at 30,710 HU): some files
+/// declare a value that is tissue.
+const PADDING_HU: f64 = -900.0;
+const NO_HU: f64 = 32_768.0;
+
 /// Stored samples to HU (PS3.3, C.11.1): the stored bits, signed or not, times slope plus intercept.
 fn convert(s: &Stored, raw: &[u8], out: &mut [i16], notes: &mut HuNotes) {
-    let padding = s.padding.filter(|p| p[1] as f64 * s.slope + s.intercept <= PADDING_HU);
+    let padding = s.believed_padding();
     let mut put = |out: &mut i16, sample: u32| {
         let value = s.value(sample);
         let whole = if s.signed && s.allocated == 16 { i64::from(sample as u16 as i16) } else { i64::from(sample) };
@@ -137,6 +141,13 @@ fn convert(s: &Stored, raw: &[u8], out: &mut [i16], notes: &mut HuNotes) {
 }
 
 impl Stored {
+    /// Values that mean "no data" and can be nothing else, lowest and highest.
+    pub(super) fn believed_padding(&self) -> Option<[i64; 2]> {
+        let hu = |stored: i64| stored as f64 * self.slope + self.intercept;
+        let between = |[low, high]: [i64; 2]| [hu(low).min(hu(high)), hu(low).max(hu(high))];
+        self.padding.filter(|&p| between(p)[1] <= PADDING_HU || between(p)[0] >= NO_HU)
+    }
+
     /// The stored value within a sample's bits.
     #[inline]
     fn value(&self, sample: u32) -> i32 {

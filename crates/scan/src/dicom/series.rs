@@ -17,9 +17,6 @@ const FEWEST: usize = 3;
 /// A gap is refused when it is both this many median steps and this many mm wide.
 const WIDEST_STEPS: f64 = 3.0;
 const WIDEST_MM: f64 = 10.0;
-/// Pixel padding is believed only where it reads as air: some files declare a value that is tissue.
-pub(crate) const PADDING_HU: f64 = -900.0;
-
 /// Parallel slices of one series, in order along their normal.
 #[derive(Debug)]
 pub(crate) struct Series {
@@ -243,9 +240,7 @@ impl Series {
         }
         self.note_contrast();
         let s = &self.images[0].stored;
-        if let Some([low, high]) = s.padding
-            && high as f64 * s.slope + s.intercept > PADDING_HU
-        {
+        if let (Some([low, _]), None) = (s.padding, s.believed_padding()) {
             self.warnings.push(format!(
                 "PixelPaddingValue {low} reads as {} HU, which may be tissue: it is not taken as padding",
                 low as f64 * s.slope + s.intercept

@@ -196,7 +196,8 @@ impl<'a> Fields<'a> {
         (Matrix3 { rows }, [268, 272, 276].map(|o| self.float(o)))
     }
 
-    /// Placement in LPS mm: the sform where there is one, else the qform.
+    /// Placement in LPS mm: the sform where there is one, else the qform. An sform of a template's space may stretch the head to
+    /// the template: beside it the qform, which cannot, is the patient's.
     fn placement(&self, warnings: &mut Vec<String>) -> Result<Affine<Patient, Voxel>, Problem> {
         let mm = self.millimetres(warnings);
         let (has_q, has_s) = (self.short(252) > 0, self.short(254) > 0);
@@ -206,7 +207,16 @@ impl<'a> Fields<'a> {
             let rows = core::array::from_fn(|r| m.rows[r].map(|v| v * flip[r] + 0.0));
             Affine::new(Matrix3 { rows }, core::array::from_fn(|r| o[r] * flip[r] + 0.0))
         };
-        match (has_s, has_q) {
+        let template = matches!(self.short(254), TALAIRACH | MNI);
+        if template {
+            let used = if has_q {
+                "the qform is used"
+            } else {
+                "distances are the template's if the head was stretched to it"
+            };
+            warnings.push(format!("the sform (code {}) is that of a template's space; {used}", self.short(254)));
+        }
+        match (has_s && !(template && has_q), has_q) {
             (false, false) => Err(Problem::NoOrientation("sform_code and qform_code are both 0".into())),
             (false, true) => Ok(lps(self.qform(0.0))),
             (true, q) => {
@@ -244,6 +254,10 @@ impl<'a> Fields<'a> {
         Ok((Layout { grid, element, endian: self.endian, slope, intercept }, warnings))
     }
 }
+
+/// Codes of an sform that leads into the space of a template.
+const TALAIRACH: i16 = 3;
+const MNI: i16 = 4;
 
 fn name(code: i16) -> &'static str {
     match code {
