@@ -100,6 +100,8 @@ fn thin_and_thick_slices_are_segmented() {
         let phantom = made(&HeadOptions { seed: 4, spacing_mm: spacing, ..HeadOptions::default() });
         let found = segment(&phantom.ct).expect("segmentation");
         agrees(&found, &phantom.labels, least, &format!("{spacing:?} mm"));
+        let told = found.findings.iter().any(|f| f.contains("slices of 5.0 mm"));
+        assert_eq!(told, spacing[2] > 4.0, "{:?}", found.findings);
     }
 }
 

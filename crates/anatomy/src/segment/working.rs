@@ -48,6 +48,11 @@ pub(crate) struct Binned {
 }
 
 impl Binned {
+    /// Edges of the scan's own voxels, mm.
+    pub(super) fn spacing(&self) -> [f64; 3] {
+        self.grid.spacing()
+    }
+
     pub(super) fn new(ct: &Volume<i16>) -> Self {
         let grid = *ct.grid();
         let spacing = grid.spacing();
