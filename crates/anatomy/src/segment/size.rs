@@ -5,6 +5,8 @@ use crate::image::Mask;
 
 /// What is usual, ml: a child of half a year has 700, adults have 1000 to 1850; beyond are a few with large heads.
 const USUAL_ML: [f64; 2] = [650.0, 2050.0];
+/// Adults have no less, ml; what is measured along their skin is not where it should be on a child.
+const ADULT_ML: f64 = 1000.0;
 /// No skull holds more, ml: the largest of children with a hydrocephalus.
 const MOST_ML: f64 = 4500.0;
 /// Height of that space by the geometric mean of its length and width: 0.8 to 1.0 in whole heads, however they are nodded.
@@ -67,7 +69,13 @@ impl Size {
                  usual"
             ));
         }
-        None
+        (whole && self.ml < ADULT_ML).then(|| {
+            format!(
+                "the space inside the skull has {:.0} ml, as a child's: Kocher's point is set as on adults (110 mm from the \
+                 nasion, 30 mm from the midline); look at the entry, or give one with --plan FILE.mrk.json",
+                self.ml
+            )
+        })
     }
 }
 
@@ -104,6 +112,13 @@ mod tests {
     fn a_head_that_is_cut_is_not_called_too_small() {
         assert_eq!(space([110, 130, 40]).finding(false), None);
         assert!(space([110, 130, 40]).finding(true).is_some());
+    }
+
+    #[test]
+    fn an_entry_on_a_childs_head_was_that_of_an_adult_without_a_word() {
+        let told = space([90, 106, 86]).finding(true).expect("a finding");
+        assert!(told.contains("as a child's") && told.contains("Kocher"), "{told}");
+        assert_eq!(space([90, 106, 86]).finding(false), None);
     }
 
     #[test]

@@ -208,15 +208,18 @@ impl Elastic {
         self.tets.iter().zip(0..).filter(move |(t, _)| flat(t)).map(|(_, i)| i)
     }
 
-    /// Whether from one state to another an element has turned by more than a quarter or lost or gained half of its volume:
-    /// the trace and the determinant of the deformation between the two, 3 and 1 where nothing happened.
-    pub(crate) fn leapt(&self, from: &[D3], to: &[D3]) -> bool {
-        self.tets.iter().any(|tet| {
+    /// The part of the body, by volume at rest, that from one state to another has turned by more than a quarter or lost or
+    /// gained half of its volume: by the trace and the determinant of the deformation between the two, 3 and 1 where nothing
+    /// happened.
+    pub(crate) fn leapt(&self, from: &[D3], to: &[D3]) -> f64 {
+        let leaps = |tet: &[u32; 4]| {
             let (volume, gradient) = volume_gradient(tet.map(|n| from[n as usize]));
             let trace: f64 = gradient.iter().zip(tet).map(|(g, &n)| dot(*g, to[n as usize])).sum();
             let ratio = volume_gradient(tet.map(|n| to[n as usize])).0 / volume;
             trace < volume || !(0.5..2.0).contains(&ratio)
-        })
+        };
+        let far = self.tets.iter().zip(&self.volume).filter(|(tet, _)| leaps(tet));
+        far.map(|(_, v)| v).sum::<f64>() / self.volume.iter().sum::<f64>()
     }
 
     /// The Hessian's diagonal 3x3 blocks, positive (the patch term replaced by its elementwise bound), as the six

@@ -19,6 +19,9 @@ const AUGMENTATIONS: u32 = 30;
 /// Newton steps after which a step of motion and load counts as too long.
 const PATIENCE: u32 = 40;
 
+/// A step of motion and load in which this part of the body leaps is too long. Small elements at a tool may.
+const LEAPT: f64 = 1e-3;
+
 /// Force out of balance at a node that is rounding, over those that cancel each other there within every element at rest.
 const ROUNDING: f64 = 1e-12;
 
@@ -128,7 +131,9 @@ fn rounding(elastic: &Elastic) -> Vec<f64> {
 }
 
 fn shifted(x: &[D3], d: &[D3], s: f64) -> Vec<D3> {
-    x.iter().zip(d).map(|(x, d)| core::array::from_fn(|a| x[a] + s * d[a])).collect()
+    let mut out = x.to_vec();
+    shift(&mut out, d, s);
+    out
 }
 
 fn shift(x: &mut [D3], d: &[D3], s: f64) {
@@ -196,7 +201,7 @@ impl Problem<'_> {
         let settled = self.converge(&mut at, tolerance, if patient { PATIENCE } else { u32::MAX });
         let through = self.spheres.through(&self.elastic.tets, &at.x);
         // What leaps may have come to another equilibrium than the one that this way leads to.
-        let strayed = || self.elastic.turned(&at.x).next().is_some() || self.elastic.leapt(&from.x, &at.x);
+        let strayed = || self.elastic.turned(&at.x).next().is_some() || self.elastic.leapt(&from.x, &at.x) > LEAPT;
         if patient && self.stop.is_none() && (!settled || through || strayed()) {
             return None;
         }
