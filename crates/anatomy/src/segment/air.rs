@@ -31,6 +31,9 @@ impl Air {
     /// Puts fluid into the bubbles, so that they count as a part of their ventricle, and into the rim about them what lies
     /// nearest beyond it: partly air, it would look like fluid where brain is.
     pub(super) fn fill(&self, hu: &mut Raster<f32>, fluid: f32) {
+        if !self.all.data.contains(&true) {
+            return;
+        }
         let mut open = VecDeque::new();
         let mut left = self.all.clone();
         for n in 0..left.data.len() {

@@ -79,8 +79,6 @@ pub struct Client {
     pub(super) counters: Counters,
     last_number: Option<i32>,
     last_params: u16,
-    /// The last frame said that the bodies have changed.
-    told_of_models: bool,
     pub(super) seen: BTreeMap<i32, bool>,
     pub(super) times: Times,
 }
@@ -125,7 +123,6 @@ impl Client {
             counters: Counters::default(),
             last_number: None,
             last_params: 0,
-            told_of_models: false,
             seen: BTreeMap::new(),
             times: Times::default(),
         }
@@ -295,8 +292,9 @@ impl Client {
         // Bits 2 and 3: the bitstream may have changed. Their meaning differs between sources, so a change of them, not
         // their state, makes us ask again.
         let changed = (frame.suffix.params ^ self.last_params) & 0x0c != 0;
-        let renamed = frame.models_changed() && !self.told_of_models;
-        (self.last_params, self.told_of_models) = (frame.suffix.params, frame.models_changed());
+        // Bit 1, which some servers go on setting: its beginning counts.
+        let renamed = frame.models_changed() && self.last_params & 2 == 0;
+        self.last_params = frame.suffix.params;
         if renamed {
             // Ids may stand for other bodies now: until the new names are there, nobody has one.
             self.names.clear();
