@@ -1,36 +1,87 @@
 //! One number for the shape of a tetrahedron.
 
-use super::vec3::{V3, cross, dot, sub};
+use super::vec3::V3;
+use std::array::from_fn;
 
 /// Weight of the radius ratio: a quality of 0.426 stands for a sine of 25.2 degrees and for a radius ratio of 0.203, a little
 /// more than is asked for in each.
 const RATIO_WEIGHT: f64 = 0.895;
 
+/// A number for each of several tetrahedra that are looked at together.
+type Lanes<const N: usize> = [f64; N];
+
+/// So many tetrahedra take about as long as two: roots and divisions are done in pairs, and none waits for another.
+pub(super) const TOGETHER: usize = 4;
+
 /// The smaller of the sine of the worst dihedral angle (small or large alike) and the root of the weighted radius ratio (three
 /// times the inscribed over the circumscribed radius); 0 or less for a flat or inverted element. The sine alone does not
 /// see needles, the radius ratio alone not single bad angles. A regular tetrahedron has 0.943.
 #[inline]
-pub(super) fn quality([a, b, c, d]: [V3; 4]) -> f64 {
-    let (ab, ac, ad) = (sub(b, a), sub(c, a), sub(d, a));
-    let (bc, bd, cd) = (sub(c, b), sub(d, b), sub(d, c));
+pub(super) fn quality(corners: [V3; 4]) -> f64 {
+    let [q] = qualities(&corners.map(|p| p.map(|x| [x])));
+    q
+}
+
+/// [`quality`] of [`TOGETHER`] tetrahedra, to the same bits.
+#[inline]
+pub(super) fn quality_of_all(tets: [[V3; 4]; TOGETHER]) -> [f64; TOGETHER] {
+    qualities(&from_fn(|i| from_fn(|a| from_fn(|n| tets[n][i][a]))))
+}
+
+/// [`quality`] with the corner `k` moved by `h` along each axis.
+#[inline]
+pub(super) fn quality_beside(corners: [V3; 4], k: usize, h: f64) -> V3 {
+    let mut moved: [[Lanes<TOGETHER>; 3]; 4] = corners.map(|p| p.map(|x| [x; TOGETHER]));
+    (0..3).for_each(|a| moved[k][a][a] += h);
+    let [x, y, z, _] = qualities(&moved);
+    [x, y, z]
+}
+
+#[inline(always)]
+fn less<const N: usize>(a: [Lanes<N>; 3], b: [Lanes<N>; 3]) -> [Lanes<N>; 3] {
+    from_fn(|i| from_fn(|n| a[i][n] - b[i][n]))
+}
+
+#[inline(always)]
+fn inner<const N: usize>(a: [Lanes<N>; 3], b: [Lanes<N>; 3]) -> Lanes<N> {
+    from_fn(|n| a[0][n] * b[0][n] + a[1][n] * b[1][n] + a[2][n] * b[2][n])
+}
+
+#[inline(always)]
+fn outer<const N: usize>(a: [Lanes<N>; 3], b: [Lanes<N>; 3]) -> [Lanes<N>; 3] {
+    from_fn(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        from_fn(|n| a[j][n] * b[k][n] - a[k][n] * b[j][n])
+    })
+}
+
+#[inline(always)]
+fn qualities<const N: usize>(corners: &[[Lanes<N>; 3]; 4]) -> Lanes<N> {
+    let [a, b, c, d] = *corners;
+    let (ab, ac, ad) = (less(b, a), less(c, a), less(d, a));
+    let (bc, bd, cd) = (less(c, b), less(d, b), less(d, c));
     // Normals of the faces, twice as long as their areas, by the opposite corner.
-    let (na, nb, nc, nd) = (cross(bc, bd), cross(ac, ad), cross(ab, ad), cross(ab, ac));
-    let volume6 = dot(nd, ad);
-    if volume6 <= 0.0 {
-        return volume6.min(0.0);
-    }
-    let l = [dot(ab, ab), dot(ac, ac), dot(ad, ad), dot(bc, bc), dot(bd, bd), dot(cd, cd)];
+    let (na, nb, nc, nd) = (outer(bc, bd), outer(ac, ad), outer(ab, ad), outer(ab, ac));
+    let volume6 = inner(nd, ad);
+    let l = [ab, ac, ad, bc, bd, cd].map(|e| inner(e, e));
     // The circumradius is |R| / 12 V, the inscribed one 3 V over the areas.
-    let r: V3 = std::array::from_fn(|i| l[0] * nb[i] - l[1] * nc[i] + l[2] * nd[i]);
-    let squares = [dot(na, na), dot(nb, nb), dot(nc, nc), dot(nd, nd)];
-    let areas2: f64 = squares.iter().map(|n| n.sqrt()).sum();
-    let ratio = 6.0 * RATIO_WEIGHT * volume6 * volume6 / (areas2 * dot(r, r).sqrt());
+    let r: [Lanes<N>; 3] = from_fn(|i| from_fn(|n| l[0][n] * nb[i][n] - l[1][n] * nc[i][n] + l[2][n] * nd[i][n]));
+    let (squares, r2) = ([na, nb, nc, nd].map(|f| inner(f, f)), inner(r, r));
+    from_fn(|n| worst(volume6[n], l.map(|l| l[n]), squares.map(|s| s[n]), r2[n]))
+}
+
+/// Of six times the volume, the squares of edges, of faces (twice their areas) and of what stands for the circumradius.
+#[inline(always)]
+fn worst(volume6: f64, l: [f64; 6], [na, nb, nc, nd]: [f64; 4], r2: f64) -> f64 {
+    let areas2 = na.sqrt() + nb.sqrt() + nc.sqrt() + nd.sqrt();
+    let ratio = 6.0 * RATIO_WEIGHT * volume6 * volume6 / (areas2 * r2.sqrt());
     // sin = 3 V l / (2 A1 A2) = 6V l / (2A1 2A2); the faces at edge ab are those opposite c and d, and so on. One division
     // for all six: each is expanded by the two other faces.
-    let [na, nb, nc, nd] = squares;
     let others = [na * nb, na * nc, na * nd, nb * nc, nb * nd, nc * nd];
-    let least = (0..6).map(|i| l[i] * others[i]).fold(f64::INFINITY, f64::min) / (others[0] * others[5]);
-    (volume6 * volume6 * least).min(ratio).sqrt()
+    let smaller = |a: f64, b: f64| if b < a { b } else { a };
+    let least = (0..6).map(|i| l[i] * others[i]).fold(f64::INFINITY, smaller) / (others[0] * others[5]);
+    let q = smaller(volume6 * volume6 * least, ratio).sqrt();
+    if volume6 <= 0.0 { volume6 } else { q }
 }
 
 #[cfg(test)]
@@ -56,6 +107,11 @@ mod tests {
             let found = quality(t);
             prop_assert!(found <= sine + 1e-9);
             prop_assert!((found - sine.min((RATIO_WEIGHT * q.radius_ratio).sqrt())).abs() < 1e-6);
+            // Several at once have the bits of one, turned or not.
+            let turned = [t[1], t[0], t[2], t[3]];
+            prop_assert_eq!(quality_of_all([t, turned, t, t]), [found, quality(turned), found, found]);
+            let beside = |a: usize| { let mut t = t; t[2][a] += 1e-3; quality(t) };
+            prop_assert_eq!(quality_beside(t, 2, 1e-3), [beside(0), beside(1), beside(2)]);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Moving single points: inside freely, on a surface along it, on a line where three labels meet along that.
 
-use super::super::quality::quality;
+use super::super::quality::quality_beside;
 use super::super::vec3::{V3, add, cross, distance, dot, scale, sub};
 use super::mask::Mask;
 use super::work::Work;
@@ -230,11 +230,7 @@ impl Work<'_> {
         let corners = self.corners(tet);
         let k = tet.iter().position(|&x| x == v).unwrap_or(0);
         let h = 1e-4 * edge;
-        std::array::from_fn(|a| {
-            let mut moved = corners;
-            moved[k][a] += h;
-            (quality(moved) - self.quality[t as usize]) / h
-        })
+        quality_beside(corners, k, h).map(|q| (q - self.quality[t as usize]) / h)
     }
 
     /// Volume-weighted mean of the star's centroids (half a step of optimal Delaunay smoothing), and a mean edge.

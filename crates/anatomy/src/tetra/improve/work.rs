@@ -3,7 +3,7 @@
 use super::super::adjacency::{FACES, OUT, neighbours};
 use super::super::cut::RawMesh;
 use super::super::fields::LabelFields;
-use super::super::quality::quality;
+use super::super::quality::{TOGETHER, quality, quality_of_all};
 use super::super::vec3::V3;
 use super::mask::Mask;
 
@@ -172,12 +172,8 @@ impl<'a> Work<'a> {
     pub(super) fn try_move(&mut self, v: u32, to: V3, floor: f64) -> bool {
         let from = std::mem::replace(&mut self.points[v as usize], to);
         let mut worths = std::mem::take(&mut self.scratch);
-        worths.clear();
         let star = &self.stars[v as usize];
-        let good = star.iter().all(|&t| {
-            worths.push(self.worth(self.tets[t as usize]));
-            worths[worths.len() - 1] > floor
-        });
+        let good = self.all_better(star, floor, &mut worths);
         if good {
             star.iter().zip(&worths).for_each(|(&t, &q)| self.quality[t as usize] = q);
         } else {
@@ -185,6 +181,21 @@ impl<'a> Work<'a> {
         }
         self.scratch = worths;
         good
+    }
+
+    /// Whether all of some elements are better than `floor`, and how good each is as far as they are. The first, mostly the
+    /// worst, is looked at by itself.
+    fn all_better(&self, tets: &[u32], floor: f64, worths: &mut Vec<f64>) -> bool {
+        worths.clear();
+        let Some((&first, rest)) = tets.split_first() else { return true };
+        worths.push(self.worth(self.tets[first as usize]));
+        let corners = |t: u32| self.corners(self.tets[t as usize]);
+        worths[0] > floor
+            && rest.chunks(TOGETHER).all(|some| {
+                let all = quality_of_all(std::array::from_fn(|i| corners(some[i.min(some.len() - 1)])));
+                worths.extend(&all[..some.len()]);
+                all.iter().all(|&q| q > floor)
+            })
     }
 
     /// Whether some element holds both points.
