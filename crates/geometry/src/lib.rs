@@ -9,6 +9,7 @@
 mod affine;
 mod bvh;
 mod crossing;
+mod disjoint_sets;
 mod embedding;
 mod frame;
 mod grid;
@@ -30,6 +31,7 @@ mod walls;
 pub use affine::Affine;
 pub use bvh::{Bvh, Hit, Nearest, nearest_on_triangle};
 pub use crossing::{CrossingFinder, Crossings, triangles_cross};
+pub use disjoint_sets::DisjointSets;
 pub use embedding::{Binder, BoundChunk, Embedding, EmbeddingError, Located, NearestFace, Overlap, TetLocator};
 pub use frame::{Display, Frame, Patient, Tool, Tracker, Voxel};
 pub use grid::{Grid, GridError};

@@ -1,5 +1,6 @@
 //! Triangle meshes and what can be said of their topology.
 
+use crate::disjoint_sets::DisjointSets;
 use crate::{Patient, Point, Vector};
 use thiserror::Error;
 
@@ -219,10 +220,10 @@ impl TriangleMesh {
     /// The number of fans that the triangles around each vertex fall into: corners of one vertex are joined over shared
     /// edges, so a clean vertex ends with one class of corners, one without triangles with none.
     fn fans(&self, half_edges: &[(u32, u32, bool, u32)]) -> Vec<u32> {
-        let mut corners = UnionFind::new(self.triangles.len() * 3);
+        let mut corners = DisjointSets::new(self.triangles.len() * 3);
         let corner = |triangle: u32, v: u32| {
             let at = self.triangles[triangle as usize].iter().position(|&x| x == v).unwrap_or(0);
-            triangle as usize * 3 + at
+            triangle * 3 + at as u32
         };
         for edge in half_edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
             for pair in edge.windows(2) {
@@ -233,7 +234,7 @@ impl TriangleMesh {
         }
         let mut fans = vec![0u32; self.vertices.len()];
         for c in 0..self.triangles.len() * 3 {
-            if corners.root(c) == c {
+            if corners.root(c as u32) as usize == c {
                 fans[self.triangles[c / 3][c % 3] as usize] += 1;
             }
         }
@@ -242,15 +243,15 @@ impl TriangleMesh {
 
     /// The connected piece of each triangle, numbered in order of first appearance, and how many there are.
     pub fn components(&self) -> (Vec<u32>, usize) {
-        let mut pieces = UnionFind::new(self.vertices.len());
+        let mut pieces = DisjointSets::new(self.vertices.len());
         for t in &self.triangles {
-            pieces.join(t[0] as usize, t[1] as usize);
-            pieces.join(t[0] as usize, t[2] as usize);
+            pieces.join(t[0], t[1]);
+            pieces.join(t[0], t[2]);
         }
         let mut number = vec![u32::MAX; self.vertices.len()];
         let mut count = 0;
         let of = self.triangles.iter().map(|t| {
-            let root = pieces.root(t[0] as usize);
+            let root = pieces.root(t[0]) as usize;
             if number[root] == u32::MAX {
                 number[root] = count;
                 count += 1;
@@ -265,28 +266,6 @@ impl TriangleMesh {
         let offset = self.vertices.len() as u32;
         self.vertices.extend_from_slice(&other.vertices);
         self.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + offset)));
-    }
-}
-
-/// Disjoint sets with path halving; the root of a set is its smallest member.
-struct UnionFind(Vec<u32>);
-
-impl UnionFind {
-    fn new(n: usize) -> Self {
-        Self((0..n as u32).collect())
-    }
-
-    fn root(&mut self, mut i: usize) -> usize {
-        while self.0[i] as usize != i {
-            self.0[i] = self.0[self.0[i] as usize];
-            i = self.0[i] as usize;
-        }
-        i
-    }
-
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b)] = a.min(b) as u32;
     }
 }
 

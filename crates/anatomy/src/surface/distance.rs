@@ -68,14 +68,16 @@ fn pass(d: &mut [f32], dims: [usize; 3], axis: usize, spacing: f64) {
 struct Scratch {
     line: Vec<f64>,
     out: Vec<f64>,
-    /// Positions of the parabolas of the envelope and where each begins to be lowest.
+    /// Positions of the parabolas of the envelope, their heights at 0 in squared cells, and where each begins to be lowest.
     site: Vec<usize>,
+    height: Vec<f64>,
     begin: Vec<f64>,
 }
 
 impl Scratch {
     fn new(n: usize) -> Self {
-        Self { line: vec![0.0; n], out: vec![0.0; n], site: Vec::with_capacity(n), begin: Vec::with_capacity(n) }
+        let empty = || Vec::with_capacity(n);
+        Self { line: vec![0.0; n], out: vec![0.0; n], site: Vec::with_capacity(n), height: empty(), begin: empty() }
     }
 
     /// Whether there was any site.
@@ -83,23 +85,27 @@ impl Scratch {
         let far = f64::from(FAR);
         let s2 = spacing * spacing;
         self.site.clear();
+        self.height.clear();
         self.begin.clear();
         for q in 0..self.line.len() {
-            if self.line[q] >= far {
+            // A site between two others is the nearest to none but itself.
+            if self.line[q] >= far || self.line[q.saturating_sub(1)..self.line.len().min(q + 2)] == [0.0; 3] {
                 continue;
             }
-            let height = |i: usize, f: &[f64]| f[i] / s2 + (i * i) as f64;
+            let height = self.line[q] / s2 + (q * q) as f64;
             let mut from = f64::NEG_INFINITY;
-            while let Some(&p) = self.site.last() {
-                from = (height(q, &self.line) - height(p, &self.line)) / (2 * (q - p)) as f64;
+            while let (Some(&p), Some(&below)) = (self.site.last(), self.height.last()) {
+                from = (height - below) / (2 * (q - p)) as f64;
                 if from > self.begin[self.begin.len() - 1] {
                     break;
                 }
                 self.site.pop();
+                self.height.pop();
                 self.begin.pop();
                 from = f64::NEG_INFINITY;
             }
             self.site.push(q);
+            self.height.push(height);
             self.begin.push(from);
         }
         if self.site.is_empty() {
@@ -111,7 +117,7 @@ impl Scratch {
                 k += 1;
             }
             let p = self.site[k];
-            *o = (i as f64 - p as f64).powi(2) * s2 + self.line[p];
+            *o = if self.line[i] == 0.0 { 0.0 } else { (i as f64 - p as f64).powi(2) * s2 + self.line[p] };
         }
         true
     }

@@ -239,27 +239,43 @@ impl Part {
     fn interpolate_shape(&mut self, axis: usize, along: &Axis, low: usize, step: f64, thickness: f64) {
         let dims = self.dims;
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-        let strides = |dims: [usize; 3]| [1, dims[0], dims[0] * dims[1]];
-        let place = |s: [usize; 3], k: usize, n: usize| k * s[axis] + n % dims[u] * s[u] + n / dims[u] * s[v];
-        let size = dims[u] * dims[v];
-        let from = strides(dims);
-        let plane = |k: usize| (0..size).map(|n| self.data[place(from, k, n)]).collect::<Vec<f32>>();
-        let slices = Slices::new((0..dims[axis]).map(plane).collect(), [dims[u], dims[v]], step, thickness);
+        let cut: Vec<Vec<f32>> = (0..dims[axis]).into_par_iter().map(|k| self.plane(axis, k)).collect();
+        let slices = Slices::new(cut, [dims[u], dims[v]], step, thickness);
         let made: Vec<Vec<f32>> = along.taps.par_iter().map(|tap| slices.between(tap, low)).collect();
         self.dims[axis] = made.len();
-        let to = strides(self.dims);
-        self.data = vec![0.0; made.len() * size];
-        for (k, plane) in made.iter().enumerate() {
-            plane.iter().enumerate().for_each(|(n, &x)| self.data[place(to, k, n)] = x);
+        self.data = if axis == 2 { made.concat() } else { self.from_planes(axis, &made) };
+    }
+
+    /// The plane `k` across an axis, along the next axis first.
+    fn plane(&self, axis: usize, k: usize) -> Vec<f32> {
+        self.cells_of_plane(axis, k).map(|at| self.data[at]).collect()
+    }
+
+    fn from_planes(&self, axis: usize, planes: &[Vec<f32>]) -> Vec<f32> {
+        let mut data = vec![0.0; self.dims.iter().product()];
+        for (k, plane) in planes.iter().enumerate() {
+            self.cells_of_plane(axis, k).zip(plane).for_each(|(at, &x)| data[at] = x);
         }
+        data
+    }
+
+    fn cells_of_plane(&self, axis: usize, k: usize) -> impl Iterator<Item = usize> + use<> {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let (dims, strides) = (self.dims, [1, self.dims[0], self.dims[0] * self.dims[1]]);
+        (0..dims[v]).flat_map(move |j| (0..dims[u]).map(move |i| k * strides[axis] + i * strides[u] + j * strides[v]))
     }
 }
 
 /// Applies the taps along a row.
 fn resample_row(to: &mut [f32], from: &[f32], along: &Axis, low: usize, outside: f32) {
     for (o, tap) in to.iter_mut().zip(&along.taps) {
-        let at = |i: usize| usize::try_from(tap.first + i as isize - low as isize).ok().and_then(|at| from.get(at));
-        *o = tap.weights.iter().enumerate().map(|(i, &w)| w * at(i).copied().unwrap_or(outside)).sum();
+        let first = tap.first - low as isize;
+        let inside = usize::try_from(first).ok().and_then(|at| from.get(at..at + tap.weights.len()));
+        let at = |i: usize| usize::try_from(first + i as isize).ok().and_then(|at| from.get(at).copied());
+        *o = match inside {
+            Some(values) => tap.weights.iter().zip(values).map(|(&w, &v)| w * v).sum(),
+            None => tap.weights.iter().enumerate().map(|(i, &w)| w * at(i).unwrap_or(outside)).sum(),
+        };
     }
 }
 

@@ -5,6 +5,7 @@ mod decimate;
 pub(crate) mod distance;
 pub(crate) mod even;
 mod isosurface;
+mod outline;
 mod slices;
 mod smooth;
 mod untangle;

@@ -3,14 +3,14 @@
 //! A part that the next slice has nothing of, the tip of a horn, ends half way to it, as its voxels do. Interpolated to a
 //! slice whose outline is somewhere else, or that is empty, it would end right behind its own.
 
-use super::distance::squared_distance;
 use super::even::Tap;
+use super::outline::Outline;
+use monro_geometry::DisjointSets;
 use rayon::prelude::*;
+use std::ops::Range;
 
-/// Distances are limited to this many slice thicknesses.
-const FARTHEST: f32 = 4.0;
-
-/// One slice: signed distances in mm, positive inside, and where parts of it end before the slice below and above.
+/// One slice: signed distances in mm, positive inside, exact where the field depends on them, and where parts of it end before
+/// the slice below and above.
 struct Slice {
     distance: Vec<f32>,
     ends: [Vec<bool>; 2],
@@ -27,65 +27,83 @@ impl Slices {
     /// From the values of each slice, on cells of edge `step` (mm); slices are `thickness` mm apart.
     pub(super) fn new(planes: Vec<Vec<f32>>, dims: [usize; 2], step: f64, thickness: f64) -> Self {
         let parts: Vec<Vec<u32>> = planes.par_iter().map(|plane| parts(plane, dims)).collect();
+        let outlines: Vec<Outline> = planes.into_par_iter().map(|plane| Outline::new(plane, dims)).collect();
         let none: Vec<u32> = Vec::new();
-        let slices = planes.par_iter().enumerate().map(|(k, plane)| Slice {
-            distance: signed_distance(plane, dims, step, thickness),
-            ends: [k.wrapping_sub(1), k + 1].map(|n| ends(&parts[k], parts.get(n).unwrap_or(&none), dims)),
+        let slices = (0..outlines.len()).into_par_iter().map(|k| {
+            let beside = [k.wrapping_sub(1), k + 1];
+            Slice {
+                distance: outlines[k].distances(beside.map(|n| outlines.get(n)), step, thickness),
+                ends: beside.map(|n| ends(&parts[k], parts.get(n).unwrap_or(&none), dims)),
+            }
         });
-        Self { slices: slices.collect(), step: step as f32, thickness: thickness as f32 }
+        let slices = slices.collect();
+        Self { slices, step: step as f32, thickness: thickness as f32 }
     }
 
     /// The field between two slices by the weights of `tap`, whose first slice is number `tap.first - low`.
     pub(super) fn between(&self, tap: &Tap, low: usize) -> Vec<f32> {
         let slice = |i: isize| usize::try_from(tap.first + i - low as isize).ok().and_then(|at| self.slices.get(at));
-        let field = |d: f32| (0.5 + d / self.step).clamp(0.0, 1.0);
-        let ([below, above], t) = ([slice(0), slice(1)], tap.weights.get(1).copied().unwrap_or(0.0));
+        let (step, t) = (self.step, tap.weights.get(1).copied().unwrap_or(0.0));
+        let field = |below: f32, above: f32| (0.5 + (below + (above - below) * t) / step).clamp(0.0, 1.0);
+        let nearest = [slice(0), slice(1)];
+        if let [Some(below), Some(above)] = nearest
+            && below.ends[1].is_empty()
+            && above.ends[0].is_empty()
+        {
+            return below.distance.iter().zip(&above.distance).map(|(&b, &a)| field(b, a)).collect();
+        }
+        let [below, above] = nearest;
+        let ends =
+            |slice: Option<&Slice>, side: usize, n: usize| slice.is_some_and(|s| s.ends[side].get(n) == Some(&true));
         let mix = |n: usize| {
-            let mut d = [below, above].map(|s| s.map_or(-self.thickness, |s| s.distance[n]));
-            let ending = [below.is_some_and(|s| s.ends[1][n]), above.is_some_and(|s| s.ends[0][n])];
-            match ending {
+            let mut d = nearest.map(|s| s.map_or(-self.thickness, |s| s.distance[n]));
+            match [ends(below, 1, n), ends(above, 0, n)] {
                 [true, false] => d[1] = -d[0].abs(),
                 [false, true] => d[0] = -d[1].abs(),
                 _ => {}
             }
-            field(d[0] + (d[1] - d[0]) * t)
+            field(d[0], d[1])
         };
         let size = self.slices.first().map_or(0, |s| s.distance.len());
         (0..size).map(mix).collect()
     }
 }
 
-/// The connected parts of a slice (cells that share an edge or a corner), numbered from 1; 0 outside.
+/// The connected parts of a slice (cells that share an edge or a corner), each with a number of its own above 0; 0 outside.
 fn parts(plane: &[f32], dims: [usize; 2]) -> Vec<u32> {
     let mut number = vec![0; plane.len()];
-    let (mut count, mut stack) = (0, Vec::new());
-    for first in 0..plane.len() {
-        if plane[first] < 0.5 || number[first] != 0 {
-            continue;
-        }
-        count += 1;
-        number[first] = count;
-        stack.push(first);
-        while let Some(n) = stack.pop() {
-            for m in around(n, dims).filter(|&m| plane[m] >= 0.5) {
-                if number[m] == 0 {
-                    number[m] = count;
-                    stack.push(m);
-                }
+    let mut sets = DisjointSets::new(1);
+    // Runs of cells: of the row before and of this one, and all of them.
+    let (mut before, mut here, mut all) = (Vec::<(Range<usize>, u32)>::new(), Vec::new(), Vec::new());
+    for (j, row) in plane.chunks(dims[0]).enumerate() {
+        let mut at = 0;
+        for run in row.chunk_by(|&a, &b| (a >= 0.5) == (b >= 0.5)) {
+            let (cells, first) = (at..at + run.len(), run[0]);
+            at = cells.end;
+            if first >= 0.5 {
+                let own = sets.add();
+                let meets = |b: &&(Range<usize>, u32)| b.0.start <= cells.end && cells.start <= b.0.end;
+                before.iter().filter(meets).for_each(|b| sets.join(b.1, own));
+                all.push((j * dims[0] + cells.start..j * dims[0] + cells.end, own));
+                here.push((cells, own));
             }
         }
+        std::mem::swap(&mut before, &mut here);
+        here.clear();
     }
+    all.into_iter().for_each(|(cells, own)| number[cells].fill(sets.root(own)));
     number
 }
 
-/// Cells of parts that touch nothing of the next slice's, and those beside them.
+/// Cells of parts that touch nothing of the next slice's, and those beside them; empty where there are none.
 fn ends(own: &[u32], next: &[u32], dims: [usize; 2]) -> Vec<bool> {
     let count = own.iter().copied().max().unwrap_or(0) as usize;
-    let mut goes_on = vec![false; count + 1];
+    let (mut goes_on, mut is_part) = (vec![false; count + 1], vec![false; count + 1]);
+    own.iter().for_each(|&o| is_part[o as usize] = o != 0);
     own.iter().zip(next).filter(|(_, n)| **n != 0).for_each(|(&o, _)| goes_on[o as usize] = true);
     let ending = |n: usize| own[n] != 0 && !goes_on[own[n] as usize];
-    if goes_on[1..].iter().all(|&g| g) {
-        return vec![false; own.len()];
+    if goes_on.iter().zip(&is_part).all(|(&goes_on, &is_part)| goes_on || !is_part) {
+        return Vec::new();
     }
     (0..own.len()).map(|n| ending(n) || (own[n] == 0 && around(n, dims).any(ending))).collect()
 }
@@ -94,28 +112,6 @@ fn around(n: usize, [nx, ny]: [usize; 2]) -> impl Iterator<Item = usize> {
     let (i, j) = (n % nx, n / nx);
     let (across, along) = (i.saturating_sub(1)..=(i + 1).min(nx - 1), j.saturating_sub(1)..=(j + 1).min(ny - 1));
     along.flat_map(move |j| across.clone().map(move |i| j * nx + i))
-}
-
-/// Signed distance in mm (positive inside) to the outline of a slice of partial values; in a slice without the set minus
-/// one thickness.
-fn signed_distance(plane: &[f32], dims: [usize; 2], step: f64, thickness: f64) -> Vec<f32> {
-    let inside: Vec<bool> = plane.iter().map(|&m| m >= 0.5).collect();
-    if !inside.contains(&true) {
-        // What little is there (below half a cell everywhere) keeps its partial value near the outline.
-        return plane.iter().map(|&m| if m > 0.0 { (m - 0.5) * step as f32 } else { -thickness as f32 }).collect();
-    }
-    let outside: Vec<bool> = inside.iter().map(|&i| !i).collect();
-    let dims3 = [dims[0], dims[1], 1];
-    let (to_in, to_out) = (squared_distance(&inside, dims3, [step; 3]), squared_distance(&outside, dims3, [step; 3]));
-    let limit = FARTHEST * thickness as f32;
-    let (one, half) = ((step * step * 1.01) as f32, 0.5 * step as f32);
-    let value = |n: usize| {
-        let (sign, squared) = if inside[n] { (1.0, to_out[n]) } else { (-1.0, to_in[n]) };
-        // Next to the outline the partial value says where in the cell it runs.
-        let d = if squared <= one { (plane[n] - 0.5) * step as f32 } else { sign * (squared.sqrt() - half) };
-        d.clamp(-limit, limit)
-    };
-    (0..plane.len()).map(value).collect()
 }
 
 #[cfg(test)]

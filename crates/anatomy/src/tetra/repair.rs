@@ -3,6 +3,7 @@
 use super::adjacency::{Incidence, OUT, neighbours};
 use super::cut::{OUTSIDE, RawMesh, drop_outside};
 use super::vec3::{V3, volume6};
+use monro_geometry::DisjointSets;
 use std::collections::BTreeMap;
 
 /// Rounds at most; each may uncover a few new places.
@@ -84,7 +85,7 @@ impl<'a> Repair<'a> {
     /// For each element the first one of its connected piece.
     fn roots(&self) -> Vec<u32> {
         let count = self.mesh.tets.len() as u32;
-        let mut sets = Sets::new(count as usize);
+        let mut sets = DisjointSets::new(count as usize);
         for t in 0..count {
             let own = self.label(t);
             for b in self.behind[t as usize] {
@@ -201,7 +202,7 @@ impl<'a> Repair<'a> {
             }
         }
         ends.sort_unstable();
-        let mut sets = Sets::new(owner.len());
+        let mut sets = DisjointSets::new(owner.len());
         for pair in ends.chunk_by(|a, b| a.0 == b.0).filter(|c| c.len() == 2) {
             sets.join(pair[0].1, pair[1].1);
         }
@@ -267,9 +268,9 @@ impl<'a> Repair<'a> {
 
     /// The pieces of a label and of the rest around a point. Those of the outside are further elements, after the last, that
     /// belong to the rest.
-    fn pieces(&self, star: &[u32], inside: impl Fn(u32) -> bool, outside: &[Vec<u32>]) -> Sets {
+    fn pieces(&self, star: &[u32], inside: impl Fn(u32) -> bool, outside: &[Vec<u32>]) -> DisjointSets {
         let n = star.len();
-        let mut sets = Sets::new(n + outside.len());
+        let mut sets = DisjointSets::new(n + outside.len());
         for (a, &t) in star.iter().enumerate() {
             for (b, &u) in star.iter().enumerate().skip(a + 1) {
                 if inside(a as u32) == inside(b as u32) && self.behind[t as usize].contains(&u) {
@@ -310,27 +311,6 @@ impl<'a> Repair<'a> {
         let mut others: Vec<u8> = star.iter().map(|&t| self.label(t)).filter(|&x| x != l).collect();
         others.sort_unstable();
         others.chunk_by(|a, b| a == b).max_by_key(|c| c.len()).map_or(OUTSIDE, |c| c[0])
-    }
-}
-
-struct Sets(Vec<u32>);
-
-impl Sets {
-    fn new(n: usize) -> Self {
-        Self((0..n as u32).collect())
-    }
-
-    fn root(&mut self, mut i: u32) -> u32 {
-        while self.0[i as usize] != i {
-            self.0[i as usize] = self.0[self.0[i as usize] as usize];
-            i = self.0[i as usize];
-        }
-        i
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.0[a.max(b) as usize] = a.min(b);
     }
 }
 
