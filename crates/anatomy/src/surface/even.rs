@@ -243,7 +243,7 @@ impl Part {
         let slices = Slices::new(cut, [dims[u], dims[v]], step, thickness);
         let made: Vec<Vec<f32>> = along.taps.par_iter().map(|tap| slices.between(tap, low)).collect();
         self.dims[axis] = made.len();
-        self.data = if axis == 2 { made.concat() } else { self.from_planes(axis, &made) };
+        self.data = if axis == 2 { made.concat() } else { self.joined(axis, &made) };
     }
 
     /// The plane `k` across an axis, along the next axis first.
@@ -251,7 +251,7 @@ impl Part {
         self.cells_of_plane(axis, k).map(|at| self.data[at]).collect()
     }
 
-    fn from_planes(&self, axis: usize, planes: &[Vec<f32>]) -> Vec<f32> {
+    fn joined(&self, axis: usize, planes: &[Vec<f32>]) -> Vec<f32> {
         let mut data = vec![0.0; self.dims.iter().product()];
         for (k, plane) in planes.iter().enumerate() {
             self.cells_of_plane(axis, k).zip(plane).for_each(|(at, &x)| data[at] = x);

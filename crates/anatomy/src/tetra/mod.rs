@@ -437,7 +437,7 @@ fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Option<Sta
 /// Coarsens to the count and improves the shapes.
 fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize, done: &mut impl FnMut(Stage)) -> Made {
     let Start { mut raw, bounds, lattice_edge, finest } = start;
-    let size = &size.with_bounds(&bounds);
+    let size = &*size.with_bounds(&bounds);
     let crumbs = repair::repair(&mut raw, fields.labels.len() as u8, 0.5 * lattice_edge.powi(3), |corners, l| {
         coarse::holds(corners, l, fields)
     });

@@ -1,6 +1,6 @@
 //! Making each label's surface two-manifold, and dropping crumbs.
 
-use super::adjacency::{Incidence, OUT, neighbours};
+use super::adjacency::{FACES, Incidence, OUT, neighbours};
 use super::cut::{OUTSIDE, RawMesh, drop_outside};
 use super::vec3::{V3, volume6};
 use monro_geometry::DisjointSets;
@@ -32,12 +32,20 @@ pub(super) struct Crumb {
 pub(super) fn repair(mesh: &mut RawMesh, labels: u8, crumb: f64, holds: impl Fn([V3; 4], u8) -> bool) -> Vec<Crumb> {
     let mut r = Repair::new(mesh);
     let mut given = Vec::new();
-    let mut points: Vec<u32> = (0..r.mesh.points.len() as u32).collect();
+    let mut points = Vec::new();
     for round in 0..ROUNDS {
+        let mut pieces = r.label_pieces();
         // Two pieces may join each other first, and the rest of their label next; mending pinches may part them again.
-        (0..GENTLE).take_while(|_| round < GENTLE && r.bridge(labels, &holds)).for_each(drop);
-        r.crumbs(labels, crumb, if round == 0 { Some(&mut given) } else { None });
-        if round > 0 {
+        for _ in 0..if round < GENTLE { GENTLE } else { 0 } {
+            if !r.bridge(&pieces, labels, &holds) {
+                break;
+            }
+            pieces = r.label_pieces();
+        }
+        r.crumbs(&pieces, labels, crumb, if round == 0 { Some(&mut given) } else { None });
+        if round == 0 {
+            points = r.points_of_faces();
+        } else {
             points.extend(r.changed.iter().flat_map(|&t| r.mesh.tets[t as usize]));
             points.sort_unstable();
             points.dedup();
@@ -65,6 +73,12 @@ struct Repair<'a> {
     changed: Vec<u32>,
 }
 
+/// For each element the first one of its connected piece, and for each of these the piece's volume, mm3.
+struct Pieces {
+    roots: Vec<u32>,
+    volumes: Vec<f64>,
+}
+
 impl<'a> Repair<'a> {
     fn new(mesh: &'a mut RawMesh) -> Self {
         let around = Incidence::new(&mesh.tets, mesh.points.len());
@@ -82,8 +96,8 @@ impl<'a> Repair<'a> {
         self.changed.push(t);
     }
 
-    /// For each element the first one of its connected piece.
-    fn roots(&self) -> Vec<u32> {
+    /// The connected pieces of the labels.
+    fn label_pieces(&self) -> Pieces {
         let count = self.mesh.tets.len() as u32;
         let mut sets = DisjointSets::new(count as usize);
         for t in 0..count {
@@ -94,26 +108,42 @@ impl<'a> Repair<'a> {
                 }
             }
         }
-        (0..count).map(|t| sets.root(t)).collect()
+        let roots: Vec<u32> = (0..count).map(|t| sets.root(t)).collect();
+        let mut volumes = vec![0.0; count as usize];
+        for (t, &root) in roots.iter().enumerate().filter(|(t, _)| self.label(*t as u32) != OUTSIDE) {
+            volumes[root as usize] += self.volumes[t];
+        }
+        Pieces { roots, volumes }
+    }
+
+    /// Points of faces between labels, or to the outside.
+    fn points_of_faces(&self) -> Vec<u32> {
+        let mut found = vec![false; self.mesh.points.len()];
+        for (t, tet) in (0u32..).zip(&self.mesh.tets) {
+            for i in (0..4).filter(|&i| self.label(self.behind[t as usize][i]) != self.label(t)) {
+                FACES[i].iter().for_each(|&k| found[tet[k] as usize] = true);
+            }
+        }
+        (0..found.len() as u32).filter(|&v| found[v as usize]).collect()
     }
 
     /// Joins pieces of a label, but the largest, to another of it through a few elements that `holds` some of the label: a
     /// thin part of which the cuts have left beads. Whether there were any.
-    fn bridge(&mut self, labels: u8, holds: impl Fn([V3; 4], u8) -> bool) -> bool {
-        let mut any = false;
-        let roots = self.roots();
-        let mut pieces: BTreeMap<u32, (f64, Vec<u32>)> = BTreeMap::new();
-        for (t, &root) in (0u32..).zip(&roots).filter(|(t, _)| self.label(*t) != OUTSIDE) {
-            let piece = pieces.entry(root).or_default();
-            piece.0 += self.volumes[t as usize];
-            piece.1.push(t);
+    fn bridge(&mut self, pieces: &Pieces, labels: u8, holds: impl Fn([V3; 4], u8) -> bool) -> bool {
+        let roots = &pieces.roots;
+        let mut of_labels: Vec<Vec<u32>> = vec![Vec::new(); usize::from(labels)];
+        for (t, _) in (0u32..).zip(roots).filter(|(t, root)| t == *root && self.label(*t) != OUTSIDE) {
+            of_labels[usize::from(self.label(t))].push(t);
         }
-        for l in 0..labels {
-            let mut of_label: Vec<&(f64, Vec<u32>)> =
-                pieces.iter().filter(|p| self.label(*p.0) == l).map(|p| p.1).collect();
-            of_label.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-            for (_, piece) in of_label.into_iter().skip(1) {
-                let way = self.way(piece, &roots, l, &holds);
+        let mut any = false;
+        for (l, mut of_label) in (0u8..).zip(of_labels) {
+            // Those before may have taken some.
+            of_label.retain(|&root| self.label(root) == l);
+            let volume = |root: u32| pieces.volumes[root as usize];
+            of_label.sort_by(|&a, &b| volume(b).total_cmp(&volume(a)).then(a.cmp(&b)));
+            for &root in of_label.iter().skip(1) {
+                let piece: Vec<u32> = (0..roots.len() as u32).filter(|&t| roots[t as usize] == root).collect();
+                let way = self.way(&piece, roots, l, &holds);
                 any |= !way.is_empty();
                 way.into_iter().for_each(|t| self.relabel(t, l));
             }
@@ -149,13 +179,11 @@ impl<'a> Repair<'a> {
     }
 
     /// Gives small separate pieces of a label to their neighbours, and lists them.
-    fn crumbs(&mut self, labels: u8, crumb: f64, list: Option<&mut Vec<Crumb>>) {
+    fn crumbs(&mut self, pieces: &Pieces, labels: u8, crumb: f64, list: Option<&mut Vec<Crumb>>) {
         let count = self.mesh.tets.len() as u32;
-        let mut size = vec![0.0; count as usize];
+        let Pieces { roots, volumes: size } = pieces;
         let mut whole = vec![0.0; usize::from(labels)];
-        let roots = self.roots();
         for t in (0..count).filter(|&t| self.label(t) != OUTSIDE) {
-            size[roots[t as usize] as usize] += self.volumes[t as usize];
             whole[usize::from(self.label(t))] += self.volumes[t as usize];
         }
         let small = |t: u32| {

@@ -9,6 +9,7 @@ use super::{finest_for, first_guess};
 use crate::surface::distance::squared_distance;
 use monro_geometry::{Grid, Patient, Point, Volume};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Cell of the lattice on which the size is kept, mm (as all lengths here for a head: [`LabelFields::unit`]).
 const STEP: f64 = 1.8;
@@ -23,8 +24,8 @@ const USUAL: f64 = 3.0;
 #[derive(Debug, Clone)]
 pub(super) struct SizeField {
     distance: super::fields::Field,
-    /// Longest edges next to thin places.
-    cap: super::fields::Field,
+    /// Longest edges next to thin places, if there are any.
+    cap: Option<super::fields::Field>,
     /// Thin places.
     pub(super) thin: Thin,
     /// Relative lengths of edges that densities ask for.
@@ -68,7 +69,7 @@ impl SizeField {
         let (distance, scale) = (field(distance)?, scale.and_then(field));
         let census = Census::new(fields, |p| distance.at(p), |p| scale.as_ref().map_or(1.0, |s| s.at(p)));
         let mut size = Self {
-            cap: field(vec![f32::MAX; grid.len()])?,
+            cap: None,
             thin: Thin::none(),
             scale,
             distance,
@@ -85,8 +86,11 @@ impl SizeField {
     }
 
     /// With edges of `edge` mm around places, growing from there.
-    pub(super) fn with_bounds(&self, places: &[([f64; 3], f64)]) -> Self {
-        let grid = *self.cap.volume().grid();
+    pub(super) fn with_bounds(&self, places: &[([f64; 3], f64)]) -> Cow<'_, Self> {
+        if places.is_empty() {
+            return Cow::Borrowed(self);
+        }
+        let grid = *self.distance.volume().grid();
         let mut cap = vec![f32::MAX; grid.len()];
         for &(p, edge) in places {
             if let Some([i, j, k]) = grid.containing(Point::from_array(p)) {
@@ -95,8 +99,8 @@ impl SizeField {
             }
         }
         spread(&mut cap, grid.dims(), grid.spacing()[0], STEEPER * self.growth);
-        let cap = Volume::new(grid, cap).map_or_else(|_| self.cap.clone(), super::fields::Field::new);
-        Self { cap, ..self.clone() }
+        let cap = Volume::new(grid, cap).ok().map(super::fields::Field::new);
+        Cow::Owned(Self { cap, ..self.clone() })
     }
 
     /// Growth of the edges, mm a mm.
@@ -128,7 +132,7 @@ impl SizeField {
     pub(super) fn edge(&self, p: [f64; 3], finest: f64) -> f64 {
         let p = self.clamped(p);
         let free = self.edge_at(self.distance.at(p), finest) * self.scale.as_ref().map_or(1.0, |s| s.at(p));
-        free.min(self.cap.at(p))
+        self.cap.as_ref().map_or(free, |cap| free.min(cap.at(p)))
     }
 
     fn edge_at(&self, distance: f64, finest: f64) -> f64 {

@@ -24,7 +24,9 @@ pub(super) use work::Work;
 /// Bars of the passes: elements below are worked on. 0.46 is the sine of 27 degrees.
 const BARS: [f64; 4] = [0.30, 0.38, 0.44, 0.47];
 /// Passes once points have the places that the volumes ask for.
-const LAST_BARS: [f64; 3] = [0.40, 0.46, 0.485];
+const LAST_BARS: [f64; 2] = [0.40, 0.46];
+/// One more, and
+const GOOD_BAR: f64 = 0.475;
 /// More passes, at this bar, as long as more than this part of the elements is worse than [`GOOD`].
 const MORE_BAR: f64 = 0.50;
 const MORE_PASSES: usize = 6;
@@ -90,17 +92,19 @@ impl Work<'_> {
         self.pull_middles();
         // What moved for others may have made room for these.
         self.pull_points();
-        // What was just good enough has more room now: it counts for the first percentile.
-        self.pass(LAST_BARS[2]);
         self.leave_few();
     }
 
     /// Goes on until few elements have an angle below 28 degrees: where a mesh is coarse for what it shows, more had than one
     /// in a hundred. Without merges, which are no help here and cost the count.
     fn leave_few(&mut self) {
+        let few = |work: &Self| work.below(GOOD).len() as f64 <= FEW * work.count() as f64;
+        if !few(self) {
+            self.pass(GOOD_BAR);
+        }
         self.merges = false;
         for _ in 0..MORE_PASSES {
-            if self.below(GOOD).len() as f64 <= FEW * self.count() as f64 {
+            if few(self) {
                 break;
             }
             self.pass(MORE_BAR);

@@ -7,7 +7,6 @@
 use super::super::vec3::{V3, add, scale, sub};
 use super::RESORT;
 use super::split::Sag;
-use super::volume::GOOD;
 use super::work::Work;
 
 /// Points further off than this part of a cell of the fields, and than that part of the mean edge around them, are moved;
@@ -110,12 +109,12 @@ impl Work<'_> {
         all
     }
 
-    /// Betters the bad elements of a patch; where they do not become good, all its points go back.
+    /// Betters the bad elements of a patch; where they do not become good enough, all its points go back.
     fn settle(&mut self, patch: &Patch) -> bool {
         let mut last = f64::NEG_INFINITY;
         for _ in 0..ROUNDS {
             for &w in patch.near.iter().chain(&patch.points) {
-                if self.worst_around(w) < GOOD {
+                if self.worst_around(w) < patch.floor {
                     self.relax(w);
                 }
             }

@@ -7,6 +7,9 @@ use super::super::quality::{TOGETHER, quality, quality_of_all};
 use super::super::vec3::V3;
 use super::mask::Mask;
 
+/// Elements more than in the beginning around a point that there is room for.
+const ROOM: usize = 8;
+
 /// Label of a removed element.
 pub(super) const DEAD: u8 = u8::MAX;
 
@@ -36,7 +39,7 @@ pub(in super::super) struct Work<'a> {
 
 impl<'a> Work<'a> {
     pub(in super::super) fn new(raw: RawMesh, fields: &'a LabelFields) -> Self {
-        let mut stars = vec![Vec::new(); raw.points.len()];
+        let mut stars = empty_stars(&raw);
         let mut masks = vec![Mask::default(); raw.points.len()];
         let mut worth = Vec::with_capacity(raw.tets.len());
         for (i, (&t, &label)) in raw.tets.iter().zip(&raw.labels).enumerate() {
@@ -224,6 +227,13 @@ impl<'a> Work<'a> {
         near.dedup();
         near
     }
+}
+
+/// Room for the elements around each point, and for some that come.
+fn empty_stars(raw: &RawMesh) -> Vec<Vec<u32>> {
+    let mut counts = vec![ROOM; raw.points.len()];
+    raw.tets.iter().flatten().for_each(|&v| counts[v as usize] += 1);
+    counts.into_iter().map(Vec::with_capacity).collect()
 }
 
 /// Points of faces with one element.
