@@ -417,9 +417,11 @@ fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Option<Sta
             break;
         }
         // A secant in the logarithms, with bounded slopes and steps: where a lattice sees next to nothing, neither means
-        // much.
+        // much. What is too many at first is of thin parts, whose cells are no fewer the next time: the others are to make
+        // room for them.
         let at = ratio.ln();
-        let slope = last.map_or(1.0, |(a, m)| ((m - now) / (at - a)).clamp(0.7, 2.0));
+        let thin_first = if has_thin && now > 0.0 { now / -(2.0 - now.exp()).max(0.4).ln() } else { 1.0 };
+        let slope = last.map_or(thin_first, |(a, m)| ((m - now) / (at - a)).clamp(0.7, 2.0));
         last = Some((at, now));
         ratio *= (now / slope).clamp(-1.5, 1.5).exp();
     }

@@ -80,12 +80,14 @@ fn worst(volume6: f64, l: [f64; 6], [na, nb, nc, nd]: [f64; 4], r2: f64) -> f64 
     let others = [na * nb, na * nc, na * nd, nb * nc, nb * nd, nc * nd];
     let smaller = |a: f64, b: f64| if b < a { b } else { a };
     let least = (0..6).map(|i| l[i] * others[i]).fold(f64::INFINITY, smaller) / (others[0] * others[5]);
-    let q = smaller(volume6 * volume6 * least, ratio).sqrt();
+    // A face without area leaves no number for the first, and next to nothing for the other.
+    let q = smaller(ratio, volume6 * volume6 * least).sqrt();
     if volume6 <= 0.0 { volume6 } else { q }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::vec3;
     use super::*;
     use monro_geometry::{Point, TetMesh};
     use proptest::prelude::*;
@@ -96,11 +98,34 @@ mod tests {
         assert!((q - 8f64.sqrt() / 3.0).abs() < 1e-12, "{q}");
     }
 
+    #[test]
+    fn a_face_without_area_made_an_element_of_no_quality_at_all() {
+        // Flat, with a face whose corners are on a line: rounding leaves a volume, and nothing of the face.
+        let flat = [
+            [36.70294654803496, 29.19292269119282, 39.464613366324215],
+            [38.12702565074801, 29.93102275810979, 39.464613366324215],
+            [37.71596966037047, 30.20594580352833, 40.477636478659726],
+            [37.414986099391484, 29.904962242549345, 40.17665291768074],
+        ];
+        let p = flat[2];
+        let on_a_line = |s: f64| [p[0] + s, p[1] + s, p[2] + s];
+        let mut flats = vec![flat];
+        flats.extend((1..2000).map(|i| {
+            let s = 1e-3 * f64::from(i);
+            [flat[0], on_a_line(0.0), on_a_line(s), on_a_line(3.0 * s)]
+        }));
+        assert!(flats.iter().any(|f| vec3::volume6(*f) > 0.0));
+        for f in flats {
+            let all = [quality(f), quality_of_all([f; TOGETHER])[3], quality_beside(f, 0, 0.0)[0]];
+            assert!(all.iter().all(|q| q.abs() < 1e-6), "{f:?}: {all:?}");
+        }
+    }
+
     proptest! {
         #[test]
         fn the_sine_is_that_of_the_dihedral_angles(p in proptest::array::uniform12(-1.0..1.0f64)) {
             let mut t = [[p[0], p[1], p[2]], [p[3], p[4], p[5]], [p[6], p[7], p[8]], [p[9], p[10], p[11]]];
-            if super::super::vec3::volume6(t) < 0.0 { t.swap(0, 1); }
+            if vec3::volume6(t) < 0.0 { t.swap(0, 1); }
             let mesh = TetMesh { vertices: t.map(Point::from_array).to_vec(), tets: vec![[0, 1, 2, 3]], labels: vec![0] };
             let q = mesh.quality(0);
             let sine = q.min_dihedral.sin().min(q.max_dihedral.sin());

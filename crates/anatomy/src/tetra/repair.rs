@@ -384,9 +384,14 @@ mod tests {
         });
         let mut mesh = RawMesh { points: points.collect(), tets: Vec::new(), labels: vec![1, 0, 0, 1] };
         mesh.tets = (0..4u32).map(|i| [i, i + 1, i + 2, i + 3]).collect();
-        assert!(!Repair::new(&mut mesh).bridge(2, |_, _| false));
+        let bridge = |mesh: &mut RawMesh, holds: fn([V3; 4], u8) -> bool| {
+            let mut repair = Repair::new(mesh);
+            let pieces = repair.label_pieces();
+            repair.bridge(&pieces, 2, holds)
+        };
+        assert!(!bridge(&mut mesh, |_, _| false));
         assert_eq!(mesh.labels, [1, 0, 0, 1]);
-        assert!(Repair::new(&mut mesh).bridge(2, |_, l| l == 1));
+        assert!(bridge(&mut mesh, |_, l| l == 1));
         assert_eq!(mesh.labels, [1, 1, 1, 1]);
     }
 
