@@ -357,8 +357,10 @@ const MOST_COARSER_OUTSIDE: f64 = 8.0;
 const COUNT: f64 = 0.02;
 /// and refused where it still misses by this part.
 const ACCEPTED: f64 = 0.05;
+/// Bettering a mesh whose surfaces were coarsened takes this part of its elements.
+const LATER: f64 = 0.011;
 /// A small mesh that misses its count is made again so often: one element more or less at its surface moves many.
-const FEW: usize = 5_000;
+const FEW: usize = 10_000;
 const MORE_TRIES: usize = 4;
 
 /// A cut lattice and the finest edges wanted in it and in the mesh to be made of it.
@@ -439,18 +441,19 @@ fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Option<Sta
 /// Coarsens to the count and improves the shapes.
 fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize, done: &mut impl FnMut(Stage)) -> Made {
     let Start { mut raw, bounds, lattice_edge, finest } = start;
+    let aim = if finest > lattice_edge { ((1.0 + LATER) * wanted as f64) as usize } else { wanted };
     let size = &*size.with_bounds(&bounds);
     let crumbs = repair::repair(&mut raw, fields.labels.len() as u8, 0.5 * lattice_edge.powi(3), |corners, l| {
         coarse::holds(corners, l, fields)
     });
     let mut work = Work::new(raw, fields);
     // Points almost in one place, where surfaces meet.
-    let close = Coarse { finest: lattice_edge, target: wanted, limit: 0.3, sag: 0.08, floor: 0.3 };
+    let close = Coarse { finest: lattice_edge, target: aim, limit: 0.3, sag: 0.08, floor: 0.3 };
     work.coarsen(size, &close);
     work.restore_lines();
-    let inside = Coarse { finest, target: wanted, limit: 0.9, sag: 0.0, floor: 0.36 };
+    let inside = Coarse { finest, target: aim, limit: 0.9, sag: 0.0, floor: 0.36 };
     work.coarsen(size, &inside);
-    if work.count() > wanted {
+    if work.count() > aim {
         work.improve_worst();
         for (sag, limit) in [(0.04, 0.9), (0.1, 1.2), (0.2, 2.0)] {
             work.coarsen(size, &Coarse { sag, limit, ..inside });
@@ -463,7 +466,7 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
     }
     work.improve();
     for (sag, floor) in [(0.1, 0.3), (0.2, 0.28), (0.3, 0.26), (0.5, 0.24)] {
-        if work.count() > wanted {
+        if work.count() > aim {
             work.coarsen(size, &Coarse { limit: 3.0, sag, floor, ..inside });
             work.improve();
         }
@@ -474,7 +477,7 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
     work.finish();
     if work.count() as f64 > (1.0 + 0.5 * COUNT) * wanted as f64 {
         // On rough surfaces these passes add more than a mesh may have: less is lost inside than by making all of it again.
-        work.coarsen(size, &Coarse { limit: 3.0, floor: improve::GOOD, ..inside });
+        work.coarsen(size, &Coarse { target: wanted, limit: 3.0, floor: improve::GOOD, ..inside });
     }
     work.settle_volumes(&fields.volumes);
     let (count, restored) = (work.count(), volumes(&work));
