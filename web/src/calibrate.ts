@@ -32,6 +32,7 @@ export class Calibrate {
     this.#action("Pivot about the tip", () => true, "pivot", "Tip resting in a divot, swing the hub in a cone, in all directions");
     this.#action("Turn about the axis", (c) => c.tip !== null, "turn", "Shaft resting in a guide, turn it about itself");
     this.#action("Accept calibration", (c) => c.tip !== null && c.axis !== null && c.phase !== "navigating", "accept");
+    this.#button("Catheter was changed", (c) => c.phase !== "no_case" && c.phase !== "case", () => void this.#changed());
     element("#layout").addEventListener("click", () => {
       // It may have changed elsewhere.
       if (element("main").dataset["layout"] === "calibrate") void this.#do(() => api.calibration());
@@ -39,15 +40,25 @@ export class Calibrate {
   }
 
   #action(text: string, may: (c: Calibration) => boolean, action: "pivot" | "turn" | "accept", motion?: string): void {
+    this.#button(text, may, () => void this.#act(action, motion));
+  }
+
+  #button(text: string, may: (c: Calibration) => boolean, act: () => void): void {
     const button = make("button", { textContent: text, disabled: true });
-    button.onclick = () => void this.#act(action, motion);
+    button.onclick = act;
     this.#buttons.push({ button, may });
     element("#calibrate-actions").append(button);
   }
 
+  /** Another catheter has another tip: nothing that was found or touched holds. */
+  async #changed(): Promise<void> {
+    const done = await this.#do(() => this.#api.event("tool_changed").then(() => this.#api.calibration()));
+    if (done) this.#say("Pivot the new one about its tip; landmarks are to be touched again.");
+  }
+
   async #act(action: "pivot" | "turn" | "accept", motion?: string): Promise<void> {
     if (!motion) {
-      if (await this.#do(() => this.#api.calibrate(action))) this.#say("✓ Accepted. Register the patient, or check a landmark.", "good");
+      if (await this.#do(() => this.#api.calibrate(action))) this.#say("✓ Accepted. Register the patient; landmarks touched before are to be touched again.", "good");
       return;
     }
     for (const { button } of this.#buttons) button.disabled = true;

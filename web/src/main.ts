@@ -4,7 +4,7 @@ import { Unauthorized, type Api, type Case, type Guidance, type Status } from ".
 import { Budget, Counter, type Stages } from "./budget";
 import { Calibrate } from "./calibrate";
 import { controls } from "./controls";
-import { element } from "./dom";
+import { element, make } from "./dom";
 import { offerInvitations } from "./invite";
 import { Panel } from "./panel";
 import { Register } from "./register";
@@ -109,4 +109,9 @@ async function main(): Promise<void> {
   Object.assign(window, { monro: { stage, glasses: view.glasses, panel: view.panel } });
 }
 
-void main();
+// Without what it begins with there is nothing to show, and no numbers to trust.
+main().catch((error: unknown) => {
+  const said = make("p", { className: "said bad", textContent: `✗ This page could not be loaded: ${String(error)}. ` });
+  said.append(make("button", { textContent: "Load it again", onclick: () => location.reload() }));
+  document.body.prepend(said);
+});

@@ -56,7 +56,7 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
         return import::convert(&read, format, args, console);
     }
     let input = console.stage("read", || input(args))?;
-    if args.fine.is_none() && input.fine != input.keep {
+    if args.fine.is_none() && !input.fine.is_empty() && input.fine != input.keep {
         console.note(&format!("fine around {} (the ventricles of a case; --fine changes it)", numbers(&input.fine)));
     }
     let options = mesh_options(&input, args)?;
@@ -156,7 +156,11 @@ fn input(args: &MeshArgs) -> Result<Input> {
             input.labels = monro_scan::read_labels(&args.labels.join("labels.nii.gz"))?;
         }
         input.keep.clone_from(keep);
-        input.fine.retain(|l| keep.contains(l));
+        if input.structures {
+            input.fine.retain(|l| keep.contains(l));
+        } else {
+            input.fine = usually_fine(keep);
+        }
     }
     if let Some(fine) = &args.fine {
         input.fine.clone_from(fine);
@@ -199,11 +203,16 @@ fn of_file(path: &Path) -> Result<Input> {
     if keep.is_empty() {
         bail!("{} holds nothing but the label 0", path.display());
     }
+    let fine = usually_fine(&keep);
+    Ok(Input { labels, keep, fine, path: None, structures: false, remarks })
+}
+
+/// Of some labels those of ventricles in a case, all where there are none.
+fn usually_fine(keep: &[u16]) -> Vec<u16> {
     let ventricle =
         |l: &u16| u8::try_from(*l).ok().and_then(Structure::from_label).is_some_and(Structure::is_ventricle);
     let fine: Vec<u16> = keep.iter().copied().filter(ventricle).collect();
-    let fine = if fine.is_empty() { keep.clone() } else { fine };
-    Ok(Input { labels, keep, fine, path: None, structures: false, remarks })
+    if fine.is_empty() { keep.to_vec() } else { fine }
 }
 
 /// Labels in words.

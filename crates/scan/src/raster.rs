@@ -3,7 +3,7 @@
 use crate::error::{Problem, header};
 use crate::hu::HuNotes;
 use monro_geometry::{Affine, Grid, Patient, Volume, Voxel};
-use std::io::{ErrorKind, Read};
+use std::io::{self, ErrorKind, Read};
 
 /// No head CT comes near this many voxels (1 GiB as 16-bit).
 pub(crate) const MAX_VOXELS: u64 = 1 << 29;
@@ -73,6 +73,7 @@ pub struct Raster<'a> {
     /// What is worth telling the user about the header.
     pub warnings: Vec<String>,
     body: Box<dyn Read + 'a>,
+    packing: Packing,
 }
 
 impl core::fmt::Debug for Raster<'_> {
@@ -80,6 +81,9 @@ impl core::fmt::Debug for Raster<'_> {
         f.debug_struct("Raster").field("layout", &self.layout).field("warnings", &self.warnings).finish_non_exhaustive()
     }
 }
+
+/// Bytes behind the voxels of a compressed file at most, besides as many as the voxels'.
+const MOST_BEHIND: u64 = 1 << 20;
 
 /// How voxel bytes lie in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -97,9 +101,7 @@ impl<'a> Raster<'a> {
             Packing::Gzip => Box::new(flate2::read::MultiGzDecoder::new(bytes)),
             Packing::Zlib => Box::new(flate2::read::ZlibDecoder::new(bytes)),
         };
-        let raster = Self { layout, warnings: Vec::new(), body };
-        raster.check_promise(bytes.len() as u64, packing)?;
-        Ok(raster)
+        Self::from_stream(layout, body, bytes.len() as u64, packing)
     }
 
     /// As [`Raster::new`], with a stream whose first bytes (a header) have been read already.
@@ -109,8 +111,8 @@ impl<'a> Raster<'a> {
         stored: u64,
         packing: Packing,
     ) -> Result<Self, Problem> {
-        let raster = Self { layout, warnings: Vec::new(), body };
-        raster.check_promise(stored, packing)?;
+        let raster = Self { layout, warnings: Vec::new(), body, packing };
+        raster.check_promise(stored)?;
         Ok(raster)
     }
 
@@ -129,9 +131,9 @@ impl<'a> Raster<'a> {
     }
 
     /// Refuses before anything is allocated a header that promises more voxels than its file can hold.
-    fn check_promise(&self, stored: u64, packing: Packing) -> Result<(), Problem> {
+    fn check_promise(&self, stored: u64) -> Result<(), Problem> {
         let expected = self.bytes();
-        let possible = if packing == Packing::Raw { stored } else { stored.saturating_mul(DEFLATE_LIMIT) };
+        let possible = if self.packing == Packing::Raw { stored } else { stored.saturating_mul(DEFLATE_LIMIT) };
         if expected > possible {
             return Err(Problem::Truncated { expected, found: possible });
         }
@@ -196,9 +198,19 @@ impl<'a> Raster<'a> {
             }
             values(&chunk[..got], element, endian, |stored| each(stored * slope + intercept))?;
         }
-        // One more read makes a gzip or zlib stream check its sum.
-        fill(&mut self.body, &mut chunk[..1])?;
-        Ok(())
+        if self.packing == Packing::Raw { Ok(()) } else { self.read_to_the_sum(expected) }
+    }
+
+    /// Reads a gzip or zlib stream to its end, where it checks its sum: a damaged one may have more than the voxels.
+    fn read_to_the_sum(&mut self, expected: u64) -> Result<(), Problem> {
+        let most = expected + MOST_BEHIND;
+        let behind = io::copy(&mut (&mut self.body).take(most + 1), &mut io::sink());
+        match behind.map_err(|e| Problem::Corrupt(format!("behind the last voxel: {e}")))? {
+            more if more > most => {
+                Err(Problem::Corrupt(format!("there are more than {most} bytes behind the last voxel")))
+            }
+            _ => Ok(()),
+        }
     }
 }
 

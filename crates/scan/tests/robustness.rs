@@ -4,6 +4,7 @@
 mod common;
 
 use common::{grid, sampled};
+use monro_geometry::Volume;
 use monro_scan::dicom::{SeriesMeta, write_series};
 use monro_scan::{ReadOptions, inspect, nifti, nrrd, read, read_labels};
 use std::fs;
@@ -134,4 +135,26 @@ fn random_bytes_are_refused() {
         assert!(read(&path, &options()).is_err() && inspect(&path).is_err() && read_labels(&path).is_err());
         assert!(read(folder.path(), &options()).is_err());
     }
+}
+
+#[test]
+fn a_flipped_bit_in_a_compressed_file_changed_labels_in_silence() {
+    let dir = tempfile::tempdir().expect("temp");
+    let file = dir.path().join("labels.nii.gz");
+    let grid = monro_geometry::Grid::axis_aligned([24, 20, 16], [1.0; 3], [0.0; 3]).expect("grid");
+    // Runs and noise: a damaged stream decodes to more bytes than there are voxels, or to fewer.
+    let label = |at: usize| if at % 97 < 60 { 1 } else { (at * at / 7 % 5) as u8 };
+    let labels = Volume::new(grid, (0..grid.len()).map(label).collect()).expect("count");
+    let whole = nifti::encode_u8(&labels);
+    let (mut refused, wanted) = (0, labels.map(u16::from));
+    for bit in 0..8 * whole.len() {
+        let mut bytes = whole.clone();
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        fs::write(&file, &bytes).expect("a writable file");
+        match read_labels(&file) {
+            Ok(found) => assert!(found.data() == wanted.data(), "bit {bit}"),
+            Err(_) => refused += 1,
+        }
+    }
+    assert!(refused > 7 * whole.len(), "{refused} of {}", 8 * whole.len());
 }

@@ -109,6 +109,11 @@ enum EventRequest {
 }
 
 impl EventRequest {
+    /// Whether landmarks touched before are not where they were touched any more.
+    const fn voids_touches(&self) -> bool {
+        matches!(self, Self::Calibrated { .. } | Self::ToolChanged | Self::ReferenceMoved)
+    }
+
     fn event(&self) -> Result<SessionEvent, &'static str> {
         let plain = match *self {
             Self::Calibrated { tip_mm, axis } => {
@@ -144,7 +149,10 @@ async fn event(State(shared): State<Arc<Shared>>, body: Result<Json<EventRequest
     };
     match request.event().map(|e| shared.live.apply(e)) {
         Ok(Ok(phase)) => {
-            if matches!(request, EventRequest::ToolChanged | EventRequest::ReferenceMoved) {
+            if matches!(request, EventRequest::ToolChanged) {
+                calibrate::forget(&shared);
+            }
+            if request.voids_touches() {
                 register::forget_all(&shared);
             }
             Json(json!({ "phase": phase.name() })).into_response()

@@ -3,6 +3,7 @@
 
 use crate::door::refuse;
 use crate::live::Live;
+use crate::register;
 use crate::server::Shared;
 use axum::Json;
 use axum::extract::State;
@@ -71,6 +72,11 @@ fn lock(shared: &Shared) -> MutexGuard<'_, Calibrating> {
     shared.calibrating.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// Forgets what was found of a catheter that is not there any more.
+pub(crate) fn forget(shared: &Shared) {
+    *lock(shared) = Calibrating::default();
+}
+
 /// `GET /api/calibration`.
 pub(crate) async fn get(State(shared): State<Arc<Shared>>) -> Json<Value> {
     Json(describe(&shared))
@@ -106,6 +112,7 @@ async fn act(shared: &Shared, action: Action) -> Result<(), Why> {
             let Calibrating { tip, axis } = lock(shared).clone();
             let (tip, axis) = (tip.ok_or(Why::NoTip)?.tip, axis.ok_or(Why::NoAxis)?.axis);
             shared.live.apply(SessionEvent::Calibrated(Calibration { tip, axis }))?;
+            register::forget_all(shared);
         }
     }
     Ok(())

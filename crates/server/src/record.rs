@@ -56,8 +56,8 @@ impl Log {
         file.write_all(&[MAGIC.to_vec(), framed(&Entry::Opened(opened).encode())].concat()).map_err(refused)?;
         let (sender, receiver) = channel();
         let trouble = Trouble::default();
-        let told = Arc::clone(&trouble);
-        thread::Builder::new().name("recording".into()).spawn(move || write(file, &receiver, &told))?;
+        let (told, at) = (Arc::clone(&trouble), path.to_owned());
+        thread::Builder::new().name("recording".into()).spawn(move || write((file, &at), &receiver, &told))?;
         Ok(Self { path: path.to_owned(), sender, trouble })
     }
 
@@ -78,12 +78,14 @@ impl Log {
     }
 }
 
-fn write(mut file: File, entries: &Receiver<Vec<u8>>, trouble: &Trouble) {
+fn write((mut file, path): (File, &Path), entries: &Receiver<Vec<u8>>, trouble: &Trouble) {
     while let Ok(mut bytes) = entries.recv() {
         // Whatever waits goes in one piece.
         entries.try_iter().for_each(|more| bytes.extend(more));
-        if let Err(error) = file.write_all(&bytes) {
-            let why = format!("the session is not recorded any more: {error}");
+        // A file without a name takes all that is written and is gone with the process.
+        let written = file.write_all(&bytes).and_then(|()| path.metadata().map(drop));
+        if let Err(error) = written {
+            let why = format!("the session is not recorded any more: {}: {error}", path.display());
             *trouble.lock().unwrap_or_else(PoisonError::into_inner) = Some(why);
             return;
         }

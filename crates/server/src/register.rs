@@ -2,7 +2,6 @@
 //! `monro_session::live::Registering`; here the tip is watched while it rests.
 
 use crate::door::refuse;
-use crate::live::Live;
 use crate::server::Shared;
 use axum::Json;
 use axum::extract::State;
@@ -82,7 +81,7 @@ pub(crate) async fn post(State(shared): State<Arc<Shared>>, body: Result<Json<Ac
     }
 }
 
-/// Forgets all touches after an event that voids them.
+/// Forgets all touches after an event that voids them: of the places touched, all were told by the reference and the tip.
 pub(crate) fn forget_all(shared: &Shared) {
     lock(shared).forget_all();
 }
@@ -95,7 +94,7 @@ fn lock(shared: &Shared) -> MutexGuard<'_, Registering> {
 async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
     match action {
         Action::Touch { name } => {
-            let touch = watch(&shared.live).await?;
+            let touch = watch(shared).await?;
             lock(shared).touch(&name, touch)?;
         }
         Action::Forget { name } => lock(shared).forget(&name)?,
@@ -108,7 +107,7 @@ async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
             *lock(shared) = tried;
         }
         Action::Check { name } => {
-            let touch = watch(&shared.live).await?;
+            let touch = watch(shared).await?;
             let used = shared.live.registration();
             let found = lock(shared).check(&name, &touch, used.as_ref())?;
             let event = if found.holds() { PlainEvent::CheckPassed } else { PlainEvent::CheckFailed };
@@ -122,7 +121,8 @@ async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
 }
 
 /// Watches the tip while it rests.
-async fn watch(live: &Live) -> Result<Touch, TouchError> {
+async fn watch(shared: &Shared) -> Result<Touch, TouchError> {
+    let (live, round) = (&shared.live, lock(shared).round());
     if live.phase() < Phase::Calibrated {
         return Err(TouchError::NotCalibrated);
     }
@@ -136,7 +136,8 @@ async fn watch(live: &Live) -> Result<Touch, TouchError> {
         }
         sleep(LOOK).await;
     }
-    Touch::new(&samples)
+    let is_void = lock(shared).round() != round;
+    if is_void { Err(TouchError::Voided) } else { Touch::new(&samples) }
 }
 
 fn describe(shared: &Shared, checked: Option<Value>) -> Value {

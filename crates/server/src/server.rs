@@ -91,8 +91,8 @@ pub(crate) struct Shared {
     pub(crate) calibrating: Mutex<Calibrating>,
     pub(crate) registering: Mutex<Registering>,
     pub(crate) igtl: Option<SocketAddr>,
-    /// The report of the case, where there is one.
-    report: Option<PathBuf>,
+    /// The report of the case as it was when it was opened, where there is one: the case may be made again meanwhile.
+    report: Option<Vec<u8>>,
 }
 
 /// A running server; it stops when this is dropped.
@@ -236,8 +236,7 @@ fn router(shared: Arc<Shared>, door: Arc<Door>) -> Router {
 
 /// The report of the case, for a new tab of the browser: its styles are within it, and it may do nothing else.
 async fn report(State(shared): State<Arc<Shared>>) -> Response {
-    let html = shared.report.as_ref().and_then(|path| std::fs::read(path).ok());
-    match html {
+    match shared.report.clone() {
         Some(html) => {
             let policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; frame-ancestors 'none'";
             ([(CONTENT_TYPE, "text/html; charset=utf-8"), (CONTENT_SECURITY_POLICY, policy)], html).into_response()
@@ -261,7 +260,7 @@ fn prepare(options: ServeOptions, keys: Arc<Keys>) -> Result<Prepared, ServeErro
     let log = options.recording.as_ref().map(|r| open_log(r, &options.case_dir, &case)).transpose()?;
     let image = ct.as_ref().and_then(|ct| slicer::image(ct, case_data::strides(ct.grid(), slicer::MOST_VOXELS)));
     let peers = slicer::Scene::new(&case, image)?;
-    let report = Some(options.case_dir.join("report.html")).filter(|path| path.is_file());
+    let report = std::fs::read(options.case_dir.join("report.html")).ok();
     let shared = Shared {
         live: Arc::new(Live::new(session, deformation.at_rest(), surfaces, log)),
         keys,

@@ -308,6 +308,61 @@ async fn a_foreign_tracker_is_calibrated_and_registered_over_the_api() {
     assert_eq!(served.post("/api/tracker", r#"{"paused":true}"#).await.0, 409);
 }
 
+/// A catheter that rests, seen anew every 5 ms.
+struct Resting(std::time::Instant);
+
+impl Source for Resting {
+    fn next(&mut self, _: Duration) -> Result<Option<Batch>, TrackingError> {
+        std::thread::sleep(Duration::from_millis(5));
+        let pose = |name: &str, x: f64| {
+            let rigid = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(x, 0.0, 0.0)).expect("pose");
+            TimedPose::new(name, None, self.now(), Ok((rigid, None)))
+        };
+        Ok(Some(Batch { poses: vec![pose("Catheter", 110.0), pose("Reference", 100.0)], clock: None }))
+    }
+
+    fn now(&self) -> f64 {
+        1e9 + self.0.elapsed().as_secs_f64()
+    }
+
+    fn diagnosis(&self, _: &[&str]) -> Health {
+        Health::well("resting")
+    }
+
+    fn facts(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn landmarks_touched_with_the_old_tip_stayed_touched_when_the_catheter_was_calibrated_anew() {
+    let dir = tempfile::tempdir().expect("temp");
+    let mut o = options(write_case(dir.path(), false));
+    o.tracker = Tracker::Source { name: "test:".into(), source: Box::new(Resting(std::time::Instant::now())) };
+    let served = Served { running: start(o).await.expect("start"), _dir: dir };
+    served.until(|g| g["state"] == "live").await;
+    let calibrated = |x: f64| format!(r#"{{"event":"calibrated","tip_mm":[{x},0,-20],"axis":[0,0,-1]}}"#);
+    assert_eq!(served.post("/api/session", &calibrated(3.0)).await.0, 200);
+    let landmarks = served.get("/api/registration").await["landmarks"].clone();
+    let touch = format!(r#"{{"action":"touch","name":{}}}"#, landmarks[0]["name"]);
+    let (status, said) = served.post("/api/registration", &touch).await;
+    assert_eq!((status, &said["landmarks"][0]["touched"]), (200, &true.into()), "{said}");
+    assert_eq!(served.post("/api/session", &calibrated(0.0)).await.0, 200);
+    let said = served.get("/api/registration").await;
+    assert_eq!(said["landmarks"][0]["touched"], false, "{said}");
+    // A touch that is under way is as void.
+    let again = async {
+        tokio::time::sleep(Duration::from_millis(200)).await;
+        served.post("/api/session", &calibrated(1.0)).await.0
+    };
+    let ((status, said), event) = tokio::join!(served.post("/api/registration", &touch), again);
+    assert_eq!((status, event), (422, 200), "{said}");
+    assert_eq!(served.get("/api/registration").await["landmarks"][0]["touched"], false);
+    // What was found of a catheter is not another's.
+    assert_eq!(served.post("/api/session", r#"{"event":"tool_changed"}"#).await.0, 200);
+    assert_eq!(served.post("/api/calibration", r#"{"action":"accept"}"#).await.0, 422);
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_openigtlink_server_feeds_the_session_and_is_found_again_when_it_comes_back() {
     let plus = TcpListener::bind("127.0.0.1:0").await.expect("bind");

@@ -67,6 +67,8 @@ export interface Rebuilding {
   case?: string;
   findings?: string[];
   error?: string;
+  /** Labels were edited after the rebuilding had begun: they are not in the case. */
+  edited_since?: boolean;
 }
 
 const RETRY_MS = 500;
@@ -75,12 +77,15 @@ export class Desk {
   readonly #api: Api;
   readonly #waiting = new Map<number, (answer: Answer) => void>();
   readonly #onConnected: (connected: boolean) => void;
+  readonly #onEdited: (told: Answer) => void;
   #socket: WebSocket | undefined;
   #next = 1;
 
-  constructor(api: Api, onConnected: (connected: boolean) => void) {
+  /** `onEdited` is told what another page has changed. */
+  constructor(api: Api, onConnected: (connected: boolean) => void, onEdited: (told: Answer) => void) {
     this.#api = api;
     this.#onConnected = onConnected;
+    this.#onEdited = onEdited;
   }
 
   /** Sends one message; the answer may carry an `error` for the user. */
@@ -106,6 +111,7 @@ export class Desk {
       socket.onmessage = (event: MessageEvent<string>) => {
         const answer = JSON.parse(event.data) as Answer;
         if (answer.id === null) return;
+        if (answer.id === 0) return this.#onEdited(answer);
         this.#waiting.get(answer.id)?.(answer);
         this.#waiting.delete(answer.id);
       };

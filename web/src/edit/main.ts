@@ -34,7 +34,7 @@ class Editor {
     this.#desk = new Desk(api, (connected) => {
       element("#saved").textContent = connected ? "every step is saved" : "no connection to the server; if it was started again, open the address that it printed";
       if (connected) void this.#connected();
-    });
+    }, (told) => void this.#edited(told));
     this.#look = { low: 0, high: 80, opacity: 0.3, colours: about.labels.map((l) => l.colour), filled: new Set(VENTRICLES) };
     this.#panes = about.views.map((v) => new Pane(v, this.#desk, this.#look, (kind, hand) => this.#mouse(kind, hand), (p) => this.#scrolled(p)));
     this.#current = this.#panes[0] as Pane;
@@ -52,6 +52,8 @@ class Editor {
     this.#scrolled(this.#current);
     await Promise.all(this.#panes.map((p) => p.load()));
     document.body.dataset["ready"] = "yes";
+    // The page may have been loaded again meanwhile.
+    if ((await this.#api.json<Rebuilding>("/api/rebuild")).state === "running") await this.#follow();
   }
 
   #panel(names: [string, string][]): void {
@@ -165,6 +167,16 @@ class Editor {
     if (document.body.dataset["ready"]) await this.#edit("state");
   }
 
+  /** Another page has edited: this one shows the same. */
+  async #edited(told: Answer): Promise<void> {
+    this.#show(told);
+    await Promise.all(this.#panes.map((p) => p.load())).catch((error: unknown) => this.#say(String(error)));
+  }
+
+  #say(text: string): void {
+    element("#message").textContent = text;
+  }
+
   #redraw(): void {
     this.#panes.forEach((p) => p.draw());
   }
@@ -182,9 +194,13 @@ class Editor {
     void pane.load();
   }
 
-  /** Shows what an answer brought. */
+  /** Shows what an answer brought, and why it was refused. */
   #take(answer: Answer): void {
-    element("#message").textContent = answer.error ?? "";
+    this.#say(answer.error ?? "");
+    this.#show(answer);
+  }
+
+  #show(answer: Answer): void {
     if (answer.wire !== undefined) {
       for (const p of this.#panes) {
         p.wire = answer.wire;
@@ -212,7 +228,8 @@ class Editor {
       await Promise.all(this.#panes.map((p) => p.load()));
       return answer;
     });
-    this.#busy = done.catch(() => undefined);
+    // What was asked for was done or refused; only the pictures may be missing.
+    this.#busy = done.catch((error: unknown) => this.#say(String(error)));
     return done;
   }
 
@@ -220,6 +237,8 @@ class Editor {
     if (kind === "leave") {
       [hand.pane.snapped, hand.pane.brush] = [null, null];
       if (!hand.pane.wire) hand.pane.path = [];
+      // Where the mouse is let go elsewhere, the anchor stays.
+      this.#moving = undefined;
       this.#stopPainting();
       hand.pane.draw();
     } else if (this.#tool === "wire") this.#wire(kind, hand);
@@ -266,7 +285,16 @@ class Editor {
     void this.#hover();
   }
 
+  /** Closes the wire, where it is to be seen; elsewhere it is shown first. */
   #close(): Promise<Answer> {
+    const hidden = this.#panes.find((p) => p.wire?.axis === p.view.axis && p.wire.slice !== p.index);
+    if (hidden?.wire) {
+      hidden.index = hidden.wire.slice;
+      this.#scrolled(hidden);
+      const error = `The open wire is on this slice, ${hidden.view.name} ${hidden.index + 1}: close it (Enter) or give it up (Escape).`;
+      this.#say(error);
+      return Promise.resolve({ id: 0, error });
+    }
     for (const p of this.#panes) [p.path, p.closes, p.snapped] = [[], false, null];
     return this.#edit("close", { target: this.#target(), mode: this.#options.choice("mode"), interpolate: this.#options.checked("interpolate") });
   }
@@ -285,7 +313,8 @@ class Editor {
       hand.pane.snapped = answer.snapped ?? null;
       hand.pane.path = answer.path ?? [];
       hand.pane.closes = answer.closes ?? false;
-      if (answer.wire !== undefined) this.#take(answer);
+      if (answer.error) this.#say(answer.error);
+      this.#show(answer);
       hand.pane.draw();
     }
     this.#hovering = false;
@@ -313,7 +342,7 @@ class Editor {
       const answer = await this.#desk.ask("brush", fields);
       if (answer.error) this.#take(answer);
       if (answer.changed) await hand.pane.load();
-    });
+    }).catch((error: unknown) => this.#say(String(error)));
   }
 
   #stopPainting(): void {
@@ -335,7 +364,7 @@ class Editor {
   #grow(hand: Hand): void {
     const seed = this.#voxel(hand);
     if (seed.some((v, a) => v < 0 || v >= (this.#about.dims[a] ?? 0))) {
-      element("#message").textContent = "Click a seed within the image.";
+      this.#say("Click a seed within the image.");
       return;
     }
     const tool = { name: "grow", seed, range: this.#range(), neck_mm: this.#options.number("neck"), most_ml: this.#options.number("most") };
@@ -356,9 +385,9 @@ class Editor {
     const answer = await this.#edit("preview", { tool, target: this.#target() });
     if (!answer.preview) return;
     const { ml, stopped } = answer.preview;
-    element("#message").textContent = stopped
+    this.#say(stopped
       ? `Stopped at ${ml.toFixed(1)} ml: this is a leak. Narrow the values or widen the neck.`
-      : `${ml.toFixed(2)} ml; Apply (Enter) takes it, Escape drops it.`;
+      : `${ml.toFixed(2)} ml; Apply (Enter) takes it, Escape drops it.`);
   }
 
   async #option(id: string): Promise<void> {
@@ -378,7 +407,7 @@ class Editor {
 
   async #apply(): Promise<void> {
     const answer = await this.#edit("apply", { target: this.#target() });
-    if (!answer.error) element("#message").textContent = `${answer.changed ?? 0} voxels changed`;
+    if (!answer.error) this.#say(`${answer.changed ?? 0} voxels changed`);
   }
 
   readonly #keys: [string, string, () => void][] = [
@@ -448,7 +477,7 @@ class Editor {
       link.click();
       URL.revokeObjectURL(link.href);
     } catch (error) {
-      element("#message").textContent = String(error);
+      this.#say(String(error));
     }
   }
 
@@ -457,6 +486,19 @@ class Editor {
     button.disabled = true;
     try {
       await this.#api.json("/api/rebuild", "POST");
+    } catch (error) {
+      this.#say(String(error));
+      button.disabled = false;
+      return;
+    }
+    await this.#follow();
+  }
+
+  /** Shows how far the rebuilding is, until it ends. */
+  async #follow(): Promise<void> {
+    const button = element<HTMLButtonElement>("#rebuild");
+    button.disabled = true;
+    try {
       for (;;) {
         const now = await this.#api.json<Rebuilding>("/api/rebuild");
         element("#progress").textContent = this.#progress(now);
@@ -466,7 +508,7 @@ class Editor {
         await new Promise((r) => setTimeout(r, 250));
       }
     } catch (error) {
-      element("#message").textContent = String(error);
+      this.#say(String(error));
     }
     button.disabled = false;
   }
@@ -474,7 +516,7 @@ class Editor {
   #progress(now: Rebuilding): string {
     switch (now.state) {
       case "running": return `Rebuilding: ${now.stage ?? ""} (${(now.seconds ?? 0).toFixed(0)} s)`;
-      case "done": return `Case ${now.case ?? ""} rebuilt in ${(now.seconds ?? 0).toFixed(1)} s; ${now.findings?.length ?? 0} remarks, see its report.`;
+      case "done": return `Case ${now.case ?? ""} rebuilt in ${(now.seconds ?? 0).toFixed(1)} s; ${now.findings?.length ?? 0} remarks, see its report.${now.edited_since ? " ⚠ What was edited meanwhile is not in it: rebuild again." : ""}`;
       case "failed": return `Not rebuilt: ${now.error ?? "unknown reason"}`;
       default: return "";
     }

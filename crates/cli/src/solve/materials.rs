@@ -39,7 +39,9 @@ pub(super) fn read(case: &Value) -> Result<BTreeMap<u16, Material>> {
     let entries = case["materials"].as_object().context("no \"materials\"")?;
     let one = |(region, m): (&String, &Value)| {
         let label = region.parse::<u16>().ok();
-        let label = label.with_context(|| format!("region \"{region}\" is no number from 0 to 65535"))?;
+        // One spelling for each: of two the second would count.
+        let label = label.filter(|l| l.to_string() == *region);
+        let label = label.with_context(|| format!("region \"{region}\" is no plain number from 0 to 65535"))?;
         let (young, poisson) = moduli(m).with_context(|| format!("material of region {region}"))?;
         Ok((label, Material { young_kpa: young * 1e-3, poisson, ..Material::BRAIN }))
     };

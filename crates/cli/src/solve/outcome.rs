@@ -152,7 +152,8 @@ fn sphere(index: usize, c: &SphereContact, force: Vector<Patient>, [rest, end]: 
             -along * force.norm() * 1e-3
         ));
     }
-    (first < c.radius_mm).then(|| {
+    // What rounding leaves of a sphere that just touches is not told.
+    (first < c.radius_mm * (1.0 - 1e-9)).then(|| {
         format!(
             "sphere {index} begins {:.4} mm deep in the surface: its motion counts from there; begin it {:.4} mm away",
             c.radius_mm - first,

@@ -75,8 +75,8 @@ fn of_case(
     folder: &Path,
     [mesh_name, case_name]: [&str; 2],
 ) -> Result<Scene> {
-    let energy = [&scene["energy"]["name"], &scene["energy"]].into_iter().find_map(Value::as_str);
-    let energy = energy.unwrap_or("stable_neo_hookean");
+    let energy = if scene["energy"].is_object() { &scene["energy"]["name"] } else { &scene["energy"] };
+    let energy = word(energy, "energy", "stable_neo_hookean")?;
     ensure!(energy == "stable_neo_hookean", "the energy is \"{energy}\"; only stable_neo_hookean is known");
     si(&scene["units"])?;
     let name = mesh["file"].as_str().with_context(|| format!("mesh \"{mesh_name}\" names no file"))?;
@@ -108,8 +108,9 @@ fn si(units: &Value) -> Result<()> {
 /// A scene that counts its nodes and elements must mean this file.
 fn counts(mesh: &Value, grid: &UnstructuredGrid) -> Result<()> {
     for (name, there) in [("nodes", grid.points.len()), ("tets", grid.tets.len())] {
-        let said = mesh[name].as_u64().unwrap_or(there as u64);
-        ensure!(said == there as u64, "has {there} {name}, but the scene says {said}: it is another mesh");
+        let said = &mesh[name];
+        let same = said.is_null() || said.as_u64() == Some(there as u64);
+        ensure!(same, "has {there} {name}, but the scene says {said}: it is another mesh");
     }
     Ok(())
 }
@@ -198,6 +199,12 @@ fn array<'a>(grid: &'a UnstructuredGrid, name: &str) -> Result<&'a DataArray> {
 
 fn set(grid: &UnstructuredGrid, name: &str) -> Result<Vec<u32>> {
     let flags = array(grid, &format!("set_{name}"))?;
+    ensure!(
+        flags.components == 1,
+        "the point array \"set_{name}\" has {} components, wanted one number a node, 0 or 1; \"components\" says which of x, y \
+         and z are held",
+        flags.components
+    );
     let odd = flags.values.iter().position(|v| !v.is_finite());
     ensure!(
         odd.is_none(),
@@ -255,7 +262,8 @@ fn pressure(mesh: &Value, p: &Value) -> Result<Pressure> {
 }
 
 fn contact(c: &Value) -> Result<SphereContact> {
-    let kind = ["kind", "type", "shape"].iter().find_map(|k| c[*k].as_str()).unwrap_or("rigid_sphere");
+    let kind = ["kind", "type", "shape"].iter().map(|k| &c[*k]).find(|v| !v.is_null()).unwrap_or(&Value::Null);
+    let kind = word(kind, "kind", "rigid_sphere")?;
     ensure!(kind == "rigid_sphere", "contact of kind \"{kind}\"; only rigid_sphere is known");
     let c = if c["rigid_sphere"].is_object() { &c["rigid_sphere"] } else { c };
     let place = |name: &str| Ok::<_, anyhow::Error>(Point::from_array(vector(&c[name], name)?.map(|v| v * MM)));
@@ -269,7 +277,7 @@ fn contact(c: &Value) -> Result<SphereContact> {
 }
 
 fn rod(r: &Value) -> Result<EmbeddedRod> {
-    let coupling = r["coupling"].as_str().unwrap_or("bonded");
+    let coupling = word(&r["coupling"], "coupling", "bonded")?;
     ensure!(
         coupling.starts_with("bonded"),
         "embedded_rod with coupling \"{coupling}\"; only bonded (no slip) is known"
@@ -280,6 +288,11 @@ fn rod(r: &Value) -> Result<EmbeddedRod> {
         ends: [place("p0")?, place("p1")?],
         displacement_mm: Vector::from_array(vector(&r["displacement"], "displacement")?.map(|v| v * MM)),
     })
+}
+
+/// A text, or what is meant where there is none.
+fn word<'a>(value: &'a Value, name: &str, usual: &'a str) -> Result<&'a str> {
+    if value.is_null() { Ok(usual) } else { value.as_str().with_context(|| wanted(value, name, "text")) }
 }
 
 fn number(value: &Value, name: &str) -> Result<f64> {

@@ -189,8 +189,16 @@ fn what_is_wrong_in_a_scene_is_named_with_its_number_and_a_way_out() {
         (put("/dirichlet/0/components", json!("")), vec!["x0", "xyz"]),
         (put("/dirichlet/0/components", json!(["x"])), vec!["x0", "[\"x\"]", "xyz"]),
         (put("/dirichlet/0/value", json!([0.0, "nan", 0.0])), vec!["x0", "nan", "three numbers"]),
+        // One of the two would have counted, in silence.
+        (
+            put("/materials", json!({ "1": { "E": 3000.0, "nu": 0.3 }, "01": { "E": 500.0, "nu": 0.3 } })),
+            vec!["region \"01\"", "plain number"],
+        ),
         (("/energy".into(), json!("ogden")), vec!["ogden", "stable_neo_hookean"]),
+        (("/energy".into(), json!(3)), vec!["energy", "3", "text"]),
         (("/meshes/cube/nodes".into(), json!(9)), vec!["8 nodes", "says 9"]),
+        (("/meshes/cube/nodes".into(), json!("8")), vec!["8 nodes", "says \"8\""]),
+        (("/meshes/cube/nodes".into(), json!(8.5)), vec!["8 nodes", "says 8.5"]),
     ];
     for ((pointer, value), said) in table {
         let dir = tempfile::tempdir().expect("temp");

@@ -2,6 +2,7 @@
 
 use crate::common::{json, monro, point, refusal, text};
 use crate::solve::{changed, held};
+use monro_case::vtu;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
@@ -71,6 +72,40 @@ fn a_set_is_told_forces_only_in_components_that_it_holds() {
     assert!(force("y1")[1].abs() > 1e-3 && force("y1")[0] == 0.0, "{told}");
     assert!(force("x1")[0].abs() > 1e-3 && force("x1")[1..] == [0.0; 2], "{told}");
     assert_eq!(told["reactions_held"]["x1"], "x");
+}
+
+#[test]
+fn a_set_of_three_numbers_a_node_held_the_wrong_nodes() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |_| ());
+    let path = dir.path().join("cube.vtu");
+    let mut grid = vtu::decode(&fs::read(&path).expect("mesh")).expect("VTU");
+    let array = grid.point_data.iter_mut().find(|a| a.name == "set_x0").expect("set");
+    array.values = array.values.iter().flat_map(|&v| [v; 3]).collect();
+    array.components = 3;
+    fs::write(&path, vtu::encode(&grid)).expect("mesh");
+    says(&refusal(&args.each_ref().map(String::as_str)), &["set_x0", "3 components", "one number a node"]);
+}
+
+#[test]
+fn a_sphere_as_good_as_flat_sank_into_what_it_pressed_on() {
+    // On rollers all around, pressed by 0.5 of 20 mm: (mu + lam_hat) d / H on each area, with this energy exactly.
+    let (young, nu) = (3000.0, 0.49);
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |scene| {
+        let case = &mut scene["cases"]["stretch"];
+        case["materials"] = json!({ "1": { "E": young, "nu": nu } });
+        let walls = [("x0", "x"), ("x1", "x"), ("y0", "y"), ("y1", "y"), ("z0", "z")];
+        case["dirichlet"] = walls.map(|(set, held_in)| held(set, held_in, [0.0; 3])).into();
+        case["contact"] =
+            json!([{ "radius": 100.0, "centre_start": [0.01, 0.01, 100.02], "centre_end": [0.01, 0.01, 100.0195] }]);
+    });
+    let told = json(&args.iter().map(String::as_str).chain(["--refine", "0"]).collect::<Vec<_>>());
+    let mu = young / (2.0 * (1.0 + nu));
+    let lam = young * nu / ((1.0 + nu) * (1.0 - 2.0 * nu));
+    let wanted = (2.0 * mu + lam) * 0.5 / 20.0 * 0.02 * 0.02;
+    let found = -point(&told["punch_forces_N"][0])[2];
+    assert!((found / wanted - 1.0).abs() < 0.005, "{found} for {wanted}: {told}");
 }
 
 #[test]

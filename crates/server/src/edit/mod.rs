@@ -21,9 +21,11 @@ use monro_geometry::Volume;
 use rebuild::Progress;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex};
 use store::Store;
 use tokio::net::TcpListener;
+use tokio::sync::watch;
 
 /// What makes the labels at the start, when there is no earlier work to go on with.
 pub type StartLabels = Box<dyn FnOnce() -> Result<Start, String> + Send>;
@@ -81,6 +83,9 @@ struct Shared {
     notes: Vec<String>,
     rebuild: Rebuild,
     progress: Mutex<Progress>,
+    /// Pages that were opened, and the number of the one that edited last.
+    pages: AtomicU64,
+    edited: watch::Sender<u64>,
 }
 
 /// Serves the editor until the process ends. `ready` is called once, when the port is open.
@@ -117,5 +122,7 @@ fn open(options: EditOptions) -> Result<Shared, ServeError> {
         notes: notes.into_iter().collect(),
         rebuild,
         progress: Mutex::default(),
+        pages: AtomicU64::new(1),
+        edited: watch::Sender::new(0),
     })
 }

@@ -35,20 +35,27 @@ pub(super) enum Progress {
     Done {
         result: Result<Rebuilt, String>,
         seconds: f64,
+        /// Bytes of the edits that are in it.
+        edits: u64,
     },
 }
 
 impl Progress {
-    pub(super) fn describe(&self) -> Value {
+    /// For the page, given the bytes of all edits so far.
+    pub(super) fn describe(&self, edits_now: u64) -> Value {
         match self {
             Self::Never => json!({ "state": "never" }),
             Self::Running { stage, since } => {
                 json!({ "state": "running", "stage": stage, "seconds": since.elapsed().as_secs_f64() })
             }
-            Self::Done { result: Ok(r), seconds } => {
-                json!({ "state": "done", "seconds": seconds, "case": r.case, "findings": r.findings })
+            Self::Done { result: Ok(r), seconds, edits } => {
+                let edited_since = *edits != edits_now;
+                json!({
+                    "state": "done", "seconds": seconds, "case": r.case, "findings": r.findings,
+                    "edited_since": edited_since,
+                })
             }
-            Self::Done { result: Err(e), seconds } => json!({ "state": "failed", "seconds": seconds, "error": e }),
+            Self::Done { result: Err(e), seconds, .. } => json!({ "state": "failed", "seconds": seconds, "error": e }),
         }
     }
 }
@@ -82,7 +89,10 @@ pub(super) fn start(shared: &Arc<Shared>) -> bool {
     let shared = Arc::clone(shared);
     // The thread ends by itself; its result is in `progress`.
     std::thread::spawn(move || {
-        let labels = lock(&shared.work).desk.labels().clone();
+        let (labels, edits) = {
+            let work = lock(&shared.work);
+            (work.desk.labels().clone(), work.store.length())
+        };
         let mut result = (shared.rebuild)(labels, &shared.subject.known, &Teller { progress: &shared.progress, begun });
         if let Ok(made) = &mut result {
             let subject = Subject { origin: made.origin.clone(), ..shared.subject.clone() };
@@ -90,7 +100,7 @@ pub(super) fn start(shared: &Arc<Shared>) -> bool {
                 made.findings.push(format!("the next session will begin with the rebuilt labels: {error}"));
             }
         }
-        *lock(&shared.progress) = Progress::Done { result, seconds: begun.elapsed().as_secs_f64() };
+        *lock(&shared.progress) = Progress::Done { result, seconds: begun.elapsed().as_secs_f64(), edits };
     });
     true
 }

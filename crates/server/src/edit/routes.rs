@@ -19,6 +19,7 @@ use monro_geometry::Structure;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use tokio::net::TcpListener;
 
 /// A brush stroke of some thousand points fits.
@@ -36,10 +37,7 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/api/slice", get(slice))
         .route("/api/ticket", post(ticket))
         .route("/api/export", get(download))
-        .route(
-            "/api/rebuild",
-            get(async |State(s): State<Arc<Shared>>| Json(lock(&s.progress).describe())).post(rebuilding),
-        )
+        .route("/api/rebuild", get(progress).post(rebuilding))
         .route("/desk", get(upgrade))
         .fallback(get(web::file))
         .layer(DefaultBodyLimit::max(16 << 10))
@@ -108,6 +106,11 @@ async fn slice(State(shared): State<Arc<Shared>>, Query(q): Query<SliceQuery>) -
     }
 }
 
+async fn progress(State(shared): State<Arc<Shared>>) -> Json<Value> {
+    let edits = lock(&shared.work).store.length();
+    Json(lock(&shared.progress).describe(edits))
+}
+
 async fn rebuilding(State(shared): State<Arc<Shared>>) -> Response {
     if rebuild::start(&shared) {
         Json(json!({ "state": "running" })).into_response()
@@ -139,20 +142,35 @@ async fn upgrade(State(shared): State<Arc<Shared>>, ws: WebSocketUpgrade) -> Res
         .on_upgrade(move |socket| talk(socket, shared))
 }
 
-/// Answers messages one after the other until the page goes.
+/// Answers messages one after the other until the page goes, and tells it what other pages have changed.
 async fn talk(mut socket: WebSocket, shared: Arc<Shared>) {
-    while let Some(Ok(message)) = socket.recv().await {
-        let Message::Text(text) = message else { continue };
-        let shared = Arc::clone(&shared);
-        let Ok(answer) = tokio::task::spawn_blocking(move || answer(&shared, &text)).await else { break };
-        if socket.send(Message::Text(answer.to_string().into())).await.is_err() {
+    let page = shared.pages.fetch_add(1, Ordering::Relaxed);
+    let mut edited = shared.edited.subscribe();
+    loop {
+        let said = tokio::select! {
+            message = socket.recv() => {
+                let Some(Ok(message)) = message else { break };
+                let Message::Text(text) = message else { continue };
+                let shared = Arc::clone(&shared);
+                let Ok(answer) = tokio::task::spawn_blocking(move || answer(&shared, page, &text)).await else { break };
+                answer
+            }
+            changed = edited.changed() => {
+                if changed.is_err() || *edited.borrow_and_update() == page {
+                    continue;
+                }
+                let work = lock(&shared.work);
+                json!({ "id": 0, "state": request::state(&work.desk), "wire": request::wire(&work.desk) })
+            }
+        };
+        if socket.send(Message::Text(said.to_string().into())).await.is_err() {
             break;
         }
     }
 }
 
-/// Does what a message asks and appends it to the journal before the answer goes out.
-fn answer(shared: &Shared, text: &str) -> Value {
+/// Does what a message of a page asks and appends it to the journal before the answer goes out.
+fn answer(shared: &Shared, page: u64, text: &str) -> Value {
     let request = match request::parse(text) {
         Ok(request) => request,
         Err(answer) => return answer,
@@ -163,6 +181,9 @@ fn answer(shared: &Shared, text: &str) -> Value {
     let bytes = work.desk.take_journal();
     let kept = work.store.append(&bytes);
     drop(work);
+    if !bytes.is_empty() {
+        shared.edited.send_replace(page);
+    }
     let mut out = match said {
         Ok(value) => value,
         Err(error) => json!({ "error": error }),

@@ -183,7 +183,7 @@ impl Store {
         journal.set_len(whole).map_err(at(&path))?;
         let mut store = Self { folder: folder.to_owned(), journal, whole, waiting: Vec::new() };
         store.append(&editor.take_journal())?;
-        let mut notes = vec![format!("{} edits of an earlier session were restored", recovery.events)];
+        let mut notes = vec![format!("the work of an earlier session was restored ({} entries)", recovery.events)];
         if recovery.torn_bytes > 0 {
             notes.push("the last edit was torn off in the middle and is lost".into());
         }
@@ -201,12 +201,20 @@ impl Store {
         if self.waiting.is_empty() {
             return Ok(());
         }
+        let path = self.folder.join("journal");
+        // Without a name it would take the bytes, and be gone with the process.
+        fs::metadata(&path).map_err(at(&path))?;
         let cut = if torn { self.journal.set_len(self.whole) } else { Ok(()) };
         let written = cut.and_then(|()| self.journal.write_all(&self.waiting)).and_then(|()| self.journal.flush());
-        written.map_err(at(&self.folder.join("journal")))?;
+        written.map_err(at(&path))?;
         self.whole += self.waiting.len() as u64;
         self.waiting.clear();
         Ok(())
+    }
+
+    /// Bytes of all edits so far.
+    pub(crate) const fn length(&self) -> u64 {
+        self.whole + self.waiting.len() as u64
     }
 
     /// Says what the work belongs to, whole or not at all.

@@ -48,6 +48,9 @@ pub enum TouchError {
         /// Allowed, mm.
         allowed: f64,
     },
+    /// What the place of the tip was told by changed while it was watched.
+    #[error("the reference or the calibration changed while the tip was watched: touch the landmark again")]
+    Voided,
     /// There is no tip to watch.
     #[error("the catheter is not calibrated: nothing tells where its tip is; calibrate it first")]
     NotCalibrated,
@@ -120,13 +123,14 @@ pub struct Registering {
     marks: Vec<TouchMark>,
     target: Point<Patient>,
     accepted: Option<LandmarkRegistration<Patient, Tool>>,
+    round: u64,
 }
 
 impl Registering {
     /// With the landmarks of the case that can be touched; the predicted error is that at `target`.
     pub fn new(landmarks: impl IntoIterator<Item = (String, Point<Patient>)>, target: Point<Patient>) -> Self {
         let mark = |(name, marked)| TouchMark { name, marked, added: false, touched: None };
-        Self { marks: landmarks.into_iter().map(mark).collect(), target, accepted: None }
+        Self { marks: landmarks.into_iter().map(mark).collect(), target, accepted: None, round: 0 }
     }
 
     /// All landmarks.
@@ -214,6 +218,12 @@ impl Registering {
     pub fn forget_all(&mut self) {
         self.marks.iter_mut().for_each(|m| m.touched = None);
         self.accepted = None;
+        self.round += 1;
+    }
+
+    /// How often all was forgotten: what was watched in an earlier round is void.
+    pub const fn round(&self) -> u64 {
+        self.round
     }
 
     /// Takes the present solution as the registration whose error at a landmark is known.

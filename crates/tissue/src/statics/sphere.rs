@@ -13,8 +13,10 @@ use super::site::{self, Hold, Site};
 use crate::Model;
 use crate::physical::elastic::{D3, Elastic, dot, sub};
 
-/// What may still reach in, over the radius of the sphere.
+/// What may still reach in, over the radius of the sphere,
 const REACH: f64 = 1e-4;
+/// and over its way: a sphere may be as good as flat.
+const REACH_OF_WAY: f64 = 1e-3;
 
 /// The middle of a face nearer to a centre than this share of the radius has been gone through.
 const THROUGH: f64 = 0.8;
@@ -125,6 +127,13 @@ impl Sphere {
         });
         let (held, limit) = (self.held[i].is_some(), self.friction * self.pressure[i]);
         Some(Touch { normal, pressure, held, drift, slid: dot(drift, drift).sqrt(), limit })
+    }
+
+    /// What may still reach in, mm.
+    fn reach(&self) -> f64 {
+        let way = sub(self.to, self.from);
+        let way = dot(way, way).sqrt();
+        if way > 0.0 { (REACH * self.radius).min(REACH_OF_WAY * way) } else { REACH * self.radius }
     }
 
     /// Distance of the nearest site from the sphere, less than 0 when it reaches in, mm.
@@ -247,7 +256,7 @@ impl Spheres {
     /// A step of the pressures where a site still reaches in; whether one did.
     pub(super) fn augment(&mut self, x: &[D3]) -> bool {
         let next: Vec<(Vec<f64>, f64)> = self.spheres.iter().map(|s| s.next(&self.sites, x)).collect();
-        let open = self.spheres.iter().zip(&next).any(|(s, n)| n.1 > REACH * s.radius);
+        let open = self.spheres.iter().zip(&next).any(|(s, n)| n.1 > s.reach());
         if open {
             // Otherwise they stay as they are, in balance with the tissue.
             self.spheres.iter_mut().zip(next).for_each(|(s, n)| s.pressure = n.0);
