@@ -272,6 +272,28 @@ fn labels_that_meet_in_a_plane_of_the_lattice_have_good_elements() {
 }
 
 #[test]
+fn nested_labels_numbered_from_outside_got_each_other_s_volumes() {
+    let grid = Grid::axis_aligned([64; 3], [1.0; 3], [-31.5; 3]).expect("grid");
+    let radii = [29.0, 23.0, 17.0, 9.0];
+    let label = |from_outside: bool, at: usize| {
+        let [i, j, k] = grid.voxel(at);
+        let shells = radii.iter().filter(|&&r| grid.centre(i, j, k).distance(Point::ORIGIN) < r).count() as u8;
+        if from_outside || shells == 0 { shells } else { 5 - shells }
+    };
+    for (from_outside, elements) in [(true, 20_000), (true, 60_000), (false, 20_000)] {
+        let data = (0..grid.len()).map(|at| label(from_outside, at)).collect();
+        let labels = Volume::new(grid, data).expect("count");
+        let all = [1, 2, 3, 4];
+        let (mesh, report) = mesh(&labels, &MeshOptions::new(&all, &all, elements)).expect("mesh");
+        check(&mesh, &report, elements);
+        assert!(!report.coarse_regions, "{elements}: {report:?}");
+        for l in &report.labels {
+            assert!(l.volume_error.abs() < 1e-3 && l.interface.is_some_and(|i| i.max < 1.0), "{elements}: {l:?}");
+        }
+    }
+}
+
+#[test]
 fn metres_and_microns_are_meshed_like_millimetres() {
     // A ball of 28 m took tens of gigabytes, one of 28 um had 24 elements at most.
     for spacing in [1000.0, 60.0, 0.001] {

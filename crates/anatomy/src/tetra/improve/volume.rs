@@ -8,6 +8,8 @@
 use super::super::vec3::{V3, add, cross, dot, scale, sub};
 use super::relax::{Freedom, Pair};
 use super::work::{DEAD, Work};
+use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeMap;
 
 /// Largest part of the height over its neighbours that a point is moved by in one pass.
 const MOST: f64 = 0.5;
@@ -54,6 +56,31 @@ struct Stand {
     height: f64,
 }
 
+/// What each surface is to give its lower label, mm3, so that all labels get what they lack: the evenest shifts that do. A label
+/// in the middle of others is reached through these only, whatever its number. With a potential for each label, 0 outside, a
+/// shift is the difference of those on its two sides.
+fn shares(stands: &[Stand], lacking: &[f64]) -> Vec<(Pair, f64)> {
+    let mut areas: BTreeMap<Pair, f64> = BTreeMap::new();
+    stands.iter().for_each(|s| *areas.entry(s.pair).or_default() += s.area);
+    let mut matrix: DMatrix<f64> = DMatrix::zeros(lacking.len(), lacking.len());
+    for (&(a, b), &area) in &areas {
+        let a = usize::from(a);
+        matrix[(a, a)] += area;
+        if let Some(b) = b.map(usize::from) {
+            matrix[(b, b)] += area;
+            matrix[(a, b)] -= area;
+            matrix[(b, a)] -= area;
+        }
+    }
+    // A little more on the diagonal, for labels that no surface leads out of.
+    let little = 1e-9 * matrix.diagonal().max().max(f64::MIN_POSITIVE);
+    (0..lacking.len()).for_each(|l| matrix[(l, l)] += little);
+    let none = || DVector::zeros(lacking.len());
+    let potential = matrix.cholesky().map_or_else(none, |m| m.solve(&DVector::from_column_slice(lacking)));
+    let of = |label: u8| potential[usize::from(label)];
+    areas.into_iter().map(|(pair, area)| (pair, area * (of(pair.0) - pair.1.map_or(0.0, of)))).collect()
+}
+
 impl Work<'_> {
     /// [`Work::restore_volumes`], and where good elements leave points no room for it once more after bettering those.
     pub(in super::super) fn settle_volumes(&mut self, wanted: &[f64]) {
@@ -79,14 +106,12 @@ impl Work<'_> {
             }
             before = sum;
             let stands = self.stands(&faces);
-            let whole = wanted.iter().sum::<f64>();
-            let missing = whole - now.iter().sum::<f64>();
-            if missing.abs() > 0.5 * MET * whole {
-                self.inflate(&stands, missing, bounds, |pair| pair.1.is_none());
-            }
-            for l in (0..wanted.len() - 1).filter(|&l| (wanted[l] - now[l]).abs() > 0.5 * MET * wanted[l]) {
-                let missing = wanted[l] - now[l];
-                self.inflate(&stands, missing, bounds, |pair| usize::from(pair.0) == l && pair.1.is_some());
+            let lacking: Vec<f64> = wanted.iter().zip(&now).map(|(w, n)| w - n).collect();
+            for (pair, gain) in shares(&stands, &lacking) {
+                let smaller = pair.1.map_or(f64::INFINITY, |b| wanted[usize::from(b)]).min(wanted[usize::from(pair.0)]);
+                if gain.abs() > 0.5 * MET * smaller {
+                    self.inflate(&stands, gain, bounds, |p| p == pair);
+                }
             }
         }
     }
