@@ -220,6 +220,39 @@ const tests = {
     assert.deepEqual(p.faults, []);
   },
 
+  async "a wire on another slice is shown before it is closed"() {
+    await p.keyboard.press("w");
+    for (const q of [S.part[0], S.part[Math.floor(S.part.length / 2)], S.part.at(-1)]) {
+      const at = await screen(q, S.view);
+      await p.mouse.move(...at);
+      await p.mouse.click(...at);
+    }
+    await until("a wire", async () => (await describe()).wire !== null);
+    await p.mouse.wheel(0, 100);
+    await p.keyboard.press("Enter");
+    await until("the way to it", async () => /open wire is on this slice/.test(await p.locator("#message").textContent()));
+    assert.equal(await steps(), 3);
+    assert.notEqual((await describe()).wire, null);
+    await p.keyboard.press("Escape");
+    await until("no wire", async () => (await describe()).wire === null);
+    assert.deepEqual(await labels(S.view.axis, S.index), S.last);
+  },
+
+  async "a second page shows what the first has changed"() {
+    const first = p;
+    p = undefined;
+    await openPage();
+    await p.keyboard.press("Control+z");
+    await until("undone here", async () => (await steps()) === 2);
+    await until("undone there", async () => (await first.evaluate(() => document.body.dataset.steps)) === "2");
+    await first.keyboard.press("Control+y");
+    await until("redone here", async () => (await steps()) === 3);
+    await p.close();
+    p = first;
+    assert.deepEqual(await labels(S.view.axis, S.index), S.last);
+    assert.deepEqual(p.faults, []);
+  },
+
   async "a killed server and a killed browser lose nothing"() {
     await kill();
     await start(scan, "--out", out);

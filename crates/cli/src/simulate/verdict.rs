@@ -119,8 +119,9 @@ fn doubts(run: &Run) -> Vec<String> {
         ));
     }
     if let Some([from, to]) = run.lost_ventricle() {
+        let before = if run.left_ventricle().is_some() { "Before that the tip had left" } else { "The tip had left" };
         out.push(format!(
-            "The tip left the ventricle and came into one again: it was last outside from {:.1} to {:.1} mm under the skin \
+            "{before} the ventricle and come into one again: the last time it was outside from {:.1} to {:.1} mm under the skin \
              ({:.2} to {:.2} s). Look at where the path meets the walls.",
             from.depth_mm, to.depth_mm, from.time_s, to.time_s
         ));
