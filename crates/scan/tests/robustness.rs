@@ -64,7 +64,7 @@ fn attack(scan: &Path, file: &Path, stride: usize) {
     assert!(peak_mib() < MOST_MIB, "{} MiB", peak_mib());
 }
 
-fn small_volume() -> monro_geometry::Volume<i16> {
+fn small_volume() -> Volume<i16> {
     sampled(grid([5, 4, 3], [1.0, 1.5, 2.0], [0.1, 0.2, 0.3], [1.0, 2.0, 3.0], false))
 }
 
