@@ -8,7 +8,6 @@
 use super::super::vec3::{V3, add, cross, dot, scale, sub};
 use super::relax::{Freedom, Pair};
 use super::work::{DEAD, Work};
-use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
 /// Largest part of the height over its neighbours that a point is moved by in one pass.
@@ -62,23 +61,41 @@ struct Stand {
 fn shares(stands: &[Stand], lacking: &[f64]) -> Vec<(Pair, f64)> {
     let mut areas: BTreeMap<Pair, f64> = BTreeMap::new();
     stands.iter().for_each(|s| *areas.entry(s.pair).or_default() += s.area);
-    let mut matrix: DMatrix<f64> = DMatrix::zeros(lacking.len(), lacking.len());
+    let mut matrix = vec![vec![0.0; lacking.len()]; lacking.len()];
     for (&(a, b), &area) in &areas {
         let a = usize::from(a);
-        matrix[(a, a)] += area;
+        matrix[a][a] += area;
         if let Some(b) = b.map(usize::from) {
-            matrix[(b, b)] += area;
-            matrix[(a, b)] -= area;
-            matrix[(b, a)] -= area;
+            matrix[b][b] += area;
+            matrix[a][b] -= area;
+            matrix[b][a] -= area;
         }
     }
-    // A little more on the diagonal, for labels that no surface leads out of.
-    let little = 1e-9 * matrix.diagonal().max().max(f64::MIN_POSITIVE);
-    (0..lacking.len()).for_each(|l| matrix[(l, l)] += little);
-    let none = || DVector::zeros(lacking.len());
-    let potential = matrix.cholesky().map_or_else(none, |m| m.solve(&DVector::from_column_slice(lacking)));
+    let potential = solved(matrix, lacking.to_vec());
     let of = |label: u8| potential[usize::from(label)];
     areas.into_iter().map(|(pair, area)| (pair, area * (of(pair.0) - pair.1.map_or(0.0, of)))).collect()
+}
+
+/// Solves with a symmetric matrix, positive but for labels that no surface leads out of: these get a little on the diagonal.
+fn solved(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Vec<f64> {
+    let n = right.len();
+    let little = 1e-9 * (0..n).map(|i| matrix[i][i]).fold(f64::MIN_POSITIVE, f64::max);
+    for i in 0..n {
+        matrix[i][i] += little;
+        let pivot = matrix[i].clone();
+        for j in i + 1..n {
+            let factor = matrix[j][i] / pivot[i];
+            if factor != 0.0 {
+                matrix[j][i..].iter_mut().zip(&pivot[i..]).for_each(|(m, p)| *m -= factor * p);
+                right[j] -= factor * right[i];
+            }
+        }
+    }
+    for i in (0..n).rev() {
+        let known: f64 = (i + 1..n).map(|j| matrix[i][j] * right[j]).sum();
+        right[i] = (right[i] - known) / matrix[i][i];
+    }
+    right
 }
 
 impl Work<'_> {
@@ -205,5 +222,23 @@ impl Work<'_> {
         }
         self.lift[v as usize] = lift;
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_labels_lack_comes_through_those_around_them() {
+        // The outside, then 2, 0 and 1 in each other; 3 has no surface at all.
+        let stand = |pair, area| Stand { point: 0, pair, normal: [0.0; 3], area, height: 0.0 };
+        let stands = [stand((2, None), 5.0), stand((2, None), 3.0), stand((0, Some(2)), 4.0), stand((0, Some(1)), 1.0)];
+        let found = shares(&stands, &[1.0, 2.0, 4.0, 9.0]);
+        let wanted = [((0, Some(1)), -2.0), ((0, Some(2)), 3.0), ((2, None), 7.0)];
+        assert_eq!(found.len(), wanted.len());
+        for ((pair, gain), (p, g)) in found.into_iter().zip(wanted) {
+            assert!(pair == p && (gain - g).abs() < 1e-6, "{pair:?} {gain}, wanted {p:?} {g}");
+        }
     }
 }
