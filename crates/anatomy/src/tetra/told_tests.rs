@@ -124,7 +124,7 @@ fn a_label_of_a_wrong_volume_is_told_and_refused_with_what_helps() {
     let labels = shell();
     let (_, mut report) = mesh(&labels, &MeshOptions::new(&[4, 5], &[], 1_500)).expect("a mesh");
     let off = report.labels.iter().find(|l| l.label == 5).expect("there").volume_error;
-    assert!(off.abs() > 0.05, "{off}");
+    assert!(off.abs() > MOST_VOLUME_ERROR, "{off}");
     assert!(told(&report, &["label 5:", "of its volume", "to be fine around"]), "{:?}", report.remarks);
     // All else being well:
     for l in &mut report.labels {

@@ -25,7 +25,7 @@ pub(super) use work::Work;
 const BARS: [f64; 4] = [0.30, 0.38, 0.44, 0.47];
 /// Passes once points have the places that the volumes ask for.
 const LAST_BARS: [f64; 2] = [0.40, 0.46];
-/// One more, and
+/// One more where too many elements are worse than [`GOOD`], which count for the first percentile.
 const GOOD_BAR: f64 = 0.475;
 /// More passes, at this bar, as long as more than this part of the elements is worse than [`GOOD`].
 const MORE_BAR: f64 = 0.50;
