@@ -254,13 +254,22 @@ async fn a_folder_that_is_no_case_is_refused() {
     assert!(matches!(start(options(dir.path().to_owned())).await, Err(ServeError::Case(_))));
 }
 
+/// A catheter 10 mm from the reference along x.
+fn poses(time: f64) -> Vec<TimedPose> {
+    let pose = |name: &str, x: f64| {
+        let rigid = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(x, 0.0, 0.0)).expect("pose");
+        TimedPose::new(name, None, time, Ok((rigid, None)))
+    };
+    vec![pose("Catheter", 110.0), pose("Reference", 100.0)]
+}
+
 /// The same poses again and again, each 2 ms old.
-struct Still([TimedPose; 2]);
+struct Still;
 
 impl Source for Still {
     fn next(&mut self, _: Duration) -> Result<Option<Batch>, TrackingError> {
         std::thread::sleep(Duration::from_millis(5));
-        Ok(Some(Batch { poses: self.0.to_vec(), clock: None }))
+        Ok(Some(Batch { poses: poses(1e9), clock: None }))
     }
 
     fn now(&self) -> f64 {
@@ -280,13 +289,8 @@ impl Source for Still {
 async fn a_foreign_tracker_is_calibrated_and_registered_over_the_api() {
     let dir = tempfile::tempdir().expect("temp");
     let mut o = options(write_case(dir.path(), false));
-    // Catheter 10 mm from the reference along x, on a clock that started long ago.
-    let pose = |name: &str, x: f64| {
-        let rigid = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(x, 0.0, 0.0)).expect("pose");
-        TimedPose::new(name, None, 1e9, Ok((rigid, None)))
-    };
-    let poses = [pose("Catheter", 110.0), pose("Reference", 100.0)];
-    o.tracker = Tracker::Source { name: "test:".into(), source: Box::new(Still(poses)) };
+    // On a clock that started long ago.
+    o.tracker = Tracker::Source { name: "test:".into(), source: Box::new(Still) };
     let served = Served { running: start(o).await.expect("start"), _dir: dir };
     let g = served.until(|g| g["state"] == "live").await;
     assert_eq!((&g["phase"], &g["tip_lps_mm"], &g["depth_mm"]), (&"case".into(), &Value::Null, &Value::Null));
@@ -314,11 +318,7 @@ struct Resting(std::time::Instant);
 impl Source for Resting {
     fn next(&mut self, _: Duration) -> Result<Option<Batch>, TrackingError> {
         std::thread::sleep(Duration::from_millis(5));
-        let pose = |name: &str, x: f64| {
-            let rigid = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(x, 0.0, 0.0)).expect("pose");
-            TimedPose::new(name, None, self.now(), Ok((rigid, None)))
-        };
-        Ok(Some(Batch { poses: vec![pose("Catheter", 110.0), pose("Reference", 100.0)], clock: None }))
+        Ok(Some(Batch { poses: poses(self.now()), clock: None }))
     }
 
     fn now(&self) -> f64 {

@@ -127,7 +127,7 @@ impl Work<'_> {
             for (pair, gain) in shares(&stands, &lacking) {
                 let smaller = pair.1.map_or(f64::INFINITY, |b| wanted[usize::from(b)]).min(wanted[usize::from(pair.0)]);
                 if gain.abs() > 0.5 * MET * smaller {
-                    self.inflate(&stands, gain, bounds, |p| p == pair);
+                    self.inflate(&stands, pair, gain, bounds);
                 }
             }
         }
@@ -185,9 +185,9 @@ impl Work<'_> {
         out
     }
 
-    /// Moves the points of some surfaces by one part of their heights, for a gain of `missing` mm3.
-    fn inflate(&mut self, stands: &[Stand], missing: f64, bounds: Bounds, of: impl Fn(Pair) -> bool) {
-        let chosen = || stands.iter().filter(|s| of(s.pair));
+    /// Moves the points of a surface by one part of their heights, for a gain of `missing` mm3.
+    fn inflate(&mut self, stands: &[Stand], pair: Pair, missing: f64, bounds: Bounds) {
+        let chosen = || stands.iter().filter(|s| s.pair == pair);
         let gain: f64 = chosen().map(|s| s.area * s.height).sum();
         let area: f64 = chosen().map(|s| s.area).sum();
         let heights: f64 = chosen().map(|s| s.area * s.height.abs()).sum();
