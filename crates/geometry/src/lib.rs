@@ -7,6 +7,7 @@
 //! of a case ([`Structure`]), because labels, meshes and reports must agree on them.
 
 mod affine;
+mod buckets;
 mod bvh;
 mod crossing;
 mod disjoint_sets;

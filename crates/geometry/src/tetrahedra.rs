@@ -1,5 +1,6 @@
 //! Labelled tetrahedral meshes.
 
+use crate::buckets::sorted_by_point;
 use crate::{Patient, Point, TriangleMesh};
 use thiserror::Error;
 
@@ -176,7 +177,7 @@ impl TetMesh {
                 faces.push((sorted([a, b, c]), (a > b) ^ (b > c) ^ (a > c), t));
             }
         }
-        faces.sort_unstable();
+        let faces = sorted_by_point(&faces, self.vertices.len(), |face| face.0[0]);
         faces.chunk_by(|a, b| a.0 == b.0).try_for_each(|around| self.check_face(around))
     }
 
@@ -233,7 +234,7 @@ impl TetMesh {
                 }
             }
         }
-        faces.sort_unstable();
+        let faces = sorted_by_point(&faces, self.vertices.len(), |face| face.0[0]);
         faces.chunk_by(|a, b| a.0 == b.0).filter(|c| c.len() == 1).map(|c| c[0].1).collect()
     }
 
@@ -261,7 +262,7 @@ impl TetMesh {
         for t in &self.tets {
             edges.extend(PAIRS.map(|[a, b]| [t[a].min(t[b]), t[a].max(t[b])]));
         }
-        edges.sort_unstable();
+        let mut edges = sorted_by_point(&edges, self.vertices.len(), |edge| edge[0]);
         edges.dedup();
         edges
     }

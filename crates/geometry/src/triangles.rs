@@ -1,5 +1,6 @@
 //! Triangle meshes and what can be said of their topology.
 
+use crate::buckets::sorted_by_point;
 use crate::disjoint_sets::DisjointSets;
 use crate::{Patient, Point, Vector};
 use thiserror::Error;
@@ -203,8 +204,7 @@ impl TriangleMesh {
                 out.push((a.min(b), a.max(b), a < b, i as u32));
             }
         }
-        out.sort_unstable();
-        out
+        sorted_by_point(&out, self.vertices.len(), |edge| edge.0)
     }
 
     /// A place where the surface is not closed and two-manifold: the middle of an edge without exactly two triangles, else

@@ -101,19 +101,16 @@ impl Field {
     }
 
     /// First index of the cell around a point and the fractions inside; `None` outside of the box.
-    fn cell(&self, p: V3) -> Option<(usize, V3)> {
+    pub(super) fn cell(&self, p: V3) -> Option<(usize, V3)> {
         let v = self.voxel_from_patient.point(Point::from_array(p)).to_array();
         let d = self.volume.grid().dims();
-        let mut base = [0usize; 3];
-        let mut t = [0f64; 3];
-        for a in 0..3 {
-            if !(v[a] >= 0.0 && v[a] < (d[a] - 1) as f64) {
-                return None;
-            }
-            base[a] = v[a] as usize;
-            t[a] = v[a] - base[a] as f64;
+        if !(0..3).all(|a| v[a] >= 0.0 && v[a] < (d[a] - 1) as f64) {
+            return None;
         }
-        Some(((base[2] * d[1] + base[1]) * d[0] + base[0], t))
+        // Conversions to 32 bits take one instruction each.
+        let base = v.map(|x| x as i32);
+        let [i, j, k] = base.map(|b| b as usize);
+        Some(((k * d[1] + j) * d[0] + i, std::array::from_fn(|a| v[a] - f64::from(base[a]))))
     }
 }
 
@@ -130,8 +127,9 @@ pub(super) struct LabelFields {
     pub(super) labels: Vec<u16>,
     /// Volume that each label should have, mm3: of its voxels, but for pieces that the fields do not keep.
     pub(super) volumes: Vec<f64>,
-    /// Number of each label's voxels, and the volume of one, mm3.
-    pub(super) voxels: Vec<usize>,
+    /// Where each label's voxels are, and how many.
+    pub(super) extents: Vec<Extent>,
+    /// Volume of a voxel, mm3.
     pub(super) voxel: f64,
     /// Whether something kept reaches the border of the volume.
     pub(super) at_border: bool,
@@ -167,7 +165,7 @@ impl LabelFields {
             fronts,
             labels: present.iter().map(|p| p.0).collect(),
             volumes: present.iter().map(|p| p.1.count as f64 * labels.grid().voxel_volume()).collect(),
-            voxels: present.iter().map(|p| p.1.count).collect(),
+            extents: present.iter().map(|p| p.1).collect(),
             voxel: labels.grid().voxel_volume(),
             at_border,
             step,
@@ -183,7 +181,7 @@ impl LabelFields {
             fronts: Vec::new(),
             labels: self.labels.last().copied().into_iter().collect(),
             volumes: vec![self.volumes.iter().sum()],
-            voxels: vec![self.voxels.iter().sum()],
+            extents: self.extents.iter().copied().reduce(Extent::joined).into_iter().collect(),
             ..*self
         }
     }

@@ -41,6 +41,7 @@ mod remarks;
 mod repair;
 mod report;
 mod size;
+mod solid;
 mod thickness;
 mod vec3;
 mod voxels;
@@ -194,8 +195,11 @@ pub fn mesh_observed<T: Copy + Into<u16> + Sync>(
     let size = SizeField::new(&fields, &fine, options).ok_or_else(empty)?;
     done(Stage::Size);
     let kept = |l: u16| options.keep.contains(&l);
-    let too_thin =
-        || MeshError::TooThin { voxels: fields.voxels.iter().sum(), at: voxels.one(kept), step: fields.step };
+    let too_thin = || MeshError::TooThin {
+        voxels: fields.extents.iter().map(|e| e.count).sum(),
+        at: voxels.one(kept),
+        step: fields.step,
+    };
     let made = Made::conforming(&fields, &size, options.elements, &mut done).ok_or_else(too_thin)?;
     let made = match made.is_good(&fields, options.elements) {
         true => made,

@@ -5,6 +5,7 @@ use super::error::COARSE;
 use super::report::{
     Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR, Source, SurfaceReport,
 };
+use super::solid::Solid;
 use super::voxels::Missing;
 use super::{COUNT, LabelReport, MeshReport, listed, place};
 use monro_geometry::Point;
@@ -131,7 +132,9 @@ fn of_crumbs<T>(source: &Source<'_, T>, label: usize) -> Option<String> {
 
 fn missing<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>, label: usize) -> Missing {
     let fields = source.fields;
-    source.voxels.missing(fields.labels[label], fields.step, |p| fields.label_at(p) == Some(label))
+    let solid = Solid::new(fields, label);
+    let is_there = |p| solid.holds(p) || fields.label_at(p) == Some(label);
+    source.voxels.missing((fields.labels[label], &fields.extents[label]), fields.step, is_there)
 }
 
 /// Pieces so small or flat that nothing of them is left in the smooth fields.
@@ -147,7 +150,7 @@ fn of_missing<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>, label: usize, 
             fields.labels[label],
             missing.pieces,
             missing.voxels,
-            fields.voxels[label],
+            fields.extents[label].count,
             fields.step,
             place(missing.at),
         )

@@ -93,7 +93,8 @@ impl SurfaceReport {
             euler_labels: wanted.euler(),
             surfaces: found.components,
             surfaces_labels: wanted.components,
-            differs_at: differs.then(|| difference::place(surface, truth, unit)),
+            differs_at: differs
+                .then(|| difference::place((surface, found.components), (truth, wanted.components), unit)),
             closed: found.is_closed(),
             manifold: found.is_manifold(),
             pinched_at: if sound { None } else { surface.defect().map(Point::to_array) },
@@ -265,10 +266,10 @@ fn label_report<T: Copy + Into<u16> + Sync>(mesh: &TetMesh, source: &Source<'_, 
         label,
         elements,
         volume,
-        volume_error: volume / (fields.voxels[l] as f64 * fields.voxel) - 1.0,
+        volume_error: volume / (fields.extents[l].count as f64 * fields.voxel) - 1.0,
         interface: distances(&surface, &truth),
         surface: SurfaceReport::new(&surface, &truth, fields.unit),
-        voxels: fields.voxels[l],
+        voxels: fields.extents[l].count,
         lost_at: (elements == 0).then(|| voxels.one(|x| x == label)),
     }
 }

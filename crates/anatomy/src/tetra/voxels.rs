@@ -1,6 +1,7 @@
 //! The labels as they were given, for what their smooth fields do not keep.
 
 use super::fields::LabelFields;
+use crate::surface::even::Extent;
 use monro_geometry::{Grid, Patient, Point, Volume};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -73,9 +74,10 @@ impl<T: Copy + Into<u16> + Sync> Voxels<'_, T> {
             }
             let (label, step) = (fields.labels[l], fields.step);
             // A longer run is of no small piece, and most voxels are in such.
-            let absent = self.absent(label, self.most_of_piece(step), |p| fields.label_at(p) == Some(l));
+            let longest = self.most_of_piece(step);
+            let absent = self.absent((label, &fields.extents[l]), longest, |p| fields.label_at(p) == Some(l));
             let lost = self.lost(&absent, label, step).voxels;
-            if lost < fields.voxels[l] {
+            if lost < fields.extents[l].count {
                 fields.volumes[l] -= lost as f64 * fields.voxel;
             }
         }
@@ -83,27 +85,38 @@ impl<T: Copy + Into<u16> + Sync> Voxels<'_, T> {
 
     /// The small separate pieces of a label of which no voxel `is_there`, by its centre, in what they were smoothed to; and
     /// how many voxels are not there in all.
-    pub(super) fn missing(&self, label: u16, step: f64, is_there: impl Fn([f64; 3]) -> bool + Sync) -> Missing {
-        self.lost(&self.absent(label, usize::MAX, is_there), label, step)
+    pub(super) fn missing(
+        &self,
+        label: (u16, &Extent),
+        step: f64,
+        is_there: impl Fn([f64; 3]) -> bool + Sync,
+    ) -> Missing {
+        self.lost(&self.absent(label, usize::MAX, is_there), label.0, step)
     }
 
     /// The voxels of a label, in runs along the first axis of up to `longest`, that are not there.
-    fn absent(&self, label: u16, longest: usize, is_there: impl Fn([f64; 3]) -> bool + Sync) -> Vec<usize> {
+    fn absent(
+        &self,
+        (label, &Extent { low, high, .. }): (u16, &Extent),
+        longest: usize,
+        is_there: impl Fn([f64; 3]) -> bool + Sync,
+    ) -> Vec<usize> {
         let (grid, data) = (self.0.grid(), self.0.data());
-        let row = grid.dims()[0];
-        let rows = data.par_chunks(row).enumerate();
-        let of_row = |(n, voxels): (usize, &[T])| {
+        let of_slice = |k: usize| {
             let mut absent = Vec::new();
-            let mut at = n * row;
-            for run in voxels.chunk_by(|&a, &b| (a.into() == label) == (b.into() == label)) {
-                if run[0].into() == label && run.len() <= longest {
-                    absent.extend((at..at + run.len()).filter(|&at| !is_there(centre(grid, at))));
+            for j in low[1]..=high[1] {
+                let mut at = grid.index(low[0], j, k);
+                let row = &data[at..=grid.index(high[0], j, k)];
+                for run in row.chunk_by(|&a, &b| (a.into() == label) == (b.into() == label)) {
+                    if run[0].into() == label && run.len() <= longest {
+                        absent.extend((at..at + run.len()).filter(|&at| !is_there(centre(grid, at))));
+                    }
+                    at += run.len();
                 }
-                at += run.len();
             }
             absent
         };
-        rows.flat_map_iter(of_row).collect()
+        (low[2]..=high[2]).into_par_iter().flat_map_iter(of_slice).collect()
     }
 
     /// The small pieces of a label all of whose voxels are `absent`.
