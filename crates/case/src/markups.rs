@@ -106,11 +106,12 @@ pub fn decode(text: &str) -> Result<Vec<NamedPoint>, MarkupsError> {
     Ok(points)
 }
 
-/// Whether x and y change sign on the way to LPS. Slicer 4.11 wrote numbers: 0 RAS, 1 LPS; without the entry it is RAS.
+/// Whether x and y change sign on the way to LPS. Slicer 4.11 wrote numbers: 0 RAS, 1 LPS; without the entry it is LPS, as in
+/// Slicer and its schema.
 fn flips_to_lps(system: &Value) -> Result<bool, MarkupsError> {
     match system {
-        Value::Null => Ok(true),
         Value::String(s) if s == "RAS" || s == "0" => Ok(true),
+        Value::Null => Ok(false),
         Value::String(s) if s == "LPS" || s == "1" => Ok(false),
         Value::Number(n) if n.as_i64() == Some(0) => Ok(true),
         Value::Number(n) if n.as_i64() == Some(1) => Ok(false),
@@ -204,6 +205,8 @@ mod tests {
         assert_eq!(ras[0].position, Point::new(-1.0, -2.0, 3.0));
         let old = decode(&text.replace("\"LPS\"", "1")).expect("numbers of Slicer 4.11");
         assert_eq!(old[0].position, Point::new(1.0, 2.0, 3.0));
+        let unsaid = decode(&text.replace("\"coordinateSystem\"", "\"other\"")).expect("the schema's default");
+        assert_eq!(unsaid[0].position, Point::new(1.0, 2.0, 3.0));
         assert!(matches!(decode(&text.replace("\"LPS\"", "\"XYZ\"")), Err(MarkupsError::CoordinateSystem(_))));
         assert!(matches!(decode(&text.replace("\"mm\"", "\"m\"")), Err(MarkupsError::Unit(_))));
     }

@@ -5,7 +5,8 @@ use crate::calibrate::{named_points, point, rows};
 use crate::columns::short;
 use crate::console::Console;
 use anyhow::{Context, Result, bail};
-use monro_case::{Case, markups};
+use monro_case::Case;
+use monro_case::markups::{self, NamedPoint};
 use monro_geometry::{Patient, Point, Rigid, Tool};
 use monro_guidance::Covariance;
 use monro_guidance::registration::{
@@ -153,6 +154,9 @@ fn words(result: &Value, found: &Found, target: Point<Patient>) -> String {
         let kept = if found.surface.is_some() { "; it was left out beside the skin" } else { "" };
         out += &format!("'{}' does not fit: touch it again or leave it out{kept}.\n", r.name);
     }
+    if found.landmarks.residuals.len() == 3 && found.surface.is_none() {
+        out += "Three landmarks nearly always fit, mirrored ones and those of another frame too: touch a fourth, or check (--check).\n";
+    }
     out += &found.surface.as_ref().map_or_else(String::new, |s| s.words(target));
     if let (Some(name), Some(distance)) = (result["check"]["name"].as_str(), result["check"]["distance_mm"].as_f64()) {
         let limit = result["check"]["limit_mm"].as_f64().unwrap_or(f64::NAN);
@@ -186,9 +190,13 @@ fn landmarks(args: &RegisterArgs, case: &Case) -> Result<Vec<Landmark<Patient, T
         }
         None => case.landmarks.clone(),
     };
+    let is = |m: &NamedPoint, name: &str| m.label.eq_ignore_ascii_case(name);
     let noise = Covariance::isotropic(args.touch_sigma);
     let pair = |(name, touched): (String, Point<Tool>)| {
-        let mark = marked.iter().find(|m| m.label.eq_ignore_ascii_case(&name));
+        if marked.iter().filter(|m| is(m, &name)).count() > 1 {
+            bail!("'{name}' is marked twice; keep the mark that counts");
+        }
+        let mark = marked.iter().find(|m| is(m, &name));
         let names = || marked.iter().map(|m| m.label.as_str()).collect::<Vec<_>>().join(", ");
         let mark = mark.with_context(|| format!("no landmark is marked as '{name}' (marked: {})", names()))?;
         Ok(Landmark { name, touched, marked: mark.position, noise })
@@ -239,7 +247,7 @@ fn on_skin(
 ) -> Result<OnSkin> {
     let noise = Covariance::isotropic(args.trace_sigma);
     let sample = |p| SurfaceSample { point: Point::from_array(p), noise };
-    let traced = rows::<3>(path, "x y z")?;
+    let mut traced = rows::<3>(path, "x y z")?;
     let (wide, touched) = (span(&traced), span(&landmarks.iter().map(|l| l.touched.to_array()).collect::<Vec<_>>()));
     if wide > 0.0 && !(1.0 / OTHER_UNIT..OTHER_UNIT).contains(&(wide / touched)) {
         bail!(
@@ -247,6 +255,8 @@ fn on_skin(
             path.display()
         );
     }
+    // A point that came again, as from a server that repeats its last pose, says nothing new.
+    traced.dedup();
     let samples: Vec<_> = traced.into_iter().map(sample).collect();
     let skin = Surface::new(&case.skin)?;
     // A landmark that the others contradict would pull the surface along, and is not in the noise that is predicted from.

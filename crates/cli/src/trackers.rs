@@ -171,7 +171,12 @@ pub(crate) fn track(args: &TrackArgs, json: bool) -> Result<()> {
     }
     let mut source = source?;
     let expiry = Expiry { stale: args.stale / 1e3, lost: args.lost / 1e3 };
-    let options = TrackOptions { frames: args.frames, json, expiry, ..TrackOptions::default() };
+    // A recording says itself when it ends; a pause in it is one of the tracker's.
+    let patience = match url {
+        TrackerUrl::Replay(_) => Duration::MAX,
+        _ => TrackOptions::default().patience,
+    };
+    let options = TrackOptions { frames: args.frames, json, expiry, patience };
     let (mut out, mut notes) = (std::io::stdout().lock(), std::io::stderr());
     let printed = print_poses(source.as_mut(), &options, &NEVER, &mut out, &mut notes);
     args.record.as_deref().map(forget_if_empty);

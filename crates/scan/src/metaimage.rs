@@ -129,7 +129,7 @@ impl Fields {
     fn data_file(&self) -> Result<Option<String>, Problem> {
         match self.get(&["ElementDataFile"]).unwrap_or_default() {
             "LOCAL" | "Local" | "local" => Ok(None),
-            list if list.starts_with("LIST") || list.contains(['%', ' ']) && list.split(' ').count() > 1 => {
+            list if list.starts_with("LIST") || list.contains('%') => {
                 Err(unsupported(format!("ElementDataFile = {list:?}"), "save it as one .mha file"))
             }
             name => text::plain_name(name).map(Some),
@@ -159,7 +159,7 @@ impl Fields {
     fn grid(&self, warnings: &mut Vec<String>) -> Result<Grid, Problem> {
         let dims = self.get(&["DimSize"]).ok_or_else(|| header("DimSize", "is missing"))?;
         let dims = text::dims("DimSize", dims)?;
-        let spacing: Option<[f64; 3]> = self.numbers("ElementSpacing", &["ElementSpacing"])?;
+        let spacing: Option<[f64; 3]> = self.numbers("ElementSpacing", &["ElementSpacing", "ElementSize"])?;
         let spacing = spacing.ok_or_else(|| header("ElementSpacing", "is missing"))?;
         if spacing.iter().any(|&s| !(s.is_finite() && s > 0.0)) {
             return Err(header("ElementSpacing", format!("{spacing:?} mm is not positive")));

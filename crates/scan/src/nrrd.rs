@@ -126,7 +126,7 @@ impl Fields {
     }
 
     fn element(&self) -> Result<Element, Problem> {
-        Ok(match self.get("type")? {
+        Ok(match self.get("type")?.to_ascii_lowercase().as_str() {
             "signed char" | "int8" | "int8_t" => Element::I8,
             "uchar" | "unsigned char" | "uint8" | "uint8_t" => Element::U8,
             "short" | "short int" | "signed short" | "signed short int" | "int16" | "int16_t" => Element::I16,
@@ -157,7 +157,7 @@ impl Fields {
     }
 
     fn packing(&self) -> Result<Packing, Problem> {
-        match self.get("encoding")? {
+        match self.get("encoding")?.to_ascii_lowercase().as_str() {
             "raw" => Ok(Packing::Raw),
             "gzip" | "gz" => Ok(Packing::Gzip),
             other => Err(unsupported(

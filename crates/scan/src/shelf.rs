@@ -6,7 +6,7 @@ use std::io;
 use std::path::Path;
 
 /// How the names of volumes end; a `.raw` belongs to its header.
-const ENDINGS: [&str; 7] = [".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".mha.gz"];
+const ENDINGS: [&str; 6] = [".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd"];
 
 /// Names of what lies in a folder, sorted; hidden entries are left out.
 fn names(folder: &Path) -> io::Result<Vec<String>> {

@@ -176,6 +176,9 @@ fn too_few_slices_wide_gaps_and_conflicts() {
     let files = series(f.path(), &SeriesMeta::default());
     edit(&files[2], tags::IMAGE_POSITION_PATIENT, VR::DS, "1\\2\\3");
     refused(f.path(), &["0001.dcm", "0003.dcm", "same position"]);
+    // Inspection fell over the series that was left without images.
+    let listed = inspect(f.path()).expect("a listing");
+    assert_eq!((listed.series.len(), listed.chosen), (1, None), "{listed:?}");
     let far = folder();
     let files = series(far.path(), &SeriesMeta::default());
     let object = dicom_object::open_file(&files[5]).expect("DICOM");

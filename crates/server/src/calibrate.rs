@@ -12,7 +12,7 @@ use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use monro_geometry::{Point, Rigid, Tool, Tracker};
 use monro_guidance::calibration::{
-    AxisCalibration, AxisError, PivotCalibration, PivotError, PivotOptions, calibrate_axis, calibrate_pivot,
+    AxisCalibration, AxisError, PivotCalibration, PivotError, PivotOptions, calibrate_axis, calibrate_pivot, distinct,
 };
 use monro_session::live::{Calibration, Refusal, SessionEvent};
 use serde::Deserialize;
@@ -134,7 +134,7 @@ async fn watch(live: &Live, seconds: Option<f64>) -> Result<Vec<Rigid<Tracker, T
         }
         sleep(LOOK).await;
     }
-    Ok(poses)
+    Ok(distinct(poses))
 }
 
 fn describe(shared: &Shared) -> Value {

@@ -198,12 +198,15 @@ fn between(field: &'static str, value: f64, fits: bool, wanted: &str) -> Result<
     if fits { Ok(()) } else { Err(MaterialFault { field, value, wanted: wanted.to_owned() }) }
 }
 
+/// Larger numbers, and smaller ones than one over it, leave the range of single precision when a few of them are multiplied.
+const LARGEST: f64 = 1e9;
+
 fn positive(field: &'static str, value: f64) -> Result<(), MaterialFault> {
-    between(field, value, value.is_finite() && value > 0.0, "more than 0")
+    between(field, value, (1.0 / LARGEST..=LARGEST).contains(&value), "more than 0 (1e-9 to 1e9)")
 }
 
 fn not_negative(field: &'static str, value: f64) -> Result<(), MaterialFault> {
-    between(field, value, value.is_finite() && value >= 0.0, "0 or more")
+    between(field, value, (0.0..=LARGEST).contains(&value), "0 or more (up to 1e9)")
 }
 
 impl Material {

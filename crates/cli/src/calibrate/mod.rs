@@ -8,7 +8,7 @@ use crate::console::Console;
 use anyhow::{Context, Result, bail};
 use monro_cli::track::TrackOptions;
 use monro_geometry::{Point, Rigid, Tool, Tracker};
-use monro_guidance::calibration::{PivotOptions, calibrate_axis, calibrate_pivot};
+use monro_guidance::calibration::{PivotOptions, calibrate_axis, calibrate_pivot, distinct};
 use monro_guidance::optics::{CameraOptions, Correspondence, calibrate_camera, calibrate_display};
 use monro_tracking::{Clock, TrackerUrl, never_seen, open, tool_name};
 use monro_wire::Quality;
@@ -59,7 +59,7 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
         let Some(batch) = source.next(Duration::from_millis(100))? else { break };
         if !batch.poses.is_empty() {
             last = Instant::now();
-        } else if last.elapsed() > patience {
+        } else if !replayed && last.elapsed() > patience {
             bail!("{}", source.diagnosis(&[args.tool.as_str()]));
         }
         for pose in batch.poses {
@@ -82,6 +82,10 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
             others.join(", "),
             source.diagnosis(&[args.tool.as_str()])
         );
+    }
+    let (came, all) = (all.len(), distinct(all));
+    if all.len() < came {
+        console.warn(&format!("{} of {came} poses only came again, unchanged, and do not count", came - all.len()));
     }
     Ok(all)
 }

@@ -21,13 +21,35 @@ fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     all.try_into().ok().filter(|v: &[f64; N]| v.iter().all(|v| v.is_finite()))
 }
 
+/// Whether a word is meant for a number, a wrong one too.
+fn is_number(word: &str) -> bool {
+    let word = word.trim_matches('"');
+    word.parse::<f64>().is_ok() || word.trim_start_matches(['-', '+', '.']).starts_with(|c: char| c.is_ascii_digit())
+}
+
+/// Whether a line is a heading, whose columns, where it names the axes, must be in order.
+fn is_heading(line: &str, first: usize) -> Result<bool> {
+    let words: Vec<&str> = line.split([',', ';', ' ', '\t']).filter(|w| !w.is_empty()).collect();
+    if words.iter().skip(first).any(|w| is_number(w)) || !line.starts_with(|c: char| c.is_alphabetic() || c == '"') {
+        return Ok(false);
+    }
+    let axis = |w: &&str| w.trim_matches('"').to_ascii_lowercase().chars().next().filter(|c| "xyz".contains(*c));
+    let axes: String = words.iter().skip(first).filter_map(axis).collect();
+    match axes.as_str() {
+        "xzy" | "yxz" | "yzx" | "zxy" | "zyx" => {
+            bail!("the heading '{line}' has the axes as {axes}; they are read as x, y, z: reorder the columns")
+        }
+        _ => Ok(true),
+    }
+}
+
 /// Rows of `N` numbers; `wanted` names them for the message. A first row of words is a heading.
 pub(crate) fn rows<const N: usize>(path: &Path, wanted: &str) -> Result<Vec<[f64; N]>> {
     let mut out = Vec::new();
     for (i, (number, line)) in lines(path)?.iter().enumerate() {
         match numbers(line) {
             Some(row) => out.push(row),
-            None if i == 0 && line.chars().next().is_some_and(char::is_alphabetic) => {}
+            None if i == 0 && is_heading(line, 0).with_context(|| path.display().to_string())? => {}
             None => bail!("{}, line {number}: '{line}' is not {wanted}", path.display()),
         }
     }
@@ -42,10 +64,9 @@ pub(crate) fn named_points<F: Frame>(path: &Path) -> Result<Vec<(String, Point<F
         read.with_context(|| format!("{}, line {number}: '{line}' is not NAME,X,Y,Z", path.display()))
     };
     let mut lines = lines(path)?;
-    let is_number = |w: &str| w.trim_matches('"').parse::<f64>().is_ok();
-    let words = |l: &str| l.split([',', ';', ' ', '\t']).skip(1).any(is_number);
-    let heading = lines.first().is_some_and(|(_, l)| !words(l));
-    lines.drain(..usize::from(heading));
+    let heading =
+        lines.first().map(|(_, l)| is_heading(l, 1)).transpose().with_context(|| path.display().to_string())?;
+    lines.drain(..usize::from(heading == Some(true)));
     lines.into_iter().map(one).collect()
 }
 
@@ -87,5 +108,27 @@ mod tests {
         assert_eq!(points[0], ("left tragus".to_owned(), Point::new(-1.5, 2.0, 3.0)));
         assert_eq!(points[1], ("nasion".to_owned(), Point::new(0.0, 1.25, 2.0)));
         assert!(point::<Tool>("1,2").is_err());
+    }
+
+    #[test]
+    fn headings_with_other_columns_and_bad_first_rows_were_dropped_without_a_word() {
+        let folder = tempfile::tempdir().expect("folder");
+        let path = folder.path().join("t.csv");
+        let fault = |text: &str| {
+            std::fs::write(&path, text).expect("write");
+            let named = named_points::<Tool>(&path).map(|p| p.len());
+            let plain = rows::<3>(&path, "x y z").map(|r| r.len());
+            [named, plain].map(|r| r.map_err(|e| format!("{e:#}")))
+        };
+        let [named, _] = fault("name,y,z,x\nnasion,1,2,3\n");
+        assert!(named.expect_err("order").contains("axes as yzx"));
+        let [named, _] = fault("midline above nasion,310.6355mm,743.1mm,-24.1mm\nnasion,1,2,3\n");
+        assert!(named.expect_err("no heading").contains("line 1"));
+        assert_eq!(fault("point,x [mm],y [mm],z [mm]\nnasion,1,2,3\n")[0], Ok(1));
+        let [_, plain] = fault("nan nan nan\n1 2 3\n");
+        assert!(plain.expect_err("no heading").contains("line 1"));
+        let [_, plain] = fault("z y x\n1 2 3\n");
+        assert!(plain.expect_err("order").contains("axes as zyx"));
+        assert_eq!(fault("x y z\n1 2 3\n")[1], Ok(1));
     }
 }

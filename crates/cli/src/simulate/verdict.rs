@@ -15,6 +15,8 @@ use serde_json::{Value, json};
 const MOST_SHIFT_MM: f64 = 20.0;
 /// Share of the fluid asked for that may be missing at the end.
 const MOST_MISSING: f64 = 0.1;
+/// and beyond what is read of it, ml.
+const LEAST_MISSING_ML: f64 = 0.05;
 /// Share of its volume that tissue may change by before that is told: hardly any really leaves it.
 const MOST_SQUEEZED: f64 = 0.02;
 
@@ -93,7 +95,7 @@ fn broken(run: &Run) -> Vec<String> {
 fn undrained(run: &Run) -> Option<String> {
     let (Csf::Drained { ml }, Some(last)) = (run.settings.frame.csf, run.last()) else { return None };
     let reached = -last.step.csf_change_ml;
-    let missed = (reached - ml).abs() > MOST_MISSING * ml.abs();
+    let missed = (reached - ml).abs() > MOST_MISSING * ml.abs() + LEAST_MISSING_ML;
     missed.then(|| {
         format!("{ml:.1} ml were to be drained, {reached:.1} ml were: not the result asked for. {}", helps(run))
     })
@@ -127,6 +129,7 @@ fn doubts(run: &Run) -> Vec<String> {
         ));
     }
     out.extend(coarse::remark(&run.rest, &run.plan));
+    out.extend(gone_around(run));
     if trouble.rollbacks > 0 {
         let n = trouble.rollbacks;
         let them = if n == 1 { "a step and repeated it" } else { &format!("{n} steps and repeated them") };
@@ -142,6 +145,26 @@ fn doubts(run: &Run) -> Vec<String> {
     out.extend(squeezed(run));
     out.extend(soft_body::remarks(&run.settings.model));
     out
+}
+
+/// Walls that the tip was found behind without having pressed on them as much as they bear.
+fn gone_around(run: &Run) -> Option<String> {
+    let materials = &run.settings.model.materials;
+    let most =
+        |to: Structure| if to.is_ventricle() { &materials.ventricles.insertion } else { &materials.brain.insertion };
+    let around =
+        run.rows.iter().flat_map(|r| r.frame.punctures().map(|p| (r.frame.depth_mm, p))).find_map(|(at, p)| {
+            let (depth, force, to) = p;
+            let to = u8::try_from(to).ok().and_then(Structure::from_label)?;
+            (force == 0.0 && depth < most(to).puncture_depth_mm).then_some((at, depth, to))
+        });
+    around.map(|(at, depth, to)| {
+        format!(
+            "At {at:.1} mm under the skin the tip got past the wall of {} beside it, after a dimple of {depth:.1} mm, without the {} mN or \
+             {} mm at which it yields: elements give way there that are larger than the tip. More elements come nearer to it.",
+            to.words(), most(to).puncture_force_mn, most(to).puncture_depth_mm
+        )
+    })
 }
 
 /// The skull gives nothing, so what a ventricle gains the tissue loses, by being compressed.

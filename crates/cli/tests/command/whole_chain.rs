@@ -46,6 +46,8 @@ fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
     fifty_millimetres_of_mercury_gave_garbage_and_no_word(&case, dir.path());
     garbage_was_told_in_the_report_only(&case, dir.path());
     what_was_asked_was_in_no_result(&case, dir.path());
+    walls_were_passed_and_nothing_was_drained_without_a_word(&case, dir.path());
+    registrations_by_wrong_tables_and_marks(&case, dir.path());
     damaged_case(&case, dir.path());
 }
 
@@ -104,6 +106,37 @@ fn garbage_was_told_in_the_report_only(case: &Path, dir: &Path) {
     assert!(summary["drained_ml"]["asked"].as_f64() > Some(1.0) && summary["rollbacks"].is_u64(), "{summary}");
     let html = fs::read_to_string(out.join("report.html")).expect("report");
     assert!(html.contains("<li class=\"error\">"));
+}
+
+/// A wall that bears next to anything is passed beside the tip, and no fluid at all was "not the result asked for".
+fn walls_were_passed_and_nothing_was_drained_without_a_word(case: &Path, dir: &Path) {
+    let (out, tough) = (dir.join("passed"), dir.join("tough.toml"));
+    fs::write(&tough, "[ventricles.insertion]\npuncture_force_mn = 20000\npuncture_depth_mm = 80\n").expect("write");
+    let asked = ["--speed", "40", "--drain-ml", "0", "--materials", text(&tough)];
+    let done = json(&[&["simulate", text(case), "--out", text(&out)][..], &asked].concat());
+    assert_eq!((&done["reliable"], &done["reached_ventricle"]), (&Value::from(true), &Value::from(true)), "{done}");
+    assert!(done["remarks"].to_string().contains("got past the wall of"), "{done}");
+}
+
+/// Each of these was taken without a word.
+fn registrations_by_wrong_tables_and_marks(case: &Path, dir: &Path) {
+    let marks = fs::read_to_string(case.join("landmarks.mrk.json")).expect("landmarks");
+    let points = monro_case::markups::decode(&marks).expect("markups");
+    let row = |p: &monro_case::markups::NamedPoint| {
+        format!("{},{},{},{}\n", p.label, p.position.x, p.position.y, p.position.z)
+    };
+    let (table, marked) = (dir.join("touched.csv"), dir.join("marked.mrk.json"));
+    fs::write(&table, points.iter().take(3).map(row).collect::<String>()).expect("write");
+    fs::write(&marked, marks.replace("\"coordinateSystem\"", "\"unsaid\"")).expect("write");
+    let register = ["register", text(case), "--landmarks", text(&table), "--marked", text(&marked)];
+    let turned = json(&register)["quaternion_wxyz"][0].as_f64().expect("w");
+    assert!(turned.abs() > 0.999, "{turned}");
+    let said = String::from_utf8_lossy(&monro(&register).stdout).into_owned();
+    assert!(said.contains("touch a fourth"), "{said}");
+    let second = points[1].label.as_str();
+    fs::write(&marked, marks.replace(second, &points[0].label)).expect("write");
+    let said = String::from_utf8_lossy(&monro(&register).stderr).into_owned();
+    assert!(said.contains("is marked twice"), "{said}");
 }
 
 /// A run with gravity could not be told from one without.

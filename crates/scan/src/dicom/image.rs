@@ -86,7 +86,7 @@ pub(crate) struct Stored {
     pub(crate) signed: bool,
     pub(crate) slope: f64,
     pub(crate) intercept: f64,
-    /// Whether the header gives slope and intercept at all.
+    /// Whether the header gives both slope and intercept.
     pub(crate) rescaled: bool,
     /// Stored values that mean "no data", lowest and highest.
     pub(crate) padding: Option<[i64; 2]>,

@@ -69,6 +69,14 @@ pub(crate) fn outline(bytes: &[u8]) -> Result<Outline<'_>, Problem> {
     Ok(Outline { syntax, data, pixels })
 }
 
+/// Of an element of unknown type and length, whose items have implicit types (PS3.5, 6.2.2), which the parser takes for explicit.
+fn of_unknown(tag: Tag, why: &Problem) -> Problem {
+    header(
+        "DICOM elements",
+        format!("{tag} is a sequence of unknown type, which is not read ({why}); rewrite the files, as with gdcmconv"),
+    )
+}
+
 fn inflate(bytes: &[u8]) -> Result<Vec<u8>, Problem> {
     let mut stream = flate2::read::DeflateDecoder::new(bytes);
     let mut out = Vec::new();
@@ -194,8 +202,13 @@ impl Walk<'_> {
                 self.pixel_data(&e);
                 return Ok(end);
             }
-            let nested = e.vr == VR::SQ || e.vr == VR::UN && e.length == UNDEFINED;
-            at = if nested { self.items(&e, end, depth + 1)? } else { self.end(&e, end)? };
+            let unknown = e.vr == VR::UN && e.length == UNDEFINED;
+            at = match unknown || e.vr == VR::SQ {
+                true => {
+                    self.items(&e, end, depth + 1).map_err(|why| if unknown { of_unknown(e.tag, &why) } else { why })?
+                }
+                false => self.end(&e, end)?,
+            };
         }
         Ok(at)
     }

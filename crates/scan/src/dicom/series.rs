@@ -152,15 +152,21 @@ impl Series {
     /// Drops copies of the same image; two different ones at one place are a conflict.
     fn drop_copies(&mut self) -> Result<(), SeriesProblem> {
         let mut kept: Vec<Image> = Vec::with_capacity(self.images.len());
-        let mut dropped = 0;
-        for image in self.images.drain(..) {
+        let (mut dropped, mut conflict) = (0, None);
+        for image in std::mem::take(&mut self.images) {
             match kept.last().filter(|last| same_place(last, &image)) {
                 Some(last) if copies(last, &image) => dropped += 1,
-                Some(last) => return Err(SeriesProblem::Conflict { files: [name(&last.file), name(&image.file)] }),
-                None => kept.push(image),
+                last => {
+                    conflict = conflict.or(last.map(|last| [name(&last.file), name(&image.file)]));
+                    kept.push(image);
+                }
             }
         }
+        // A series that is refused is listed still, with what it has.
         self.images = kept;
+        if let Some(files) = conflict {
+            return Err(SeriesProblem::Conflict { files });
+        }
         if dropped > 0 {
             self.warnings.push(match dropped {
                 1 => "1 copy of a slice was left out".into(),
@@ -234,7 +240,7 @@ impl Series {
         let unscaled = self.images.iter().filter(|i| !i.stored.rescaled).count();
         if unscaled > 0 {
             self.warnings.push(format!(
-                "{unscaled} of {} slices give no RescaleSlope and RescaleIntercept; their values are taken as HU",
+                "{unscaled} of {} slices give no RescaleSlope (1 is taken) or no RescaleIntercept (0 is taken)",
                 self.images.len()
             ));
         }
