@@ -177,7 +177,8 @@ impl TetMesh {
                 faces.push((sorted([a, b, c]), (a > b) ^ (b > c) ^ (a > c), t));
             }
         }
-        let faces = sorted_by_point(&faces, self.vertices.len(), |face| face.0[0]);
+        // In place: there may be a hundred million of them.
+        faces.sort_unstable();
         faces.chunk_by(|a, b| a.0 == b.0).try_for_each(|around| self.check_face(around))
     }
 
@@ -234,7 +235,8 @@ impl TetMesh {
                 }
             }
         }
-        let faces = sorted_by_point(&faces, self.vertices.len(), |face| face.0[0]);
+        // In place: there may be a hundred million of them.
+        faces.sort_unstable();
         faces.chunk_by(|a, b| a.0 == b.0).filter(|c| c.len() == 1).map(|c| c[0].1).collect()
     }
 
