@@ -177,13 +177,17 @@ mod tests {
     #[test]
     fn a_value_out_of_range_is_named_with_its_region_and_its_range() {
         for (given, told) in [
-            ("[brain.insertion]\ncut_force_mn = -3", "brain.insertion.cut_force_mn is -3, wanted 0 or more"),
+            (
+                "[brain.insertion]\ncut_force_mn = -3",
+                "brain.insertion.cut_force_mn is -3, wanted 0 or more (up to 1e9)",
+            ),
             (
                 "[brain.insertion]\nstatic_friction_mn_per_mm = 0.5",
                 "brain.insertion.dynamic_friction_mn_per_mm is 1.04, wanted at most static_friction_mn_per_mm, which is 0.5",
             ),
             ("[ventricles]\npoisson = 0.5", "ventricles.poisson is 0.5, wanted 0 to below 0.4999"),
-            ("[brain.membrane]\nyoung_kpa = -1", "brain.membrane.young_kpa is -1, wanted more than 0"),
+            ("[brain.membrane]\nyoung_kpa = -1", "brain.membrane.young_kpa is -1, wanted more than 0 (1e-9 to 1e9)"),
+            ("[brain]\nyoung_kpa = 1e39", "wanted more than 0 (1e-9 to 1e9)"),
         ] {
             let said = format!("{:#}", said(given).expect_err("refused"));
             assert!(said.ends_with(told), "{said}");
