@@ -9,7 +9,8 @@ use monro_geometry::{Patient, Vector};
 impl Model {
     /// Force of the attachments on each vertex of the mesh, mN: what holds a fixed vertex against elasticity, gravity and
     /// the fluid, what a spring pulls with; zero at free vertices. `None` in paper mode, whose forces have no unit. The
-    /// energy is taken at the current positions, so the forces are those of a state at rest; viscous ones are left out.
+    /// energy is taken at the current positions, so the forces are those of a state at rest; viscous ones are left out, and so is what a
+    /// tool presses on held vertices themselves.
     pub fn reactions(&self, state: &State, settings: &FrameSettings) -> Option<Vec<Vector<Patient>>> {
         let elastic = self.elastic()?;
         let x: Vec<D3> = state.positions.iter().map(|&p| xyz(p).map(f64::from)).collect();

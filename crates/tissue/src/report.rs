@@ -25,7 +25,7 @@ pub struct StepReport {
     pub residual_mm: f64,
     /// Pressure of the fluid regions above that at rest, kPa (physical mode).
     pub csf_kpa: f64,
-    /// Volume of the fluid regions above that at rest, ml; 0 unless something is done to the fluid.
+    /// Volume of the fluid regions above that at rest, ml: fluid at rest gives way to a tool by a little.
     pub csf_change_ml: f64,
     /// Nodes the solver worked on in the last substep.
     pub active_nodes: usize,
@@ -63,6 +63,15 @@ pub enum Event {
         force_mn: f64,
         /// Depth of the dimple just before, mm.
         depth_mm: f64,
+    },
+    /// The tool was seen for the first time, or put from elsewhere, with its tip in the tissue: nothing was felt on its way.
+    Found {
+        /// Index of the tool.
+        tool: usize,
+        /// Label the tip is in.
+        label: u16,
+        /// The tip.
+        point: Point<Patient>,
     },
     /// The tip passed from one fluid to another: no membrane in between.
     Entered {

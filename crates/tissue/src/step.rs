@@ -266,7 +266,14 @@ impl Stepper {
         for (tool, motion) in tools.iter().enumerate() {
             let Some(rod) = pose(model, motion, share) else { continue };
             let memory = &mut state.tools[tool];
-            contact::settle(model, &state.positions, (tool, &rod), memory, &mut self.couplings, &mut self.events);
+            contact::settle(
+                model,
+                &state.positions,
+                (tool, &rod, dt as f32),
+                memory,
+                &mut self.couplings,
+                &mut self.events,
+            );
         }
         state.time_s += dt;
         done(Stage::Deformation);

@@ -36,7 +36,8 @@ pub struct ToolPose {
 /// A tool and its motion during one frame. The position of a tool in the list is its identity from frame to frame.
 ///
 /// A tool whose tip or tail goes further in a frame than 32 of its radii has not moved there, it has been put there: it lets
-/// go of the tissue and starts anew from its last pose, however much tissue lies on its way.
+/// go of the tissue and starts anew from its last pose, however much tissue lies on its way. Where its tip is then deeper in
+/// the tissue than the membrane dimples it is inside, as is a tool that is seen there for the first time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ToolMotion {
     /// The tool.

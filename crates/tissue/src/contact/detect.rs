@@ -18,6 +18,8 @@ const PENALTY: f32 = 100.0;
 pub(crate) struct Found {
     stack: Vec<u32>,
     tets: Vec<u32>,
+    /// Whether the tool is behind each face that it touches.
+    behind: Vec<bool>,
 }
 
 /// A place in the mesh.
@@ -51,19 +53,40 @@ pub(crate) fn membranes(
     let to = if side == Side::Outside { rod.at(rod.length) } else { from };
     let reach = 1.5 * rod.radius;
     collect(model, (spheres, state), from, to, reach, found);
+    let first = out.len();
+    found.behind.clear();
     for &t in &found.tets {
         // A wall has two elements: it is taken from the inner one only.
         for face in model.membranes.before(t) {
-            if let Some(inward) = faces_tool(face, side) {
-                out.extend(touch(model, state, rod, face, inward, (from, to, side), tool));
+            let Some(inward) = faces_tool(face, side) else { continue };
+            if let Some((coupling, behind)) = touch(model, state, rod, face, inward, (from, to, side), tool) {
+                out.push(coupling);
+                found.behind.push(behind);
             }
+        }
+    }
+    drop_rims(first, &mut found.behind, out);
+}
+
+/// Drops faces that a tool is `behind`, but no further than beside their border, where it is before the face across that: it
+/// has not gone through a face that is the rim of a dimple. Of couplings from number `first` on.
+fn drop_rims(first: usize, behind: &mut Vec<bool>, out: &mut Vec<Coupling>) {
+    let holds = |front: &Coupling, rim: &Coupling| {
+        let border = rim.nodes.iter().zip(&rim.weights).filter(|n| *n.1 > 0.0);
+        border.into_iter().all(|(n, _)| front.nodes.contains(n))
+    };
+    for k in (0..behind.len()).rev() {
+        let before = |f: usize| !behind[f] && holds(&out[first + f], &out[first + k]);
+        if behind[k] && (0..behind.len()).any(before) {
+            out.remove(first + k);
+            behind.remove(k);
         }
     }
 }
 
 fn collect(model: &Model, (spheres, state): (&Spheres, &State), from: V3, to: V3, reach: f32, found: &mut Found) {
     found.tets.clear();
-    let Found { stack, tets } = found;
+    let Found { stack, tets, .. } = found;
     model.tree.near_segment((spheres, &state.positions), from, to, reach, stack, |t| tets.push(t));
 }
 
@@ -81,6 +104,7 @@ fn faces_tool(face: &Membrane, side: Side) -> Option<f32> {
     }
 }
 
+/// The coupling of a face that the tool touches, and whether the tool is behind it.
 fn touch(
     model: &Model,
     state: &State,
@@ -89,7 +113,7 @@ fn touch(
     inward: f32,
     (from, to, side): (V3, V3, Side),
     tool: u32,
-) -> Option<Coupling> {
+) -> Option<(Coupling, bool)> {
     let tri = face.nodes.map(|v| xyz(state.positions[v as usize]));
     let area = cross(sub(tri[1], tri[0]), sub(tri[2], tri[0]));
     let push = scale(unit(area)?, inward);
@@ -103,14 +127,28 @@ fn touch(
     if side != Side::Outside && dot(push, rod.back) > 0.0 {
         return None;
     }
+    let behind = dot(push, sub(tri[0], centre)) < 0.0 && near.distance2 > 0.0;
+    let plane = (normal, dot(normal, centre) + radius);
+    Some((push_on(model, rod, face, (inward, norm(area)), plane, (near, tip, tool)), behind))
+}
+
+/// The coupling that keeps the point `near` of a face of the given area beyond the plane `normal . x = bound`.
+fn push_on(
+    model: &Model,
+    rod: &Rod,
+    face: &Membrane,
+    (inward, area): (f32, f32),
+    (normal, bound): (V3, f32),
+    (near, tip, tool): (Closest, bool, u32),
+) -> Coupling {
     let beyond = if inward > 0.0 { face.outer } else { face.inner };
     let modulus = model.regions[face.inner as usize].material.young_kpa as f32;
-    Some(Coupling {
+    Coupling {
         nodes: [face.nodes[0], face.nodes[1], face.nodes[2], face.nodes[0]],
         weights: [near.weights[0], near.weights[1], near.weights[2], 0.0],
-        rule: Rule::Push { normal, bound: dot(normal, centre) + radius },
+        rule: Rule::Push { normal, bound },
         stiffness: if model.forces_are_physical() {
-            PENALTY * modulus * rod.radius.max(norm(area).sqrt())
+            PENALTY * modulus * rod.radius.max(area.sqrt())
         } else {
             // Constraints without a modulus give way to nothing softer than a constraint.
             f32::INFINITY
@@ -119,7 +157,43 @@ fn touch(
         source: u32::from(beyond),
         tip,
         force: [0.0; 3],
-    })
+    }
+}
+
+/// How far behind the tip a wall is looked for that it touches no longer, in radii: in a step it goes half of one.
+const LOST: f32 = 4.0;
+
+/// The coupling of the membrane on that side which the axis crosses behind the tip, the first on its way; `None` when it
+/// crosses none. It keeps the wall in front of a tip that slid off the elements it pressed on, where they fold around it.
+pub(crate) fn crossed(
+    model: &Model,
+    state: &State,
+    spheres: &Spheres,
+    rod: &Rod,
+    side: Side,
+    tool: u32,
+    found: &mut Found,
+) -> Option<Coupling> {
+    let reach = (LOST * rod.radius).min(rod.length);
+    let (tip, behind) = (rod.tip, rod.at(reach));
+    collect(model, (spheres, state), tip, behind, 0.0, found);
+    let mut first: Option<(f32, Coupling)> = None;
+    for &t in &found.tets {
+        for face in model.membranes.before(t) {
+            let Some(inward) = faces_tool(face, side) else { continue };
+            let tri = face.nodes.map(|v| xyz(state.positions[v as usize]));
+            let area = cross(sub(tri[1], tri[0]), sub(tri[2], tri[0]));
+            let near = segment_triangle(tip, behind, tri);
+            // Only where it went out of this side.
+            let out = near.distance2 == 0.0 && inward * dot(area, rod.back) < 0.0;
+            if out && first.as_ref().is_none_or(|f| near.t > f.0) {
+                let forward = scale(rod.back, -1.0);
+                let plane = (forward, dot(forward, tip));
+                first = Some((near.t, push_on(model, rod, face, (inward, norm(area)), plane, (near, true, tool))));
+            }
+        }
+    }
+    first.map(|f| f.1)
 }
 
 /// Direction in which the tool pushes the nearest point of a face: away from its axis, or along the face's normal when
@@ -174,6 +248,8 @@ mod tests {
     use crate::Model;
     use crate::model::tests::{block, paper_options};
     use crate::vec3::axpy;
+    use crate::{TipShape, Tool, ToolMotion, ToolPose};
+    use monro_geometry::Point;
 
     #[test]
     fn a_point_is_found_with_its_weights_and_one_outside_is_not() {
@@ -190,5 +266,33 @@ mod tests {
             assert!((0..3).all(|a| (back[a] - x[a]).abs() < 1e-5));
         }
         assert!(locate(&model, &state, &spheres, [6.1, 0.0, 0.0], &mut found).is_none());
+    }
+
+    /// Beside its edge a tip was pushed on by it as though it had gone through: newtons, for a frame.
+    #[test]
+    fn the_rim_of_a_dimple_does_not_push_on_the_tip_in_it() {
+        // A wall in the middle, at a height of 0.
+        let mut mesh = block([4, 4, 4], 1.5);
+        for (tet, label) in mesh.tets.iter().zip(&mut mesh.labels) {
+            *label = if tet.iter().any(|&v| mesh.vertices[v as usize].z < 3.0) { 5 } else { 4 };
+        }
+        let model = Model::new(&mesh, &paper_options()).expect("model");
+        let above = model.regions.iter().position(|r| r.label == 4).expect("brain") as u8;
+        let mut state = model.rest_state();
+        let middle = |p: &[f32; 4]| p[2].abs() < 0.1 && p[0].hypot(p[1]) < 0.1;
+        let low = model.rest.iter().position(middle).expect("a vertex in the middle of the wall");
+        state.positions[low][2] -= 2.9;
+        let mut spheres = Spheres::default();
+        model.tree.follow(&mut spheres, &state.positions, &crate::fast::Pool::new(1));
+        let pose = |z: f64| ToolPose { tip: Point::new(0.5, 0.1, z), tail: Point::new(0.5, 0.1, z + 50.0) };
+        let at = pose(-2.5);
+        let tool = Tool { tip: TipShape::Round, radius_mm: 1.5 };
+        let rod = Rod::between(&ToolMotion { tool, from: at, to: at }, Point::new(0.0, 0.0, 0.0), 1.0).expect("a rod");
+        let (mut found, mut out) = (Found::default(), Vec::new());
+        membranes(&model, &state, &spheres, &rod, Side::Within(above), 0, &mut found, &mut out);
+        let flat = |c: &Coupling| c.nodes.iter().all(|&n| state.positions[n as usize][2].abs() < 0.1);
+        let down = |c: &Coupling| matches!(c.rule, Rule::Push { normal, .. } if normal[2] < -0.9);
+        assert!(out.iter().any(|c| !flat(c)), "{out:?}");
+        assert!(!out.iter().any(|c| flat(c) && down(c)), "{out:?}");
     }
 }

@@ -8,6 +8,7 @@ pub(crate) mod closest;
 mod coupling;
 mod detect;
 mod insertion;
+mod shaft;
 
 pub(crate) use coupling::{Coupling, Rule, project};
 pub(crate) use detect::Found;
@@ -33,6 +34,8 @@ pub(crate) struct Anchor {
     pub(crate) aside: V3,
     /// Share of the piece of shaft that holds it.
     pub(crate) share: f32,
+    /// Length of shaft that it answers for, mm.
+    pub(crate) length: f32,
 }
 
 /// Which way along its own axis a tool goes.
@@ -55,6 +58,11 @@ pub(crate) struct Heading {
 }
 
 impl Heading {
+    /// Whether the tool has not been seen yet.
+    pub(crate) fn is_new(&self) -> bool {
+        self.furthest.is_none()
+    }
+
     /// Follows the tip of `rod`, which goes by `way` in this frame.
     pub(crate) fn follow(&mut self, rod: &Rod, way: V3) {
         let Some(furthest) = self.furthest else {

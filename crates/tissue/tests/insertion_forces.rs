@@ -1,0 +1,150 @@
+//! What a catheter feels on its way: as much at any speed, as much after a rest, and nothing that the tissue does not bear.
+
+mod common;
+
+use common::{block, nodes, options, physical, rod};
+use monro_geometry::{Patient, Point, Vector};
+use monro_tissue::{
+    Event, FrameSettings, Insertion, Material, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose,
+};
+use std::ops::Range;
+
+/// Of the cube, mm.
+const EDGE: f64 = 48.0;
+/// Radius of the horn, mm.
+const HORN: f64 = 7.0;
+
+/// A cube of brain held at its sides and bottom, in so many cells along each edge and skewed by that share of them, with a
+/// horn of a ventricle along y at a height of `horn` mm; none below zero.
+fn cube((cells, skew): (usize, f64), horn: f64, brain: Insertion, ventricle: Insertion) -> Model {
+    let size = EDGE / cells as f64;
+    let mut mesh = block([cells; 3], size, |c| {
+        let [x, z] = [c[0], c[2]].map(|c| (c as f64 + 0.5) * size);
+        if (x - 0.5 * EDGE).hypot(z - horn) < HORN { 5 } else { 4 }
+    });
+    let is_end = |v: f64| v < 1e-9 || v > EDGE - 1e-9;
+    for (i, p) in mesh.vertices.iter_mut().enumerate().filter(|(_, p)| ![p.x, p.y, p.z].into_iter().any(is_end)) {
+        let by = [12.9, 78.2, 37.7].map(|w: f64| skew * size * (w * i as f64).sin());
+        *p += Vector::from_array(by);
+    }
+    let fixed = nodes(&mesh, |p: Point<Patient>| is_end(p.x) || is_end(p.y) || p.z == 0.0);
+    let mut options = options(physical(), &fixed);
+    options.materials.insert(4, Material { insertion: brain, ..Material::BRAIN });
+    options.materials.insert(5, Material { insertion: ventricle, ..Material::VENTRICLE });
+    if horn < 0.0 {
+        options.materials.remove(&5);
+    }
+    Model::new(&mesh, &options).expect("model")
+}
+
+/// Moves a catheter down at `place` from one height of its tip to another in so many frames.
+fn go(model: &Model, state: &mut State, place: [f64; 2], heights: Range<f64>, frames: i32) -> Vec<StepReport> {
+    let mut stepper = Stepper::new(model);
+    let at = |f: i32| {
+        let t = f64::from(f) / f64::from(frames);
+        [place[0], place[1], heights.start + t * (heights.end - heights.start)]
+    };
+    let step = |f| stepper.step(model, state, &[rod(at(f), at(f + 1))], &FrameSettings::default());
+    (0..frames).map(step).collect()
+}
+
+fn axial(report: &StepReport) -> f64 {
+    report.tools[0].axial_force_mn
+}
+
+/// Rubs, and does nothing else.
+const RUBS: Insertion = Insertion {
+    puncture_force_mn: 1.0,
+    puncture_depth_mm: 0.1,
+    cut_force_mn: 0.0,
+    static_friction_mn_per_mm: 1.0,
+    dynamic_friction_mn_per_mm: 1.0,
+};
+
+#[test]
+fn friction_of_a_millimetre_was_that_of_four_thirds_where_a_catheter_went_slowly() {
+    let model = cube((8, 0.0), -HORN, RUBS, Insertion::VENTRICLE);
+    for mm_s in [2.0, 10.0, 40.0, 150.0] {
+        let mut state = model.rest_state();
+        let (from, to) = (EDGE + 1.0, EDGE - 36.0);
+        let reports = go(&model, &mut state, [23.3, 24.7], from..to, ((from - to) / mm_s * 60.0) as i32);
+        let felt: Vec<_> = reports.iter().map(|r| (r.tools[0].inserted_mm, axial(r))).filter(|f| f.0 > 24.0).collect();
+        let mean = felt.iter().map(|f| f.1 / f.0).sum::<f64>() / felt.len() as f64;
+        println!("{mm_s} mm/s: {mean} mN per mm, {} frames", felt.len());
+        assert!((mean - 1.0).abs() < 0.06, "{mm_s} mm/s: {mean} mN per mm");
+    }
+}
+
+#[test]
+fn a_catheter_that_rested_slid_on_without_breaking_away() {
+    let insertion = Insertion { static_friction_mn_per_mm: 2.0, ..RUBS };
+    let model = cube((8, 0.0), -HORN, insertion, Insertion::VENTRICLE);
+    let mut state = model.rest_state();
+    let place = [23.3, 24.7];
+    go(&model, &mut state, place, EDGE + 1.0..20.0, 180);
+    let slid = go(&model, &mut state, place, 20.0..18.0, 60);
+    let rested = go(&model, &mut state, place, 18.0..18.0, 60);
+    let on = go(&model, &mut state, place, 18.0..13.0, 150);
+    let most = on.iter().map(axial).fold(0.0, f64::max);
+    let (before, still, after) = (axial(&slid[59]), axial(&rested[59]), axial(&on[149]));
+    println!("before {before}, at rest {still}, most {most}, after {after}");
+    assert!((still / before - 1.0).abs() < 0.15, "it is held as it stopped: {before} mN, then {still}");
+    assert!(most > 1.4 * before && most < 2.2 * before, "{before}, then {most} mN");
+    assert!((after / before - 1.0).abs() < 0.35, "{before} mN before, {after} after");
+}
+
+#[test]
+fn a_catheter_put_into_tissue_felt_twenty_newtons() {
+    let model = cube((8, 0.0), -HORN, Insertion::BRAIN, Insertion::VENTRICLE);
+    for first in [[23.3, 24.7, EDGE + 80.0], [23.3, 24.7, 20.0]] {
+        let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+        let deep = [23.3, 24.7, 20.0];
+        let mut report = stepper.step(&model, &mut state, &[rod(first, deep)], &FrameSettings::default());
+        assert!(report.events.iter().any(|e| matches!(e, Event::Found { tool: 0, label: 4, .. })), "{report:?}");
+        for _ in 0..20 {
+            assert!(report.tools[0].force_mn.norm() < 0.1 && report.max_displacement_mm < 1e-3, "{report:?}");
+            assert!(report.tools[0].label == Some(4) && report.tools[0].inserted_mm > 25.0, "{report:?}");
+            report = stepper.step(&model, &mut state, &[rod(deep, deep)], &FrameSettings::default());
+        }
+        // From there it goes on as any other.
+        let on = go(&model, &mut state, [23.3, 24.7], 20.0..15.0, 30);
+        assert!(axial(&on[29]) > Insertion::BRAIN.cut_force_mn, "{:?}", on[29]);
+    }
+}
+
+/// Bears whatever comes.
+const FIRM: Insertion = Insertion { puncture_force_mn: 1e6, puncture_depth_mm: 40.0, ..Insertion::VENTRICLE };
+
+/// Reports of a catheter that comes askew upon the wall of a ventricle in elements of many shapes, from 4 mm before it to
+/// `deep` mm behind its place at rest.
+fn press_on_wall(cells: usize, tilt: f64, deep: f64) -> Vec<StepReport> {
+    let brain = Insertion { puncture_force_mn: 1.0, cut_force_mn: 1.0, ..RUBS };
+    let model = cube((cells, 0.2), 24.0 - HORN, brain, FIRM);
+    let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
+    let back = Vector::new(tilt, 0.6 * tilt, 1.0).normalized().expect("a direction");
+    let pose = |f: i32| {
+        let tip = Point::new(23.3, 24.7, 24.0) + back * (30.0 - f64::from(f) / 6.0);
+        ToolPose { tip, tail: tip + back * 120.0 }
+    };
+    let tool = Tool { tip: TipShape::Round, radius_mm: 1.5 };
+    let mut step = |f| {
+        let motion = ToolMotion { tool, from: pose(f), to: pose(f + 1) };
+        stepper.step(&model, &mut state, &[motion], &FrameSettings::default())
+    };
+    let reports: Vec<_> = (0..180 + (deep * 6.0) as i32).map(&mut step).collect();
+    reports[150..].to_vec()
+}
+
+#[test]
+fn a_wall_that_bears_much_was_passed_beside_the_tip() {
+    for (cells, least) in [(6, 300.0), (12, 150.0), (18, 100.0)] {
+        for tilt in [0.0, 0.2, 0.5, 0.8] {
+            let reports = press_on_wall(cells, tilt, 8.0);
+            let last = reports.last().expect("frames");
+            println!("{cells} cells at {tilt}: {} mN", axial(last));
+            assert!(axial(last) > least && last.tools[0].dimpling, "{cells} cells at {tilt}: {last:?}");
+            let mut events = reports.iter().flat_map(|r| &r.events);
+            assert!(!events.any(|e| matches!(e, Event::Punctured { .. })), "{cells} cells at {tilt}");
+        }
+    }
+}
