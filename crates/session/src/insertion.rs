@@ -94,8 +94,7 @@ impl Insertion {
             }
         }
         let length_mm = case.plan.length();
-        let (opening, _) =
-            tissue_model::opening(&case.tets, &case.plan).ok_or(SessionError::PathMisses { length_mm })?;
+        let (opening, _) = tissue_model::opening(&case.tets, &case.plan)?;
         let model = Model::new(&case.tets, &tissue_model::options(&case.tets, opening, &settings.model))?;
         let moving = (length_mm / settings.speed_mm_s / settings.frame.dt_s).ceil();
         let resting = (settings.hold_s / settings.frame.dt_s).ceil();

@@ -42,6 +42,14 @@ pub enum SessionError {
         /// Volume of all ventricles.
         holds_ml: f64,
     },
+    /// The path begins in the tissue, so there is no place where it goes in.
+    #[error(
+        "the planned entry lies in the brain, {deep_mm:.1} mm along the path under its surface; move it out, best to the skin"
+    )]
+    EntryInside {
+        /// From the surface along the path to the entry, mm.
+        deep_mm: f64,
+    },
     /// The path never meets the tissue.
     #[error("the planned path of {length_mm:.1} mm does not meet the brain; is the plan of this patient?")]
     PathMisses {

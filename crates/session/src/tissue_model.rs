@@ -1,5 +1,6 @@
 //! What a case's regions are made of, and where the brain is held.
 
+use crate::SessionError;
 use monro_geometry::{Bvh, Patient, Point, Structure, TetMesh, TriangleMesh};
 use monro_guidance::Plan;
 use monro_tissue::{Attachment, AttachmentKind, CollisionResponse, Material, Mode, ModelOptions, ThinMembrane};
@@ -59,17 +60,63 @@ pub(crate) fn options(tets: &TetMesh, opening: Point<Patient>, settings: &ModelS
     }
 }
 
+/// Holds the surface outside of the burr hole. Where elements are so large that no vertex lies in it, the nearest is free all
+/// the same: held all over, pia cannot dimple, and is punctured as soon as it is touched.
 fn attachments(tets: &TetMesh, opening: Point<Patient>) -> Vec<Attachment> {
     let mut nodes: Vec<u32> = tets.boundary(|_| true).into_iter().flatten().collect();
     nodes.sort_unstable();
     nodes.dedup();
-    nodes.retain(|&n| tets.vertices[n as usize].distance(opening) > BURR_HOLE_RADIUS_MM);
+    let away = |n: u32| tets.vertices[n as usize].distance(opening);
+    let nearest = nodes.iter().map(|&n| away(n)).fold(f64::INFINITY, f64::min);
+    nodes.retain(|&n| away(n) > nearest.max(BURR_HOLE_RADIUS_MM));
     nodes.into_iter().map(|node| Attachment { node, kind: AttachmentKind::Fixed }).collect()
 }
 
 /// Where the path first meets the surface of the simulated tissue, and how deep that is under the entry, mm.
-pub(crate) fn opening(tets: &TetMesh, plan: &Plan) -> Option<(Point<Patient>, f64)> {
+///
+/// # Errors
+/// A path that begins in the tissue, or never meets it.
+pub(crate) fn opening(tets: &TetMesh, plan: &Plan) -> Result<(Point<Patient>, f64), SessionError> {
     let surface: TriangleMesh = tets.surface(|_| true);
-    let hit = Bvh::new(&surface).ray_all(plan.entry(), plan.direction()).into_iter().find(|h| h.entering)?;
-    (hit.t < plan.length()).then(|| (plan.at_depth(hit.t), hit.t))
+    let tree = Bvh::new(&surface);
+    let hits = tree.ray_all(plan.entry(), plan.direction());
+    if hits.first().is_some_and(|h| !h.entering) {
+        let back = tree.ray_all(plan.entry(), -plan.direction());
+        return Err(SessionError::EntryInside { deep_mm: back.first().map_or(0.0, |h| h.t) });
+    }
+    let hit = hits.into_iter().find(|h| h.entering && h.t < plan.length());
+    hit.map(|h| (plan.at_depth(h.t), h.t)).ok_or(SessionError::PathMisses { length_mm: plan.length() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::live::deformation::tests::{case, tets};
+    use monro_guidance::Side;
+
+    #[test]
+    fn a_burr_hole_between_the_vertices_of_a_coarse_mesh_had_none_that_was_free() {
+        let tets = tets();
+        let held = |opening| attachments(&tets, opening).len();
+        let mut surface: Vec<u32> = tets.boundary(|_| true).into_iter().flatten().collect();
+        surface.sort_unstable();
+        surface.dedup();
+        // In the middle of four vertices 10 mm apart; on one of them.
+        for (opening, free) in [(Point::new(35.0, 35.0, 60.0), 4), (Point::new(30.0, 30.0, 60.0), 1)] {
+            assert_eq!(surface.len() - held(opening), free, "{opening:?}");
+        }
+    }
+
+    #[test]
+    fn an_entry_in_the_brain_was_said_not_to_meet_it() {
+        let case = case();
+        let from = |z: f64| {
+            let plan = Plan::new(Side::Right, Point::new(31.0, 29.0, z), case.plan.target()).expect("plan");
+            opening(&case.tets, &plan)
+        };
+        assert!(from(80.0).is_ok_and(|(_, deep)| (deep - 20.0).abs() < 1e-9));
+        let inside = from(55.0).expect_err("inside");
+        assert!(matches!(inside, SessionError::EntryInside { deep_mm } if (deep_mm - 5.0).abs() < 1e-9), "{inside}");
+        assert!(inside.to_string().contains("5.0 mm"), "{inside}");
+    }
 }

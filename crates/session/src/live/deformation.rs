@@ -82,9 +82,7 @@ impl Deformation {
     /// # Errors
     /// A mesh that cannot be simulated, a path beside the brain.
     pub fn new(case: &Case, settings: &ModelSettings, frame: FrameSettings) -> Result<Self, SessionError> {
-        let length_mm = case.plan.length();
-        let (opening, _) =
-            tissue_model::opening(&case.tets, &case.plan).ok_or(SessionError::PathMisses { length_mm })?;
+        let (opening, _) = tissue_model::opening(&case.tets, &case.plan)?;
         let model = Model::new(&case.tets, &tissue_model::options(&case.tets, opening, settings))?;
         let state = model.rest_state();
         Ok(Self {
@@ -186,7 +184,7 @@ pub(crate) mod tests {
     const SIZE_MM: f64 = 10.0;
 
     /// A cube of brain with a ventricle in its middle, each cell cut into six around its diagonal.
-    fn tets() -> TetMesh {
+    pub(crate) fn tets() -> TetMesh {
         const PATHS: [[usize; 3]; 6] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]];
         let n = CELLS + 1;
         let mut mesh = TetMesh::default();

@@ -11,7 +11,7 @@
 //! What may be shown follows from two independent things: the [`Phase`] of the procedure and the [`Signal`] of the
 //! tracker. Guidance numbers exist only while navigating, and not when the signal is lost.
 
-mod deformation;
+pub(crate) mod deformation;
 pub mod log;
 mod phase;
 mod playback;
