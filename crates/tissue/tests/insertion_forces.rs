@@ -22,7 +22,7 @@ fn cube((cells, skew): (usize, f64), horn: f64, brain: Insertion, ventricle: Ins
         let [x, z] = [c[0], c[2]].map(|c| (c as f64 + 0.5) * size);
         if (x - 0.5 * EDGE).hypot(z - horn) < HORN { 5 } else { 4 }
     });
-    let is_end = |v: f64| v < 1e-9 || v > EDGE - 1e-9;
+    let is_end = |v: f64| [0.0, EDGE].contains(&v);
     for (i, p) in mesh.vertices.iter_mut().enumerate().filter(|(_, p)| ![p.x, p.y, p.z].into_iter().any(is_end)) {
         let by = [12.9, 78.2, 37.7].map(|w: f64| skew * size * (w * i as f64).sin());
         *p += Vector::from_array(by);
