@@ -242,12 +242,8 @@ fn nasion_and_target_stay_where_they_are_when_the_vertex_is_missing() {
 
 /// The same voxels under a header that has some axes the wrong way round.
 fn under<T: Copy>(volume: &Volume<T>, signs: [f64; 3]) -> Volume<T> {
-    let placed = volume.grid().patient_from_voxel();
-    let turned = |v: [f64; 3]| Vector::from_array(core::array::from_fn(|a| v[a] * signs[a]));
-    let [a, b, c] = [0, 1, 2].map(|i| turned(placed.linear.column(i)));
-    let offset = turned(placed.offset).to_array();
-    let grid = Grid::new(volume.grid().dims(), Affine::new(Matrix3::from_columns::<Patient>(a, b, c), offset));
-    Volume::new(grid.expect("grid"), volume.data().to_vec()).expect("count")
+    let axis = |a: usize| Vector::from_array(core::array::from_fn(|b| if a == b { signs[a] } else { 0.0 }));
+    mixed_up(volume, [0, 1, 2].map(axis))
 }
 
 #[test]
@@ -265,6 +261,36 @@ fn a_head_that_faces_backwards_or_stands_on_its_vertex_is_refused() {
                 }
                 other => panic!("seed {seed}, {wanted}: {:?}", other.map(|s| s.findings)),
             }
+        }
+    }
+}
+
+/// A head under a header that has its axes mixed up by quarter turns: each axis of the patient lies along one of the scan.
+fn mixed_up<T: Copy>(volume: &Volume<T>, along: [Vector<Patient>; 3]) -> Volume<T> {
+    let placed = volume.grid().patient_from_voxel();
+    let turned = |v: [f64; 3]| along[0] * v[0] + along[1] * v[1] + along[2] * v[2];
+    let [a, b, c] = [0, 1, 2].map(|i| turned(placed.linear.column(i)));
+    let offset = turned(placed.offset).to_array();
+    let grid = Grid::new(volume.grid().dims(), Affine::new(Matrix3::from_columns::<Patient>(a, b, c), offset));
+    Volume::new(grid.expect("grid"), volume.data().to_vec()).expect("count")
+}
+
+#[test]
+fn a_head_turned_by_a_quarter_in_its_header_became_a_case_with_ventricles_anywhere() {
+    let [left, back, up] = [Vector::new(1.0, 0.0, 0.0), Vector::new(0.0, 1.0, 0.0), Vector::new(0.0, 0.0, 1.0)];
+    let phantom = made(&upright(4));
+    for (along, wanted) in [
+        ([left, up, -back], "with its face to the bottom and its top to the front"),
+        ([left, -up, back], "with its face to the top and its top to the back"),
+        ([up, back, -left], "with its face to the front and its top to the right"),
+        ([back, -left, up], "with its face to the left and its top to the top"),
+        ([back, up, left], "with its face to the bottom and its top to the left"),
+    ] {
+        match segment(&mixed_up(&phantom.ct, along)) {
+            Err(SegmentError::Turned { way, score, as_told }) => {
+                assert_eq!(way, wanted, "{score} {as_told}");
+            }
+            other => panic!("{wanted}: {:?}", other.map(|s| s.findings)),
         }
     }
 }

@@ -67,7 +67,7 @@ pub enum SegmentError {
     )]
     Turned {
         /// How it lies.
-        way: &'static str,
+        way: String,
         /// Fit of the ventricles so, 1 is perfect.
         score: f64,
         /// Their fit as the header says.

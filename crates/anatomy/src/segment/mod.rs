@@ -24,6 +24,7 @@ pub(crate) mod model;
 mod noise;
 mod paint;
 mod part;
+mod quarter;
 mod regrid;
 mod remarks;
 mod samples;

@@ -87,21 +87,29 @@ pub(crate) struct Pose {
 impl Axes {
     /// From the depth (mm) below the inner skull and the midplane.
     pub(crate) fn new(depth: &Raster<f32>, lattice: Lattice, plane: &Plane<Patient>) -> Option<Self> {
+        Self::lying(depth, lattice, plane, (plane.normal, Vector::new(0.0, 1.0, 0.0)))
+    }
+
+    /// The same for a head whose left is there, across the midplane, and whose back is about there.
+    pub(crate) fn lying(
+        depth: &Raster<f32>,
+        lattice: Lattice,
+        plane: &Plane<Patient>,
+        (left, back): (Vector<Patient>, Vector<Patient>),
+    ) -> Option<Self> {
         let soft = gaussian(depth, 3.0 / lattice.step);
         let deepest = (0..soft.data.len()).fold(0, |best, n| if soft.data[n] > soft.data[best] { n } else { best });
         let centre = plane.project(lattice.point(soft.voxel(deepest).map(|c| c as f64)));
-        let left = plane.normal;
-        let y = Vector::new(0.0, 1.0, 0.0);
-        let back = (y - left * y.dot(left)).normalized()?;
+        let back = (back - left * back.dot(left)).normalized()?;
         let size = f64::from(depth.data.iter().copied().fold(0.0, f32::max)) / TRUE_RADIUS;
         Some(Self { centre, left, back, up: left.cross(back), size: size.clamp(0.6, 1.3) })
     }
 }
 
 /// How the head lies when the model turned about fits, and how well it does.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct Turned {
-    pub(crate) way: &'static str,
+    pub(crate) way: String,
     pub(crate) score: f64,
 }
 
@@ -111,7 +119,7 @@ impl Pose {
         let of = |&(way, [left, back, up]): &(&'static str, [f64; 3])| {
             let a = self.axes;
             let axes = Axes { left: a.left * left, back: a.back * back, up: a.up * up, ..a };
-            Turned { way, score: fit(like, lattice, axes).score }
+            Turned { way: way.to_owned(), score: fit(like, lattice, axes).score }
         };
         TURNS.iter().map(of).max_by(|a, b| a.score.total_cmp(&b.score))
     }
@@ -184,7 +192,7 @@ pub(crate) fn best(like: &Raster<f32>, lattice: Lattice, axes: impl IntoIterator
 }
 
 /// Searches the pose: a grid over shift, pitch and width, then a pattern search.
-fn fit(like: &Raster<f32>, lattice: Lattice, axes: Axes) -> Pose {
+pub(crate) fn fit(like: &Raster<f32>, lattice: Lattice, axes: Axes) -> Pose {
     let at = |shift: [f64; 3], pitch: f64, width: f64| Pose { axes, shift, pitch, scale: axes.size, width, score: 0.0 };
     let steps = || (-4..=4).map(|n| f64::from(n) * 4.0);
     let starts: Vec<Pose> = (-5..=5)

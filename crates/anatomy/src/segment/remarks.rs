@@ -104,7 +104,7 @@ fn findings(evidence: &Evidence<'_>, across: [f64; 2], size: impl Fn(Structure) 
     if evidence.pose.score < 0.4 {
         let score = evidence.pose.score;
         out.push(format!(
-            "the ventricles fit the expected course poorly (score {score:.2} of 1): check that the head is not turned by a quarter, and left and right"
+            "the ventricles fit the expected course poorly (score {score:.2} of 1): check left and right, and how the head lies"
         ));
     }
     out
