@@ -1,5 +1,29 @@
 //! Sorting what belongs to the points of a mesh.
 
+/// Where the items of each point begin, and one end more; and all items point after point, those of one in their order.
+/// `items` come with the point that each belongs to, and are gone through twice.
+///
+/// # Panics
+/// When an item's point is not below `points`.
+pub(crate) fn by_point<T: Copy + Default>(
+    items: impl Iterator<Item = (u32, T)> + Clone,
+    points: usize,
+) -> (Vec<u32>, Vec<T>) {
+    let mut first = vec![0u32; points + 1];
+    items.clone().for_each(|(point, _)| first[point as usize + 1] += 1);
+    for p in 1..first.len() {
+        first[p] += first[p - 1];
+    }
+    let mut at = first.clone();
+    let mut out = vec![T::default(); first[points] as usize];
+    for (point, item) in items {
+        let slot = &mut at[point as usize];
+        out[*slot as usize] = item;
+        *slot += 1;
+    }
+    (first, out)
+}
+
 /// The items in order, if that is first of all the order of the `point` that each belongs to.
 ///
 /// Those of a point are put side by side by counting, and sorted there: a point of a mesh has few, so this takes time in
@@ -7,18 +31,12 @@
 ///
 /// # Panics
 /// When an item's point is not below `points`.
-pub(crate) fn sorted_by_point<T: Copy + Ord>(items: &[T], points: usize, point: impl Fn(&T) -> u32) -> Vec<T> {
-    let mut at = vec![0usize; points + 1];
-    items.iter().for_each(|i| at[point(i) as usize + 1] += 1);
-    for p in 1..at.len() {
-        at[p] += at[p - 1];
-    }
-    let mut out = items.to_vec();
-    for item in items {
-        let slot = &mut at[point(item) as usize];
-        out[*slot] = *item;
-        *slot += 1;
-    }
+pub(crate) fn sorted_by_point<T: Copy + Default + Ord>(
+    items: &[T],
+    points: usize,
+    point: impl Fn(&T) -> u32,
+) -> Vec<T> {
+    let (_, mut out) = by_point(items.iter().map(|i| (point(i), *i)), points);
     out.chunk_by_mut(|a, b| point(a) == point(b)).for_each(<[T]>::sort_unstable);
     out
 }

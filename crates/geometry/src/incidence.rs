@@ -1,5 +1,7 @@
 //! Which elements lie around which points.
 
+use crate::buckets::by_point;
+
 /// The elements (triangles, tetrahedra) around each point, in order, in one flat list.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Incidence {
@@ -14,20 +16,14 @@ impl Incidence {
     /// # Panics
     /// When an element has a corner that is not below `points`.
     pub fn new<const N: usize>(elements: &[[u32; N]], points: usize) -> Self {
-        let mut first = vec![0u32; points + 1];
-        elements.iter().flatten().for_each(|&v| first[v as usize + 1] += 1);
-        for i in 1..first.len() {
-            first[i] += first[i - 1];
-        }
-        let mut at = first.clone();
-        let mut list = vec![0; elements.len() * N];
-        for (e, element) in elements.iter().enumerate() {
-            for &v in element {
-                list[at[v as usize] as usize] = e as u32;
-                at[v as usize] += 1;
-            }
-        }
+        let corners = (0..).zip(elements).flat_map(|(e, element)| element.iter().map(move |&v| (v, e)));
+        let (first, list) = by_point(corners, points);
         Self { first, list }
+    }
+
+    /// Where the elements of each point begin in the list, and one end more; and the list.
+    pub fn into_lists(self) -> (Vec<u32>, Vec<u32>) {
+        (self.first, self.list)
     }
 
     /// Number of points.

@@ -1,5 +1,7 @@
 //! Which elements share which faces.
 
+use crate::buckets::by_point;
+
 /// No element behind a face.
 pub const NO_TET: u32 = u32::MAX;
 /// Corners of the face opposite to each corner.
@@ -14,7 +16,7 @@ const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]];
 /// # Panics
 /// When an element has a corner that is not below `points`.
 pub fn tet_neighbours(tets: &[[u32; 4]], points: usize) -> Vec<[u32; 4]> {
-    let (first, faces) = buckets(tets, points);
+    let (first, faces) = by_point((0..4 * tets.len() as u32).map(|f| (lowest_point(tets, f), f)), points);
     let mut behind = vec![[NO_TET; 4]; tets.len()];
     let mut keys: Vec<(u64, u32)> = Vec::new();
     for bucket in first.windows(2) {
@@ -30,26 +32,10 @@ pub fn tet_neighbours(tets: &[[u32; 4]], points: usize) -> Vec<[u32; 4]> {
     behind
 }
 
-/// Faces (`4 element + corner`) by their lowest point: where each point's begin, and the list.
-fn buckets(tets: &[[u32; 4]], points: usize) -> (Vec<u32>, Vec<u32>) {
-    let lowest = |t: &[u32; 4], i: usize| FACES[i].iter().map(|&k| t[k]).min().unwrap_or(0) as usize;
-    let mut first = vec![0u32; points + 1];
-    for t in tets {
-        (0..4).for_each(|i| first[lowest(t, i) + 1] += 1);
-    }
-    for i in 1..first.len() {
-        first[i] += first[i - 1];
-    }
-    let mut at = first.clone();
-    let mut faces = vec![0u32; tets.len() * 4];
-    for (e, t) in tets.iter().enumerate() {
-        for i in 0..4 {
-            let slot = &mut at[lowest(t, i)];
-            faces[*slot as usize] = (4 * e + i) as u32;
-            *slot += 1;
-        }
-    }
-    (first, faces)
+/// The lowest point of a face (`4 element + corner`).
+fn lowest_point(tets: &[[u32; 4]], face: u32) -> u32 {
+    let t = tets[face as usize / 4];
+    FACES[face as usize % 4].iter().map(|&k| t[k]).min().unwrap_or(0)
 }
 
 /// The two higher points of a face as one number.

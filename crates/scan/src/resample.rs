@@ -60,10 +60,25 @@ impl Stack {
         self.origins.windows(2).map(|w| (w[1] - w[0]).dot(n)).collect()
     }
 
-    /// Angle between the normal and the direction of stacking, degrees.
+    /// Angle between the normal and the direction in which most slices follow one another, degrees: of a single jump
+    /// sideways there is none.
     pub(crate) fn tilt_deg(&self) -> f64 {
-        let towards = self.origins.last().map_or(Vector::ZERO, |&last| last - self.origins[0]);
-        towards.angle(self.normal()).to_degrees()
+        self.shear().norm().atan().to_degrees()
+    }
+
+    /// How far a slice is shifted within its plane against the one before, for each mm between them; the median.
+    fn shear(&self) -> Vector<Patient> {
+        let n = self.normal();
+        let apart = self.origins.windows(2).map(|w| w[1] - w[0]).filter(|d| d.dot(n) > 0.0);
+        let shifts: Vec<[f64; 3]> = apart.map(|d| (d / d.dot(n) - n).to_array()).collect();
+        Vector::from_array(core::array::from_fn(|a| median(shifts.iter().map(|s| s[a]).collect())))
+    }
+
+    /// How far a slice is shifted at most against the one before beyond what the tilt makes of it, mm.
+    fn jump_mm(&self) -> f64 {
+        let (n, shear) = (self.normal(), self.shear());
+        let jump = |d: Vector<Patient>| (d - (n + shear) * d.dot(n)).norm();
+        self.origins.windows(2).map(|w| jump(w[1] - w[0])).fold(0.0, f64::max)
     }
 
     fn offsets(&self) -> Offsets {
@@ -97,6 +112,12 @@ impl Stack {
         let dims = [self.size[0], self.size[1], self.origins.len()];
         Ok(Grid::new(dims, Affine::new(linear, self.origins[0].to_array()))?)
     }
+}
+
+/// The middle one, 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Whether [`onto_even_grid`] would refuse, without the voxels.
@@ -183,8 +204,10 @@ impl Target {
         let [least, most] = [least, most].map(|step| format!("{step:.3}"));
         let steps = if least == most { least } else { format!("{least} to {most}") };
         let off = if tilt < 0.005 { String::new() } else { format!(" and stacked {tilt:.2} degrees off it") };
+        let jump = stack.jump_mm();
+        let jump = if jump <= TOLERANCE_MM { String::new() } else { format!(" and shifted by up to {jump:.2} mm") };
         format!(
-            "resampled: {n} slices with steps of {steps} mm along their normal{off}, onto an even rectangular grid of {x} x {y} x {z} voxels with a step of {:.3} mm (linear interpolation)",
+            "resampled: {n} slices with steps of {steps} mm along their normal{off}{jump}, onto an even rectangular grid of {x} x {y} x {z} voxels with a step of {:.3} mm (linear interpolation)",
             self.step
         )
     }
@@ -260,4 +283,47 @@ fn taps(target: usize, source: usize, shift: f64) -> Vec<Option<(usize, usize, f
 fn blend(p: f32, q: f32, t: f32) -> i16 {
     let value = if p.is_nan() || q.is_nan() { if t < 0.5 { p } else { q } } else { p * (1.0 - t) + q * t };
     if value.is_nan() { AIR } else { value.round() as i16 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Forty slices 2 mm apart along z, each shifted along y as told.
+    fn stack(shift: impl Fn(f64) -> f64) -> Stack {
+        let at = |k: u32| Point::new(0.0, shift(f64::from(k)), 2.0 * f64::from(k));
+        Stack {
+            size: [8, 8],
+            u: Vector::new(1.0, 0.0, 0.0),
+            v: Vector::new(0.0, 1.0, 0.0),
+            origins: (0..40).map(at).collect(),
+        }
+    }
+
+    fn told(stack: &Stack) -> String {
+        let target = Target::of(stack);
+        target.sentence(stack, &target.grid(stack).expect("a grid"))
+    }
+
+    /// A field of view that moves by 25 mm halfway up was told as a gantry tilt of 18 degrees.
+    #[test]
+    fn a_jump_of_the_field_of_view_is_no_gantry_tilt() {
+        let jumps = stack(|k| if k < 20.0 { 0.0 } else { 25.0 });
+        assert_eq!(jumps.tilt_deg(), 0.0);
+        assert!(told(&jumps).contains("along their normal and shifted by up to 25.00 mm, onto"), "{}", told(&jumps));
+    }
+
+    #[test]
+    fn a_tilt_is_told_with_a_jump_and_without() {
+        let slope = 18f64.to_radians().tan();
+        let tilted = stack(|k| 2.0 * k * slope);
+        assert!((tilted.tilt_deg() - 18.0).abs() < 1e-9 && tilted.jump_mm() < 1e-9);
+        let both = stack(|k| 2.0 * k * slope + if k < 7.0 { 0.0 } else { -3.0 });
+        assert!((both.tilt_deg() - 18.0).abs() < 1e-9 && (both.jump_mm() - 3.0).abs() < 1e-9);
+        assert!(
+            told(&both).contains("and stacked 18.00 degrees off it and shifted by up to 3.00 mm"),
+            "{}",
+            told(&both)
+        );
+    }
 }

@@ -74,7 +74,6 @@ mod cuts;
 mod error;
 mod fast;
 mod identity;
-mod incidence;
 mod marks;
 mod material;
 mod membrane;

@@ -1,8 +1,8 @@
 //! Volumes of all elements at once.
 
 use crate::fast::{Kernel, Lanes, Places, Pool, Row, View, WIDTH, cross, dot, widest};
-use crate::incidence::incident;
 use crate::{bytes, slabs};
+use monro_geometry::Incidence;
 
 /// Corners and volumes at rest of all elements, sixteen a row.
 #[derive(Debug, Clone, Default)]
@@ -166,7 +166,7 @@ pub(crate) fn regular_edge(volume: f64) -> f64 {
 
 /// Where the rows with an element around each vertex begin, and these rows in order.
 fn rows_around(tets: &[[u32; 4]], vertices: usize) -> (Vec<u32>, Vec<u32>) {
-    let (first, elements) = incident(tets, vertices);
+    let (first, elements) = Incidence::new(tets, vertices).into_lists();
     let (mut start, mut rows) = (vec![0], Vec::new());
     for own in first.windows(2) {
         let of_vertex = rows.len();

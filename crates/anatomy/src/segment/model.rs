@@ -87,22 +87,36 @@ pub(crate) struct Pose {
 impl Axes {
     /// From the depth (mm) below the inner skull and the midplane.
     pub(crate) fn new(depth: &Raster<f32>, lattice: Lattice, plane: &Plane<Patient>) -> Option<Self> {
-        Self::lying(depth, lattice, plane, (plane.normal, Vector::new(0.0, 1.0, 0.0)))
+        Self::lying(Vault::new(depth, lattice), plane, (plane.normal, Vector::new(0.0, 1.0, 0.0)))
     }
 
     /// The same for a head whose left is there, across the midplane, and whose back is about there.
     pub(crate) fn lying(
-        depth: &Raster<f32>,
-        lattice: Lattice,
+        vault: Vault,
         plane: &Plane<Patient>,
         (left, back): (Vector<Patient>, Vector<Patient>),
     ) -> Option<Self> {
+        let back = (back - left * back.dot(left)).normalized()?;
+        Some(Self { centre: plane.project(vault.deepest), left, back, up: left.cross(back), size: vault.size })
+    }
+}
+
+/// The room in the skull.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Vault {
+    /// About the point that is furthest from bone.
+    deepest: Point<Patient>,
+    /// Size relative to the model's.
+    size: f64,
+}
+
+impl Vault {
+    /// From the depth (mm) below the inner skull.
+    pub(crate) fn new(depth: &Raster<f32>, lattice: Lattice) -> Self {
         let soft = gaussian(depth, 3.0 / lattice.step);
         let deepest = (0..soft.data.len()).fold(0, |best, n| if soft.data[n] > soft.data[best] { n } else { best });
-        let centre = plane.project(lattice.point(soft.voxel(deepest).map(|c| c as f64)));
-        let back = (back - left * back.dot(left)).normalized()?;
         let size = f64::from(depth.data.iter().copied().fold(0.0, f32::max)) / TRUE_RADIUS;
-        Some(Self { centre, left, back, up: left.cross(back), size: size.clamp(0.6, 1.3) })
+        Self { deepest: lattice.point(soft.voxel(deepest).map(|c| c as f64)), size: size.clamp(0.6, 1.3) }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::lattice::Lattice;
 use super::midplane::midplane;
-use super::model::{Axes, Turned, fit};
+use super::model::{Axes, Turned, Vault, fit};
 use crate::image::{Mask, Raster};
 use monro_geometry::{Patient, Plane, Point, Vector};
 
@@ -53,9 +53,10 @@ pub(super) fn by_quarters(
         let plane = if axis == 0 { Some(*plane) } else { plane_across(axis, (hu, space), lattice) };
         plane.into_iter().flat_map(move |plane| Lie::beside(axis).map(move |lie| (plane, lie)))
     };
+    let vault = Vault::new(depth, lattice);
     let turned = |(plane, lie): (Plane<Patient>, Lie)| {
         let across = plane.normal * plane.normal.dot(unit(lie.left)).signum();
-        let axes = Axes::lying(depth, lattice, &plane, (across, unit(lie.back)))?;
+        let axes = Axes::lying(vault, &plane, (across, unit(lie.back)))?;
         Some(Turned { way: lie.words(), score: fit(like, lattice, axes).score })
     };
     (0..3).flat_map(beside).filter_map(turned).max_by(|a, b| a.score.total_cmp(&b.score))

@@ -55,14 +55,10 @@ pub(crate) fn membranes(
     collect(model, (spheres, state), from, to, reach, found);
     let first = out.len();
     found.behind.clear();
-    for &t in &found.tets {
-        // A wall has two elements: it is taken from the inner one only.
-        for face in model.membranes.before(t) {
-            let Some(inward) = faces_tool(face, side) else { continue };
-            if let Some((coupling, behind)) = touch(model, state, rod, face, inward, (from, to, side), tool) {
-                out.push(coupling);
-                found.behind.push(behind);
-            }
+    for wall in walls(model, state, &found.tets, side) {
+        if let Some((coupling, behind)) = touch(model, rod, &wall, (from, to, side), tool) {
+            out.push(coupling);
+            found.behind.push(behind);
         }
     }
     drop_rims(first, &mut found.behind, out);
@@ -90,6 +86,27 @@ fn collect(model: &Model, (spheres, state): (&Spheres, &State), from: V3, to: V3
     model.tree.near_segment((spheres, &state.positions), from, to, reach, stack, |t| tets.push(t));
 }
 
+/// A face of a membrane that has the tool on one of its sides.
+struct Wall<'a> {
+    face: &'a Membrane,
+    /// Sign that turns its normal away from the tool.
+    inward: f32,
+    corners: [V3; 3],
+    /// Normal, as long as twice its area.
+    area: V3,
+}
+
+/// The faces of the elements `tets` that a tool on that side can touch.
+fn walls<'a>(model: &'a Model, state: &'a State, tets: &'a [u32], side: Side) -> impl Iterator<Item = Wall<'a>> {
+    // A wall has two elements: it is taken from the inner one only.
+    tets.iter().flat_map(|&t| model.membranes.before(t)).filter_map(move |face| {
+        let inward = faces_tool(face, side)?;
+        let corners = face.nodes.map(|v| xyz(state.positions[v as usize]));
+        let area = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
+        Some(Wall { face, inward, corners, area })
+    })
+}
+
 /// Sign that turns the normal of a membrane away from the tool; `None` when the tool is not on one of its sides.
 fn faces_tool(face: &Membrane, side: Side) -> Option<f32> {
     match side {
@@ -107,37 +124,32 @@ fn faces_tool(face: &Membrane, side: Side) -> Option<f32> {
 /// The coupling of a face that the tool touches, and whether the tool is behind it.
 fn touch(
     model: &Model,
-    state: &State,
     rod: &Rod,
-    face: &Membrane,
-    inward: f32,
+    wall: &Wall<'_>,
     (from, to, side): (V3, V3, Side),
     tool: u32,
 ) -> Option<(Coupling, bool)> {
-    let tri = face.nodes.map(|v| xyz(state.positions[v as usize]));
-    let area = cross(sub(tri[1], tri[0]), sub(tri[2], tri[0]));
-    let push = scale(unit(area)?, inward);
-    let near = segment_triangle(from, to, tri);
+    let push = scale(unit(wall.area)?, wall.inward);
+    let near = segment_triangle(from, to, wall.corners);
     let arc = rod.start + near.t * (rod.length - rod.start) * f32::from(u8::from(side == Side::Outside));
     let radius = rod.radius_at(arc);
     let centre = rod.at(arc);
-    let normal = direction(near, centre, tri, push, (radius, 1e-3 * rod.radius))?;
+    let normal = direction(near, centre, wall.corners, push, (radius, 1e-3 * rod.radius))?;
     let tip = arc <= rod.tip_end();
     // A wall ahead of an advancing tip: not one that it has left behind.
     if side != Side::Outside && dot(push, rod.back) > 0.0 {
         return None;
     }
-    let behind = dot(push, sub(tri[0], centre)) < 0.0 && near.distance2 > 0.0;
+    let behind = dot(push, sub(wall.corners[0], centre)) < 0.0 && near.distance2 > 0.0;
     let plane = (normal, dot(normal, centre) + radius);
-    Some((push_on(model, rod, face, (inward, norm(area)), plane, (near, tip, tool)), behind))
+    Some((push_on(model, rod, wall, plane, (near, tip, tool)), behind))
 }
 
-/// The coupling that keeps the point `near` of a face of the given area beyond the plane `normal . x = bound`.
+/// The coupling that keeps the point `near` of a wall beyond the plane `normal . x = bound`.
 fn push_on(
     model: &Model,
     rod: &Rod,
-    face: &Membrane,
-    (inward, area): (f32, f32),
+    &Wall { face, inward, area, .. }: &Wall<'_>,
     (normal, bound): (V3, f32),
     (near, tip, tool): (Closest, bool, u32),
 ) -> Coupling {
@@ -148,7 +160,7 @@ fn push_on(
         weights: [near.weights[0], near.weights[1], near.weights[2], 0.0],
         rule: Rule::Push { normal, bound },
         stiffness: if model.forces_are_physical() {
-            PENALTY * modulus * rod.radius.max(area.sqrt())
+            PENALTY * modulus * rod.radius.max(norm(area).sqrt())
         } else {
             // Constraints without a modulus give way to nothing softer than a constraint.
             f32::INFINITY
@@ -177,23 +189,14 @@ pub(crate) fn crossed(
     let reach = (LOST * rod.radius).min(rod.length);
     let (tip, behind) = (rod.tip, rod.at(reach));
     collect(model, (spheres, state), tip, behind, 0.0, found);
-    let mut first: Option<(f32, Coupling)> = None;
-    for &t in &found.tets {
-        for face in model.membranes.before(t) {
-            let Some(inward) = faces_tool(face, side) else { continue };
-            let tri = face.nodes.map(|v| xyz(state.positions[v as usize]));
-            let area = cross(sub(tri[1], tri[0]), sub(tri[2], tri[0]));
-            let near = segment_triangle(tip, behind, tri);
-            // Only where it went out of this side.
-            let out = near.distance2 == 0.0 && inward * dot(area, rod.back) < 0.0;
-            if out && first.as_ref().is_none_or(|f| near.t > f.0) {
-                let forward = scale(rod.back, -1.0);
-                let plane = (forward, dot(forward, tip));
-                first = Some((near.t, push_on(model, rod, face, (inward, norm(area)), plane, (near, true, tool))));
-            }
-        }
-    }
-    first.map(|f| f.1)
+    let crossing = walls(model, state, &found.tets, side)
+        .map(|wall| (segment_triangle(tip, behind, wall.corners), wall))
+        // Only where it went out of this side.
+        .filter(|(near, wall)| near.distance2 == 0.0 && wall.inward * dot(wall.area, rod.back) < 0.0);
+    // The first on its way is the furthest from the tip; the earlier of two at one place.
+    let (near, wall) = crossing.reduce(|a, b| if b.0.t > a.0.t { b } else { a })?;
+    let forward = scale(rod.back, -1.0);
+    Some(push_on(model, rod, &wall, (forward, dot(forward, tip)), (near, true, tool)))
 }
 
 /// Direction in which the tool pushes the nearest point of a face: away from its axis, or along the face's normal when

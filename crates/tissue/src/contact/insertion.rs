@@ -52,9 +52,9 @@ pub(crate) fn prepare(
     if memory.ahead.is_some_and(|r| Some(r) != memory.inside) {
         let side = memory.inside.map_or(Side::Outside, Side::Within);
         let wall = detect::crossed(model, state, spheres, rod, side, tool as u32, found);
-        let resists = |c: &Coupling| memory.inside.is_none_or(|r| resists(model, r, c.source));
+        let is_wall = |c: &Coupling| memory.inside.is_none_or(|r| resists(model, r, c.source));
         let is_lost = |c: &Coupling| couplings[first..].iter().all(|other| other.nodes != c.nodes);
-        couplings.extend(wall.filter(|c| resists(c) && is_lost(c)));
+        couplings.extend(wall.filter(|c| is_wall(c) && is_lost(c)));
     }
     shaft::hold(model, rod, tool, advance, memory, couplings);
 }

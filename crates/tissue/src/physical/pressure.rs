@@ -4,10 +4,10 @@ use super::around::Element;
 use super::elastic::{ELEMENT_BULK, Elastic};
 use super::near::Near;
 use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, WIDTH, widest};
-use crate::incidence::incident;
 use crate::model::Region;
 use crate::volumes::Volumes;
 use crate::{bytes, identity, slabs};
+use monro_geometry::Incidence;
 
 /// Volumetric stiffness that the sweeps carry themselves, over the shear modulus; the rest is the pressure's.
 /// With over-relaxed sweeps more than with plain ones, where 2 was best.
@@ -120,7 +120,7 @@ impl Pressures {
             corners.iter().for_each(|&p| patch_penalty[p as usize] = moduli[r as usize][1]);
             corners.iter().for_each(|&p| is_fluid[p as usize] = regions[r as usize].material.fluid);
         }
-        let (start, around) = incident(&elastic.patch, patches);
+        let (start, around) = Incidence::new(&elastic.patch, patches).into_lists();
         let patch_cuts = slabs::even_cuts(patches);
         let wall = (0..).zip(elastic.patch.iter().zip(&elastic.tets));
         Self {
