@@ -1,12 +1,13 @@
 //! `monro register`: from touched landmarks and a traced skin to the patient, with the error that is to be expected.
 
+mod marks;
+
 use crate::args::RegisterArgs;
-use crate::calibrate::{named_points, point, rows};
+use crate::calibrate::{point, rows};
 use crate::columns::short;
 use crate::console::Console;
 use anyhow::{Context, Result, bail};
 use monro_case::Case;
-use monro_case::markups::{self, NamedPoint};
 use monro_geometry::{Patient, Point, Rigid, Tool};
 use monro_guidance::Covariance;
 use monro_guidance::registration::{
@@ -107,7 +108,10 @@ const OTHER_UNIT: f64 = 50.0;
 /// Runs the command.
 pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
     let case = Case::open(&args.case)?;
-    let landmarks = landmarks(args, &case)?;
+    let landmarks = marks::landmarks(args, &case)?;
+    if let Some(off_skin) = marks::off_skin(args, &case, &landmarks)? {
+        console.warn(&off_skin);
+    }
     let by_landmarks = register_landmarks(&landmarks)?;
     // Before the skin is looked at: a pose that is mirrored fits no skin, and that would be all that is said.
     if let Some(contradiction) = by_landmarks.contradiction(&landmarks) {
@@ -179,35 +183,6 @@ fn residual_lines(landmarks: &LandmarkRegistration<Patient, Tool>, last: Option<
         format!("  {}: {last}{:.2}{others}\n", r.name, r.distance)
     };
     landmarks.residuals.iter().enumerate().map(line).collect()
-}
-
-/// The touched points beside their marks of the same name.
-fn landmarks(args: &RegisterArgs, case: &Case) -> Result<Vec<Landmark<Patient, Tool>>> {
-    let marked = match &args.marked {
-        Some(path) => {
-            let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-            markups::decode(&text).with_context(|| path.display().to_string())?
-        }
-        None => case.landmarks.clone(),
-    };
-    let is = |m: &NamedPoint, name: &str| m.label.eq_ignore_ascii_case(name);
-    let noise = Covariance::isotropic(args.touch_sigma);
-    let pair = |(name, touched): (String, Point<Tool>)| {
-        if marked.iter().filter(|m| is(m, &name)).count() > 1 {
-            bail!("'{name}' is marked twice; keep the mark that counts");
-        }
-        let mark = marked.iter().find(|m| is(m, &name));
-        let names = || marked.iter().map(|m| m.label.as_str()).collect::<Vec<_>>().join(", ");
-        let mark = mark.with_context(|| format!("no landmark is marked as '{name}' (marked: {})", names()))?;
-        Ok(Landmark { name, touched, marked: mark.position, noise })
-    };
-    let touched = named_points(&args.landmarks)?;
-    let twice =
-        touched.iter().enumerate().find(|(i, (n, _))| touched[..*i].iter().any(|(m, _)| m.eq_ignore_ascii_case(n)));
-    if let Some((_, (name, _))) = twice {
-        bail!("{}: '{name}' is given twice; keep the touch that counts", args.landmarks.display());
-    }
-    touched.into_iter().map(pair).collect()
 }
 
 /// The registration by landmarks refined on the traced skin, where it was traced.

@@ -19,13 +19,16 @@ pub enum Quality {
 pub enum Missing {
     /// The source reports the tool as not seen or not valid in this frame.
     NotTracked,
-    /// The tool is outside the tracked volume or the view.
+    /// The tool is outside the tracked volume or the view, or further away than anything is tracked.
     OutOfVolume,
     /// The source tells nothing more of the tool, or nothing at all.
     NotSent,
     /// The numbers sent are no rigid motion (not finite, sheared, mirrored).
     NotRigid,
 }
+
+/// Nothing is tracked further away than this, mm: what says so is garbled.
+const FURTHEST_MM: f64 = 1e6;
 
 impl Missing {
     /// For messages and JSON.
@@ -55,7 +58,8 @@ pub struct TimedPose {
 }
 
 impl TimedPose {
-    /// A tracked pose (with its mean marker error in mm, if known), or the reason why there is none.
+    /// A tracked pose (with its mean marker error in mm, if known), or the reason why there is none. A place more than a
+    /// kilometre away is none.
     pub fn new(
         name: impl Into<String>,
         source_time: Option<f64>,
@@ -63,9 +67,29 @@ impl TimedPose {
         pose: Result<(Rigid<Tracker, Tool>, Option<f64>), Missing>,
     ) -> Self {
         let (quality, tracker_from_tool) = match pose {
+            Ok((rigid, _)) if rigid.translation().norm() > FURTHEST_MM => {
+                (Quality::Missing(Missing::OutOfVolume), None)
+            }
             Ok((rigid, error)) => (Quality::Tracked { error }, Some(rigid)),
             Err(reason) => (Quality::Missing(reason), None),
         };
         Self { name: name.into(), source_time, arrival_time, quality, tracker_from_tool }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_geometry::Vector;
+
+    /// Bodies at 1e30 m, as from a garbled packet, passed as live.
+    #[test]
+    fn a_place_beyond_any_reach_is_no_pose() {
+        let at = |x: f64| {
+            let there = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(x, 0.0, 0.0)).expect("rigid");
+            TimedPose::new("tool", None, 0.0, Ok((there, None)))
+        };
+        assert_eq!(at(1e33).quality, Quality::Missing(Missing::OutOfVolume));
+        assert!(at(1e33).tracker_from_tool.is_none() && at(-9e5).tracker_from_tool.is_some());
     }
 }

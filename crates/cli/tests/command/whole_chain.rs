@@ -133,6 +133,23 @@ fn registrations_by_wrong_tables_and_marks(case: &Path, dir: &Path) {
     assert!(turned.abs() > 0.999, "{turned}");
     let said = String::from_utf8_lossy(&monro(&register).stdout).into_owned();
     assert!(said.contains("touch a fourth"), "{said}");
+    let moved = |by: f64, count: usize| {
+        let shift = |(i, mut p): (usize, monro_case::markups::NamedPoint)| {
+            p.position.x += if i < count { by } else { 0.0 };
+            p
+        };
+        points.iter().cloned().enumerate().map(shift).collect::<Vec<_>>()
+    };
+    let write = |points: &[monro_case::markups::NamedPoint]| {
+        fs::write(&marked, monro_case::markups::encode(monro_case::markups::Kind::Fiducial, points)).expect("write");
+    };
+    write(&moved(400.0, points.len()));
+    let refused = monro(&register);
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && said.contains("lie off the skin of this head"), "{said}");
+    write(&moved(400.0, 1));
+    let said = String::from_utf8_lossy(&monro(&register).stderr).into_owned();
+    assert!(said.contains(&format!("off the skin of this head: '{}' by", points[0].label)), "{said}");
     let second = points[1].label.as_str();
     fs::write(&marked, marks.replace(second, &points[0].label)).expect("write");
     let said = String::from_utf8_lossy(&monro(&register).stderr).into_owned();
