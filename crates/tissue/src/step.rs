@@ -331,28 +331,28 @@ impl Stepper {
         solver.correct(&mut self.paper, settings.iterations);
         self.space = 1.0;
         self.tethers.fill([0.0; 3]);
-        for k in 0..settings.iterations {
-            let extent = self.extent(settings, k);
-            solver.iterate(&mut state.positions, &mut self.paper, extent, &self.pool);
-            if settings.predicted_space && extent == Extent::Measured {
+        let mut k = 0;
+        while k < settings.iterations {
+            let end = self.run(solver, model, settings, k);
+            let of_sweep = |i: usize| extent(settings, k + i as u32);
+            let run = ((end - k) as usize, &of_sweep as &(dyn Fn(usize) -> Extent + Sync));
+            solver.iterate(&mut state.positions, &mut self.paper, run, &self.pool);
+            if settings.predicted_space && extent(settings, end - 1) == Extent::Measured {
                 self.space = self.paper.predict_space(k == 0);
             }
             self.pull_tethers(model, &mut state.positions, dt);
             self.put_back_guided(model, &mut state.positions);
             contact::project(&mut self.couplings, &mut state.positions, dt);
+            k = end;
         }
         self.residual = self.paper.residual();
     }
 
-    /// What iteration `k` goes through: with a predicted space, every third one all.
-    fn extent(&self, settings: &FrameSettings, k: u32) -> Extent {
-        let last = k + 1 == settings.iterations;
-        match settings.predicted_space {
-            false if last => Extent::Measured,
-            false => Extent::Whole,
-            true if last || k.is_multiple_of(WHOLE_EVERY) => Extent::Measured,
-            true => Extent::Predicted,
-        }
+    /// Where the iterations from number `k` on end between which nothing else is done.
+    fn run(&self, solver: &PaperModel, model: &Model, settings: &FrameSettings, k: u32) -> u32 {
+        let alone = self.couplings.is_empty() && model.tethers.is_empty() && model.guides.is_empty();
+        let ends = |k: &u32| !alone || solver.ends_iterations() || extent(settings, *k) == Extent::Measured;
+        (k..settings.iterations).find(ends).map_or(settings.iterations, |last| last + 1)
     }
 
     /// What does not move of a guided node is where it was at the start of the step.
@@ -452,6 +452,17 @@ fn predict(solver: &PaperModel, state: &mut State, settings: &FrameSettings, dt:
                 p[a] += v[a] * dt as f32;
             }
         }
+    }
+}
+
+/// What iteration `k` goes through: with a predicted space, every third one all.
+fn extent(settings: &FrameSettings, k: u32) -> Extent {
+    let last = k + 1 == settings.iterations;
+    match settings.predicted_space {
+        false if last => Extent::Measured,
+        false => Extent::Whole,
+        true if last || k.is_multiple_of(WHOLE_EVERY) => Extent::Measured,
+        true => Extent::Predicted,
     }
 }
 

@@ -21,7 +21,7 @@ pub(crate) use lanes::{
     Kernel, Lanes, Line, Numbers, Pairs, Places, Row, View, WIDTH, Window, cross, dot, plain, widest,
 };
 pub(crate) use plan::Plans;
-pub(crate) use pool::Pool;
+pub(crate) use pool::{Pool, Turn};
 pub(crate) use sums::Sums;
 
 /// Threads at most, unless more are asked for: beyond that they would wait for memory.

@@ -8,7 +8,7 @@
 use super::plan::Plans;
 use super::queue::Queue;
 use core::cell::UnsafeCell;
-use core::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU16, AtomicU64, Ordering};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
@@ -30,8 +30,20 @@ pub(super) const MOST: usize = 32;
 
 type Work<'a> = dyn Fn(usize) + Sync + 'a;
 
-/// What is done with a part: told are the round, the number of the part in it, the part and its slot.
-type RoundWork<'a, T, S> = dyn Fn(usize, usize, &mut [T], &mut S) + Sync + 'a;
+/// Sweeps that threads are let in for at once.
+const AT_ONCE: usize = 16;
+
+/// Whose turn it is: a part of a round of a sweep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Turn {
+    pub(crate) sweep: usize,
+    /// The first or the second.
+    pub(crate) round: usize,
+    pub(crate) part: usize,
+}
+
+/// What is done with a part at its turn, with its data and its slot.
+type TurnWork<'a, T, S> = dyn Fn(Turn, &mut [T], &mut S) + Sync + 'a;
 
 /// Threads that wait.
 #[derive(Debug)]
@@ -137,58 +149,77 @@ impl Pool {
         self.each_part_of(queue, data, cuts, slots, work);
     }
 
-    /// Two rounds of parts of the same data, each as in [`Pool::each_part`] by a plan of who begins with what. A part of the
-    /// second round is begun as soon as those of the first that it shares data with are done. `work` is told the round.
+    /// So many sweeps over the same data, each of two rounds of parts by a plan of who begins with what. A part is begun as
+    /// soon as those of the round before that it shares data with are done. `work` is told whose turn it is.
     ///
     /// # Panics
     /// As [`Pool::each_part`], and when a plan is for other parts.
-    pub(crate) fn two_rounds<T: Send, S: Send>(
+    pub(crate) fn sweeps<T: Send, S: Send>(
         &self,
         (plans, cuts): ([&Plans; 2], [&[usize]; 2]),
+        count: usize,
+        data: &mut [T],
+        [even, odd]: [&mut [S]; 2],
+        work: &TurnWork<'_, T, S>,
+    ) {
+        for first in (0..count).step_by(AT_ONCE) {
+            let sweeps = first..count.min(first + AT_ONCE);
+            self.sweeps_at_once((plans, cuts), sweeps, data, [even, odd], work);
+        }
+    }
+
+    /// At most [`AT_ONCE`] sweeps.
+    fn sweeps_at_once<T: Send, S: Send>(
+        &self,
+        (plans, cuts): ([&Plans; 2], [&[usize]; 2]),
+        sweeps: core::ops::Range<usize>,
         data: &mut [T],
         slots: [&mut [S]; 2],
-        work: &RoundWork<'_, T, S>,
+        work: &TurnWork<'_, T, S>,
     ) {
         let parts = cuts.map(|c| c.len().saturating_sub(1));
         let queue = |round: usize| {
             let even = || Queue::new(parts[round], self.threads());
             plans[round].of(self.threads()).map_or_else(even, Queue::planned)
         };
-        let queues = [queue(0), queue(1)];
+        let queues: [Queue<'_>; 2 * AT_ONCE] = core::array::from_fn(|q| queue(q % 2));
         for round in 0..2 {
             check(&queues[round], data.len(), cuts[round], slots[round].len());
         }
         let data = Base(data.as_mut_ptr());
         let slots = slots.map(|s| Base(s.as_mut_ptr()));
-        let done = Done::default();
-        let one = |round: usize, i: usize| {
-            let (from, to) = (cuts[round][i], cuts[round][i + 1]);
+        let one = |q: usize, part: usize| {
+            let (sweep, round) = (sweeps.start + q / 2, q % 2);
+            let (from, to) = (cuts[round][part], cuts[round][part + 1]);
             // SAFETY: the cuts are in order and within the data, which is borrowed until all pieces are done, and each
-            // piece is done once. In a round nobody else has this part, or this slot; and a part of the second round comes
-            // after all of the first that share data with it.
-            let (part, slot) =
-                unsafe { (core::slice::from_raw_parts_mut(data.at(from), to - from), &mut *slots[round].at(i)) };
-            work(round, i, part, slot);
+            // piece is done once. In a round nobody else has this part, or this slot; and a part comes after itself and all
+            // that it shares data with in the rounds before.
+            let (own, slot) =
+                unsafe { (core::slice::from_raw_parts_mut(data.at(from), to - from), &mut *slots[round].at(part)) };
+            work(Turn { sweep, round, part }, own, slot);
         };
-        if parts[0] > Done::MOST {
+        let queues = &queues[..2 * sweeps.len()];
+        if parts[0].max(parts[1]) > Done::MOST {
             // Too many to tell apart: one round after the other.
-            self.each(&queues[..1], &|_, i| one(0, i));
-            self.each(&queues[1..], &|_, i| one(1, i));
+            (0..queues.len()).for_each(|q| self.each(&queues[q..=q], &|_, part| one(q, part)));
             return;
         }
-        self.each(&queues, &|round, i| {
-            if round == 0 {
-                // Noted even when it panics: nobody must wait for it for ever.
-                let noted = Noted(&done, i);
-                one(0, i);
-                drop(noted);
-            } else {
-                let own = cuts[1][i]..cuts[1][i + 1];
-                let shares = |p: &usize| cuts[0][*p] < own.end && cuts[0][p + 1] > own.start;
-                // All of the first round have been taken, by threads that are at work on them.
-                (0..parts[0]).filter(shares).for_each(|p| done.wait(p));
-                one(1, i);
-            }
+        let done = Done::default();
+        self.each(queues, &|q, part| {
+            let (round, turn) = (q % 2, q / 2);
+            // All of the rounds before have been taken, by threads that are at work on them.
+            done.wait(round, part, turn);
+            let own = cuts[round][part]..cuts[round][part + 1];
+            let other = 1 - round;
+            let first = cuts[other].partition_point(|&c| c <= own.start).saturating_sub(1);
+            let shares = |p: &usize| cuts[other][*p] < own.end && cuts[other][p + 1] > own.start;
+            (first..parts[other]).take_while(|&p| cuts[other][p] < own.end).filter(shares).for_each(|p| {
+                done.wait(other, p, turn + round);
+            });
+            // Noted even when it panics: nobody must wait for it for ever.
+            let noted = Noted(&done, round, part);
+            one(q, part);
+            drop(noted);
         });
     }
 
@@ -318,27 +349,33 @@ fn check(queue: &Queue<'_>, data: usize, cuts: &[usize], slots: usize) {
     assert!(sound, "cuts {cuts:?} of {data} entries with {slots} slots");
 }
 
-/// Parts that are done, one bit each.
-#[derive(Default)]
-struct Done([AtomicU64; 16]);
+/// How often each part of both rounds is done.
+struct Done([[AtomicU16; Self::MOST]; 2]);
 
-/// Notes that a part is done, whatever happens.
-struct Noted<'a>(&'a Done, usize);
+/// Notes that a part of a round is done, whatever happens.
+struct Noted<'a>(&'a Done, usize, usize);
 
 impl Drop for Noted<'_> {
     fn drop(&mut self) {
-        let (done, part) = (self.0, self.1);
-        done.0[part / 64].fetch_or(1 << (part % 64), Ordering::Release);
+        let Self(done, round, part) = self;
+        done.0[*round][*part].fetch_add(1, Ordering::Release);
+    }
+}
+
+impl Default for Done {
+    fn default() -> Self {
+        Self([0; 2].map(|_| core::array::from_fn(|_| AtomicU16::new(0))))
     }
 }
 
 impl Done {
-    /// Parts that there are bits for.
-    const MOST: usize = 16 * 64;
+    /// Parts that there is room for.
+    const MOST: usize = 128;
 
-    fn wait(&self, part: usize) {
+    /// Waits until a part of a round has been done so often.
+    fn wait(&self, round: usize, part: usize, times: usize) {
         let mut turns = 0u32;
-        while self.0[part / 64].load(Ordering::Acquire) >> (part % 64) & 1 == 0 {
+        while usize::from(self.0[round][part].load(Ordering::Acquire)) < times {
             turns += 1;
             pause(turns);
         }
@@ -387,22 +424,28 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_a_second_round_come_after_those_of_the_first_that_they_share_data_with() {
-        for (threads, pieces) in [(1, 6), (2, 6), (3, 9), (7, 40), (2, 3000)] {
+    fn parts_come_after_those_of_the_round_before_that_they_share_data_with() {
+        for (threads, pieces, sweeps) in [(1, 6, 3), (2, 6, 1), (2, 6, 40), (3, 9, 7), (7, 40, 10), (2, 3000, 2)] {
             let pool = Pool::new(threads);
-            let cuts = [(0..=pieces).map(|i| 4 * i).collect::<Vec<_>>(), (0..pieces).map(|i| 4 * i + 2).collect()];
+            // Each even part shares data with two odd ones, but for the first, and the last shares none.
+            let cuts = [(0..=pieces + 1).map(|i| 4 * i).collect::<Vec<_>>(), (0..pieces).map(|i| 4 * i + 2).collect()];
             let plans = [&cuts[0], &cuts[1]].map(|c| Plans::new(&vec![1; c.len() - 1]));
-            for _ in 0..if pieces > 100 { 3 } else { 300 } {
-                let (mut data, mut slots) = (vec![0u32; 4 * pieces], [vec![0; pieces], vec![0; pieces - 1]]);
-                let [even, odd] = &mut slots;
+            for _ in 0..if pieces > 100 { 3 } else { 100 } {
+                let mut data = vec![0usize; 4 * (pieces + 1)];
+                let (mut even, mut odd) = (vec![0; pieces + 1], vec![0; pieces - 1]);
                 let how = ([&plans[0], &plans[1]], [&cuts[0][..], &cuts[1][..]]);
-                pool.two_rounds(how, &mut data, [even, odd], &|round, i, part, slot| {
-                    assert!(round == 0 || part.iter().all(|&v| v == 1), "{part:?} in part {i}");
-                    part.iter_mut().for_each(|v| *v += 1 + round as u32);
+                pool.sweeps(how, sweeps, &mut data, [&mut even, &mut odd], &|turn, own, slot| {
+                    assert_eq!(*slot, turn.sweep, "{turn:?}");
                     *slot += 1;
+                    for (i, v) in own.iter_mut().enumerate() {
+                        let place = cuts[turn.round][turn.part] + i;
+                        let both = (cuts[1][0]..cuts[1][pieces - 1]).contains(&place);
+                        let before = if both { 2 * turn.sweep + turn.round } else { turn.sweep };
+                        assert_eq!(*v, before, "{turn:?}");
+                        *v += 1;
+                    }
                 });
-                assert!(slots.iter().flatten().all(|&s| s == 1));
-                assert_eq!(data.iter().sum::<u32>() as usize, 4 * pieces + 8 * (pieces - 1));
+                assert!(even.iter().chain(&odd).all(|&s| s == sweeps));
             }
         }
     }

@@ -124,24 +124,34 @@ impl PaperModel {
         scratch.iterations = iterations;
     }
 
-    /// One iteration over the constraints in Gauss-Seidel order.
-    pub(crate) fn iterate(&self, positions: &mut [[f32; 4]], scratch: &mut PaperScratch, extent: Extent, pool: &Pool) {
+    /// Whether something is done for the body as a whole after each iteration.
+    pub(crate) const fn ends_iterations(&self) -> bool {
+        self.global.is_some()
+    }
+
+    /// So many iterations over the constraints in Gauss-Seidel order, each over its extent. Those after the first of several
+    /// begin where the one before is done: only where nothing else is done in between (see [`Self::ends_iterations`]).
+    pub(crate) fn iterate(
+        &self,
+        positions: &mut [[f32; 4]],
+        scratch: &mut PaperScratch,
+        (count, extent): (usize, &(dyn Fn(usize) -> Extent + Sync)),
+        pool: &Pool,
+    ) {
         let [even, odd] = &mut scratch.parts;
         let rounds = [&self.rounds[0].0, &self.rounds[1].0];
         let how = (rounds.map(|r| &r.plans), rounds.map(|r| &r.cuts[..]));
-        pool.two_rounds(how, positions, [even, odd], &|round, i, vertices, memory| {
+        pool.sweeps(how, count, positions, [even, odd], &|turn, vertices, memory| {
             let PartScratch { shares, motion, active } = memory;
-            let scope = match extent {
+            let scope = match extent(turn.sweep) {
                 Extent::Whole => Scope::Whole,
                 Extent::Measured => Scope::Measured(motion),
                 Extent::Predicted if active.is_empty() => return,
                 Extent::Predicted => Scope::Only(active),
             };
-            widest(Sweep { part: &self.rounds[round].1[i], shares, vertices, scope });
+            widest(Sweep { part: &self.rounds[turn.round].1[turn.part], shares, vertices, scope });
         });
-        if extent != Extent::Predicted
-            && let Some(global) = &self.global
-        {
+        if let Some(global) = self.global.as_ref().filter(|_| count > 0 && extent(count - 1) != Extent::Predicted) {
             global.project(positions, scratch.global, &mut scratch.gradients);
         }
     }

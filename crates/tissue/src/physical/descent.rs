@@ -8,16 +8,17 @@ use super::pressure::{Pressures, Still, Tissue, Which};
 use super::region;
 use super::rings::{self, Part};
 use super::streams::{Streams, Visits};
-use super::sweep::{Memory, Substep as Shared, Sweep, Task};
+use super::sweep::{Memory, Pace, Substep as Shared, Sweep, Task};
 use super::touch::{Touches, Touching, penalty_force};
 use crate::bytes;
 use crate::contact::Coupling;
-use crate::fast::{Pool, Row, WIDTH, widest};
+use crate::fast::{Pool, Row, Turn, WIDTH, widest};
 use crate::model::{Region, Tether};
 use crate::rigid::Rigid;
 use crate::slabs::{self, Round, Slabs};
 use crate::vec3::{V3, larger, shift, sub, xyz};
 use crate::volumes::{Volumes, regular_edge};
+use core::ops::Range;
 
 /// A vertex goes this many times as far as its own minimum (successive over-relaxation): smooth motions converge in fewer
 /// sweeps, and below 2 no energy rises. More than this, pressures that follow made blocks breathe (docs/speed.md). The last
@@ -104,13 +105,20 @@ impl Substep {
         self.left(k) > 0 && (k == 0 || self.predicted_space && self.is_whole(k))
     }
 
-    /// How far sweep `k` goes.
-    fn beyond(&self, k: u32) -> f32 {
-        match self.left(k) {
+    /// What sweep `k` is like.
+    fn pace(&self, k: u32) -> Pace {
+        let beyond = match self.left(k) {
             0 => 1.0,
             _ if self.predicted_space && self.is_whole(k) => FAR_BEYOND,
             _ => BEYOND,
-        }
+        };
+        Pace { beyond, only_active: !self.is_whole(k), tells: self.chooses(k) }
+    }
+
+    /// Where the sweeps from number `k` on end between which nothing else is done.
+    fn run(&self, k: u32, calm: bool) -> u32 {
+        let ends = |k: &u32| self.chooses(*k) || self.press(*k, calm).is_some();
+        (k..self.iterations).find(ends).map_or(self.iterations, |last| last + 1)
     }
 
     /// Which pressures take a step after sweep `k`, in tissue that is calm or not. While it is not, also after sweeps over the
@@ -133,6 +141,30 @@ enum Purpose {
     Move,
     Note,
     Balance,
+}
+
+/// Passes one after the other.
+struct Passes<'a> {
+    purpose: Purpose,
+    count: usize,
+    /// Damping time over the time step, and one over the square of the time step.
+    damping: f32,
+    inertia: f32,
+    /// What each of them is like.
+    pace: &'a (dyn Fn(usize) -> Pace + Sync),
+}
+
+impl Passes<'_> {
+    /// A pass that moves nothing.
+    const fn once(purpose: Purpose, damping: f32) -> Self {
+        Self {
+            purpose,
+            count: 1,
+            damping,
+            inertia: 0.0,
+            pace: &|_| Pace { beyond: 1.0, only_active: false, tells: false },
+        }
+    }
 }
 
 /// When pressures follow the positions: before the first sweep, without a step of their own; between sweeps, all or near
@@ -221,17 +253,17 @@ impl Descent {
     /// Advances the positions by one substep; returns the largest motion of a vertex in the last sweep, mm.
     pub(crate) fn advance(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, step: Substep, pool: &Pool) -> f32 {
         self.begin(body, scratch, step, pool);
-        let (damping, inertia) = (damping_ratio(self.damping_s, step.dt), 1.0 / (step.dt * step.dt));
-        for k in 0..step.iterations {
-            let (part, tells) = (!step.is_whole(k), step.chooses(k));
-            scratch.memory.iter_mut().flatten().for_each(|m| (m.only_active, m.tells) = (part, tells));
-            self.sweep(body, scratch, (damping, inertia, step.beyond(k)), pool);
-            if tells {
-                self.choose(body, scratch, (k == 0, step.predicted_space));
+        let mut k = 0;
+        while k < step.iterations {
+            let end = step.run(k, scratch.is_calm);
+            self.sweeps(body, scratch, step, k..end, pool);
+            if step.chooses(end - 1) {
+                self.choose(body, scratch, (end == 1, step.predicted_space));
             }
-            if let Some(when) = step.press(k, scratch.is_calm) {
+            if let Some(when) = step.press(end - 1, scratch.is_calm) {
                 self.press(body, scratch, when, pool);
             }
+            k = end;
         }
         if self.free_vertices == body.positions.len() && body.couplings.is_empty() && body.tethers.is_empty() {
             keep_momentum(body.positions, &scratch.target);
@@ -257,7 +289,6 @@ impl Descent {
     fn begin(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, step: Substep, pool: &Pool) {
         for (memory, (_, parts)) in scratch.memory.iter_mut().zip(&self.rounds) {
             memory.resize_with(parts.len(), Memory::default);
-            memory.iter_mut().for_each(|m| (m.only_active, m.tells) = (false, false));
         }
         scratch.touches.list(body.couplings, body.tethers, body.positions.len());
         scratch.target.resize(body.positions.len(), [0.0; 4]);
@@ -344,29 +375,42 @@ impl Descent {
         streams.lay_rises((&self.rounds, &self.visits), &elements(1), pool);
         far.clear();
         far.resize(body.rest.len(), [0.0; 4]);
-        self.pass(&mut body.rest.to_vec(), (body.rest, &[]), scratch, (damping, 0.0, 1.0), Purpose::Balance, pool);
+        self.pass(&mut body.rest.to_vec(), (body.rest, &[]), scratch, Passes::once(Purpose::Balance, damping), pool);
     }
 
     /// Notes what resists motion from the positions on, and all else that stays as it is.
     fn note(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, damping: f32, pool: &Pool) {
         let around = (body.rest, &*body.couplings);
-        self.pass(body.positions, around, scratch, (damping, 0.0, 1.0), Purpose::Note, pool);
+        self.pass(body.positions, around, scratch, Passes::once(Purpose::Note, damping), pool);
     }
 
-    /// One sweep over the free vertices, with damping time over time step, one over the square of the time step, and how far
-    /// a vertex goes.
-    fn sweep(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, numbers: (f32, f32, f32), pool: &Pool) {
-        self.pass(body.positions, (body.rest, body.couplings), scratch, numbers, Purpose::Move, pool);
+    /// Sweeps over the free vertices, one after the other.
+    fn sweeps(
+        &self,
+        body: &mut Body<'_>,
+        scratch: &mut DescentScratch,
+        step: Substep,
+        sweeps: Range<u32>,
+        pool: &Pool,
+    ) {
+        let pace = |i: usize| step.pace(sweeps.start + i as u32);
+        let passes = Passes {
+            purpose: Purpose::Move,
+            count: sweeps.len(),
+            damping: damping_ratio(self.damping_s, step.dt),
+            inertia: 1.0 / (step.dt * step.dt),
+            pace: &pace,
+        };
+        self.pass(body.positions, (body.rest, body.couplings), scratch, passes, pool);
     }
 
-    /// One pass over the free vertices, with the vertices at rest and what touches them.
+    /// Passes over the free vertices, with the vertices at rest and what touches them.
     fn pass(
         &self,
         positions: &mut [[f32; 4]],
         (rest, couplings): (&[[f32; 4]], &[Coupling]),
         scratch: &mut DescentScratch,
-        (damping, inertia, beyond): (f32, f32, f32),
-        purpose: Purpose,
+        Passes { purpose, count, damping, inertia, pace }: Passes<'_>,
         pool: &Pool,
     ) {
         let DescentScratch { target, far, streams, still, memory, touches, .. } = scratch;
@@ -379,12 +423,12 @@ impl Descent {
         let [even, odd] = memory;
         let rounds = [&self.rounds[0].0, &self.rounds[1].0];
         let how = (rounds.map(|r| &r.plans), rounds.map(|r| &r.cuts[..]));
-        pool.two_rounds(how, positions, [even, odd], &|round, i, vertices, memory| {
+        pool.sweeps(how, count, positions, [even, odd], &|Turn { sweep, round, part: i }, vertices, memory| {
             let own = rounds[round].cuts[i]..rounds[round].cuts[i + 1];
             let touching = Touching { touches, films, couplings, rest, first: own.start };
             let (target, far) = (&target[own.clone()], &far[own]);
             let stream = streams.part(&self.visits, round * self.rounds[0].1.len() + i);
-            let substep = Shared { stream, target, far, damping, inertia, beyond, touching };
+            let substep = Shared { stream, target, far, damping, inertia, pace: pace(sweep), touching };
             widest(Sweep { part: &self.rounds[round].1[i], substep, vertices, memory, task });
         });
     }

@@ -6,7 +6,7 @@ use super::streams::Stream;
 use super::touch::Touching;
 use crate::fast::{Kernel, Lanes, Row, WIDTH, dot};
 
-/// What is the same in all sweeps of a substep. Arrays of vertices are those of the part.
+/// What a sweep goes by. Arrays of vertices are those of the part.
 #[derive(Clone, Copy)]
 pub(super) struct Substep<'a> {
     /// Elements along the walks of the part.
@@ -17,9 +17,7 @@ pub(super) struct Substep<'a> {
     /// Damping time over time step, and one over the square of the time step.
     pub(super) damping: f32,
     pub(super) inertia: f32,
-    /// A vertex goes this many times as far as its own minimum. Where a tool or a spring holds on, the energy is not
-    /// quadratic, and vertices go to their minimum.
-    pub(super) beyond: f32,
+    pub(super) pace: Pace,
     pub(super) touching: Touching<'a>,
 }
 
@@ -37,8 +35,17 @@ pub(super) struct Memory {
     pub(super) way: Vec<f32>,
     /// Batches in the predicted deformation space.
     pub(super) active: Vec<u32>,
-    /// Whether the next sweep keeps to them, and whether it tells the ways.
+}
+
+/// What differs from sweep to sweep.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Pace {
+    /// A vertex goes this many times as far as its own minimum. Where a tool or a spring holds on, the energy is not
+    /// quadratic, and vertices go to their minimum.
+    pub(super) beyond: f32,
+    /// Whether it keeps to the predicted deformation space.
     pub(super) only_active: bool,
+    /// Whether it tells the ways of the batches.
     pub(super) tells: bool,
 }
 
@@ -71,7 +78,7 @@ impl Kernel for Sweep<'_> {
         self.memory.motion.resize(batches, [0.0; WIDTH]);
         self.memory.steady.resize(batches, [[0.0; WIDTH]; 3]);
         self.memory.rest.resize(batches, [[[0.0; WIDTH]; 3]; 2]);
-        if self.memory.only_active {
+        if self.substep.pace.only_active {
             for i in 0..self.memory.active.len() {
                 let b = self.memory.active[i] as usize;
                 self.batch::<V>(b);
@@ -81,7 +88,7 @@ impl Kernel for Sweep<'_> {
                 self.batch::<V>(b);
             }
         }
-        if self.memory.tells {
+        if self.substep.pace.tells {
             let (memory, batches) = (self.memory, self.part.batches.iter());
             memory.way.clear();
             memory.way.extend(batches.zip(&memory.motion).map(|(batch, motion)| way(motion, batch.count)));
@@ -125,10 +132,10 @@ impl<'a> Sweep<'a> {
             g[a] = g[a] + V::load(&self.memory.steady[b][a], first) + mass * (p[a] - target[a]);
             h[a] = h[a] + stiff;
         }
-        let mut beyond = V::splat(s.beyond);
+        let mut beyond = V::splat(s.pace.beyond);
         if s.touching.any(batch) {
             touch(&s.touching, self.vertices, batch, first, &mut g, &mut h);
-            let own = |l: usize| if s.touching.touches(batch.vertices[l]) { 1.0 } else { s.beyond };
+            let own = |l: usize| if s.touching.touches(batch.vertices[l]) { 1.0 } else { s.pace.beyond };
             beyond = V::load(&core::array::from_fn(own), first);
         }
         let d = solve(&h, &g);
