@@ -79,7 +79,7 @@ impl From<msh::Imported> for Read {
         let unlabelled = read
             .unlabelled
             .then(|| one_label("no tetrahedron has a physical group, element data \"label\" or an entity"));
-        let remarks = unused.into_iter().chain(others).chain(unlabelled).collect();
+        let remarks = unused.into_iter().chain(others).chain(unlabelled).chain(read.remarks).collect();
         Self { mesh: AnyMesh::Tetrahedra(read.mesh), remarks }
     }
 }
@@ -202,4 +202,19 @@ impl Format {
 /// The closed surface of each label.
 fn by_label(mesh: &TetMesh) -> Vec<(String, TriangleMesh)> {
     mesh.label_counts().into_iter().map(|(l, _)| (format!("label_{l}"), mesh.surface(|x| x == l))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Which group a label came from was known, and told to nobody.
+    #[test]
+    fn what_is_remarked_of_groups_while_reading_is_passed_on() {
+        let mesh = TetMesh { vertices: Vec::new(), tets: Vec::new(), labels: Vec::new() };
+        let remarks = vec!["volumes in several physical groups".to_owned()];
+        let read = msh::Imported { mesh, unused: vec![7], unlabelled: false, others: Vec::new(), remarks };
+        let told = Read::from(read).remarks;
+        assert!(told.len() == 2 && told[1].contains("several physical groups"), "{told:?}");
+    }
 }

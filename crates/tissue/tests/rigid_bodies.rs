@@ -268,3 +268,40 @@ fn loads_small_against_what_something_stiff_bears_are_borne_all_the_same() {
     let (some, much) = (sag(3e3), sag(6.5e6));
     assert!((much / some - 1.0).abs() < 0.03, "{much} mm against {some} mm");
 }
+
+/// Conjugate gradients went on until all products were spent: the sphere did not touch yet, and nothing else bore the weight.
+#[test]
+fn a_slab_that_only_a_sphere_will_bear_never_took_a_step() {
+    let mesh = block([4, 4, 2], 10.0, |_| 4);
+    let near = |v: f64, w: f64| (v - w).abs() < 1e-9;
+    let sides = |p: Point<_>| near(p.x, 0.0) || near(p.x, 40.0) || near(p.y, 0.0) || near(p.y, 40.0);
+    for gap in [0.1, 1.0] {
+        // 100 N/m3, downwards.
+        let mut problem = StaticProblem { body_force_mn_mm3: [0.0, 0.0, -1e-4], ..StaticProblem::default() };
+        hold(&mut problem, 0, nodes(&mesh, sides), [Some(0.0), Some(0.0), None]);
+        let at = Point::new(20.5, 19.5, -8.0 - gap);
+        problem.contacts.push(SphereContact { radius_mm: 8.0, friction: 0.0, from: at, to: at });
+        let solved = solve(&mesh, &material(0.3), &problem);
+        let weight = 1e-4 * 40.0 * 40.0 * 20.0;
+        assert!((solved.contacts[0].z / weight - 1.0).abs() < 0.01, "{gap}: {:?} mN for {weight}", solved.contacts[0]);
+        let lowest = solved.displacement.iter().map(|d| d.z).fold(0.0, f64::min);
+        assert!(lowest < -gap && lowest > -gap - 3.0, "{gap}: {lowest} mm");
+    }
+}
+
+/// It went through with a force three times too large, without a word.
+#[test]
+fn a_rod_through_a_held_surface_is_told_of_the_vertices_that_do_not_go_with_it() {
+    let mesh = block([4, 4, 4], 5.0, |_| 4);
+    let mut problem = StaticProblem::default();
+    hold(&mut problem, 0, nodes(&mesh, |p| p.z == 0.0 || p.z == 20.0), [Some(0.0); 3]);
+    let rod = |low: f64, high: f64| EmbeddedRod {
+        radius_mm: 1.5,
+        ends: [Point::new(10.0, 10.0, low), Point::new(10.0, 10.0, high)],
+        displacement_mm: Vector::new(0.0, 0.0, 0.1),
+    };
+    problem.rods = vec![rod(8.0, 25.0)];
+    assert!(solve(&mesh, &material(0.3), &problem).contested[0] > 0);
+    problem.rods = vec![rod(8.0, 14.0)];
+    assert_eq!(solve(&mesh, &material(0.3), &problem).contested, [0]);
+}

@@ -3,6 +3,7 @@
 use super::cut::RawMesh;
 use super::fields::LabelFields;
 use super::vec3::{V3, add, scale, volume6};
+use super::voxels::SPECK;
 use rayon::prelude::*;
 
 /// Points along an edge of the lattice of samples in an element.
@@ -19,7 +20,9 @@ fn mean(count: usize, fields: &LabelFields) -> f64 {
 /// Whether a mesh of `count` elements has lost its inner labels, by their volumes before they were restored.
 pub(super) fn is_lost(found: &[f64], count: usize, fields: &LabelFields) -> bool {
     let inner = fields.parts.len();
-    let sum = |volumes: &[f64]| volumes.iter().take(inner).sum::<f64>();
+    // Specks are lost however many elements there are: the fields may not hold them.
+    let held = |l: usize| fields.volumes[l] > SPECK * fields.step.powi(3);
+    let sum = |volumes: &[f64]| (0..inner).filter(|&l| held(l)).map(|l| volumes[l]).sum::<f64>();
     let wanted = sum(&fields.volumes);
     // What is smaller than two elements is lost at any rate.
     inner > 0 && wanted > 2.0 * mean(count, fields) && sum(found) < (1.0 - LOST) * wanted

@@ -3,7 +3,7 @@
 //! By Gauss and Bonnet the angles missing around the points of a closed surface sum to 2 pi times its Euler number, so a
 //! handle more is -4 pi in one place, where surfaces that only differ in roughness have the same sum.
 
-use monro_geometry::{Patient, Point, TriangleMesh};
+use monro_geometry::{Bvh, Patient, Point, TriangleMesh};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -13,11 +13,12 @@ const CELL: f64 = 6.0;
 /// A surface and how many pieces it has.
 pub(super) type Pieces<'a> = (&'a TriangleMesh, usize);
 
-/// A vertex near the difference: of the smallest piece of the surface that has more, else where most angles are missing on
+/// A vertex near the difference: where a piece of the surface that has more is nearest to another one that is one with it on
+/// the other surface (or that it has come off from), else where most angles are missing on
 /// one surface and not on the other. The origin when both are empty. `unit`: what stands for a millimetre.
 pub(super) fn place((found, more): Pieces<'_>, (wanted, less): Pieces<'_>, unit: f64) -> [f64; 3] {
     if more != less {
-        return smallest_piece(if more > less { found } else { wanted });
+        return if more > less { between_pieces(found, wanted) } else { between_pieces(wanted, found) };
     }
     let mut cells = BTreeMap::new();
     spread(found, 1.0, CELL * unit, &mut cells);
@@ -29,14 +30,29 @@ pub(super) fn place((found, more): Pieces<'_>, (wanted, less): Pieces<'_>, unit:
     nearest.unwrap_or(&centre).to_array()
 }
 
-/// A point of the smallest connected piece of a surface.
-fn smallest_piece(surface: &TriangleMesh) -> [f64; 3] {
-    let (piece, count) = surface.components();
+/// The point of a piece of `more` that is nearest to the others which lie at the same piece of `less`: of the smallest such.
+fn between_pieces(more: &TriangleMesh, less: &TriangleMesh) -> [f64; 3] {
+    let (piece, count) = more.components();
+    let mut first = vec![None; count];
     let mut size = vec![0usize; count];
-    piece.iter().for_each(|&p| size[p as usize] += 1);
-    let least = (0..count).min_by_key(|&p| size[p]).unwrap_or(0);
-    let triangle = piece.iter().position(|&p| p as usize == least);
-    triangle.map_or([0.0; 3], |t| surface.corners(t)[0].to_array())
+    for (t, &p) in piece.iter().enumerate() {
+        first[p as usize].get_or_insert(t);
+        size[p as usize] += 1;
+    }
+    let (of, at) = (less.components().0, Bvh::new(less));
+    let corner = |t: usize| more.corners(t)[0];
+    let home = |p: usize| at.nearest(corner(first[p]?)).map(|n| of[n.triangle]);
+    let homes: Vec<Option<u32>> = (0..count).map(home).collect();
+    let shared = |&p: &usize| (0..count).any(|q| q != p && homes[q] == homes[p]);
+    let Some(least) = (0..count).filter(shared).min_by_key(|&p| size[p]) else { return [0.0; 3] };
+    let beside = |t: &usize| piece[*t] as usize != least && homes[piece[*t] as usize] == homes[least];
+    let others = Bvh::new(&TriangleMesh {
+        vertices: more.vertices.clone(),
+        triangles: (0..piece.len()).filter(beside).map(|t| more.triangles[t]).collect(),
+    });
+    let own = (0..piece.len()).filter(|&t| piece[t] as usize == least).flat_map(|t| more.corners(t));
+    let far = |p: &Point<Patient>| others.nearest(*p).map_or(f64::INFINITY, |n| n.distance);
+    own.min_by(|a, b| far(a).total_cmp(&far(b))).map_or([0.0; 3], |p| p.to_array())
 }
 
 /// Adds what is missing to a full turn around each point, shared out among the eight cells around it so that nothing jumps
@@ -127,6 +143,22 @@ mod tests {
         // The tunnel ends where the ball is 13.6 mm high.
         let found = place((&with, 1), (&without, 1), 1.0);
         assert!(off([found[0], found[1], 0.0], [21.0, 0.0, 0.0]) < 8.0 && found[2].abs() < 18.0, "{found:?}");
+    }
+
+    /// The far end of one of them was named.
+    #[test]
+    fn two_pieces_grown_together_are_found_where_they_met() {
+        let bars = |p: [f64; 3]| {
+            let side = |low: f64| (p[0] - low).min(low + 14.0 - p[0]).min(5.0 - p[1].abs()).min(5.0 - p[2].abs());
+            side(-15.0).max(side(1.0))
+        };
+        let (two, apart) = (surface(bars), |p: [f64; 3]| ball(p, [24.0, 20.0, 20.0], 4.0));
+        let one = surface(|p| (p[0] + 15.0).min(15.0 - p[0]).min(5.0 - p[1].abs()).min(5.0 - p[2].abs()).max(apart(p)));
+        let three = surface(|p| bars(p).max(apart(p)));
+        assert_eq!([&two, &three, &one].map(|s| s.components().1), [2, 3, 2]);
+        for found in [place((&one, 2), (&three, 3), 1.0), place((&three, 3), (&one, 2), 1.0)] {
+            assert!(found[0].abs() < 2.0 && found[1].abs() < 6.0, "{found:?}");
+        }
     }
 
     #[test]

@@ -192,7 +192,7 @@ fn of_topology(which: Boundary, s: &SurfaceReport) -> Option<String> {
     let at = place(s.differs_at?);
     let other = if s.surfaces == s.surfaces_labels { "other holes or handles" } else { "other pieces" };
     Some(format!(
-        "{which}: the surface has Euler number {} in {} piece(s), that of the smoothed voxels {} in {}: it has {other}; look near {at} (parts thinner than two voxels come apart at any number of elements)",
+        "{which}: the surface has Euler number {} in {} piece(s), that of the smoothed voxels {} in {}: it has {other}; look near {at} (parts thinner than two voxels may come apart, and gaps so thin close, at any number of elements)",
         s.euler, s.surfaces, s.euler_labels, s.surfaces_labels
     ))
 }

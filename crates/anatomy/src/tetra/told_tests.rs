@@ -45,6 +45,17 @@ fn two_cubes_of_two_labels_that_share_an_edge_are_not_two_manifold_together() {
     assert!(refused.to_string().contains("share only an edge or a corner"), "{refused}");
 }
 
+/// With more elements, a voxel that fields cannot hold made all labels coarse regions for "too few elements".
+#[test]
+fn a_single_stray_voxel_is_no_reason_for_coarse_regions() {
+    let labels = labelled([1.0; 3], |v| match v {
+        [2, 2, 2] => 7,
+        _ => u8::from((0..3).all(|a| (12..30).contains(&v[a]))),
+    });
+    let (_, report) = mesh(&labels, &MeshOptions::new(&[1, 7], &[1, 7], 30_000)).expect("a mesh");
+    assert!(!report.coarse_regions && told(&report, &["label 7 has no element"]), "{:?}", report.remarks);
+}
+
 #[test]
 fn two_cubes_of_two_labels_that_share_a_corner_come_apart() {
     let (_, report) = mesh(&two_cubes([22; 3]), &MeshOptions::new(&[1, 2], &[1, 2], 5_000)).expect("a mesh");

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use std::collections::BTreeSet;
 
 /// Pieces of voxels of more than so many cells are no specks.
-const CELLS: f64 = 4.0;
+pub(super) const SPECK: f64 = 4.0;
 /// Fields that hold less of a label by more than this part may have lost pieces of it.
 const NOTICED: f64 = 0.01;
 
@@ -60,7 +60,7 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
 
     /// Voxels that a small piece has at most.
     fn most_of_piece(&self, step: f64) -> usize {
-        (CELLS * step.powi(3) / self.0.grid().voxel_volume()) as usize + 1
+        (SPECK * step.powi(3) / self.0.grid().voxel_volume()) as usize + 1
     }
 }
 

@@ -8,7 +8,7 @@ use crate::mesh_file::{AnyMesh, Encoded, Format, Read};
 use anyhow::{Result, bail};
 use monro_anatomy::shapes::ShapeSummary;
 use monro_anatomy::tetra::{LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO};
-use monro_geometry::{TetLocator, TetMesh, TriangleMesh};
+use monro_geometry::{Bvh, TetLocator, TetMesh, TriangleMesh};
 use serde_json::{Value, json};
 
 /// What was found of a mesh: for programs, for people, and what may be wrong with it.
@@ -149,20 +149,41 @@ fn of_surface(mesh: &TriangleMesh) -> Found {
     Found { json: merged(json, crossing.json), words, doubts }
 }
 
-/// Pieces of a closed surface that are inside out; one with its inside out within another one is a cavity.
-fn of_sides(mesh: &TriangleMesh) -> Option<String> {
+/// Pieces of a closed surface that are inside out, and those in others that face outwards as these do: one with its inside
+/// out within another one is a cavity.
+fn of_sides(mesh: &TriangleMesh) -> Vec<String> {
     let pieces = pieces(mesh);
-    let volumes: Vec<(f64, [[f64; 3]; 2])> = pieces.iter().map(|p| (p.signed_volume(), bounds(&p.vertices))).collect();
+    let volumes: Vec<f64> = pieces.iter().map(TriangleMesh::signed_volume).collect();
+    let deep = is_within_others(&pieces);
+    let of = |wrong: &dyn Fn(usize) -> bool| {
+        let wrong: Vec<f64> = (0..pieces.len()).filter(|&p| wrong(p)).map(|p| volumes[p]).collect();
+        (wrong.len(), wrong.iter().sum::<f64>())
+    };
+    let (all, mut out) = (pieces.len(), Vec::new());
+    if let (n @ 1.., volume) = of(&|p| volumes[p] < 0.0 && !deep[p]) {
+        out.push(format!("{n} of {all} piece(s) are inside out (volume {volume:.2} mm3): turn their triangles"));
+    }
+    if let (n @ 1.., volume) = of(&|p| volumes[p] > 0.0 && deep[p]) {
+        out.push(format!("{n} of {all} piece(s) lie in others ({volume:.2} mm3), which counts twice: turn their triangles if they are cavities"));
+    }
+    out
+}
+
+/// Whether each piece lies in an odd number of others.
+fn is_within_others(pieces: &[TriangleMesh]) -> Vec<bool> {
+    let boxes: Vec<[[f64; 3]; 2]> = pieces.iter().map(|p| bounds(&p.vertices)).collect();
     let within = |[low, high]: [[f64; 3]; 2], [l, h]: [[f64; 3]; 2]| (0..3).all(|a| l[a] <= low[a] && high[a] <= h[a]);
-    let is_cavity = |of| volumes.iter().any(|&(v, around)| v > 0.0 && within(of, around));
-    let wrong: Vec<f64> = volumes.iter().filter(|(v, b)| *v < 0.0 && !is_cavity(*b)).map(|p| p.0).collect();
-    (!wrong.is_empty()).then(|| {
-        let (n, all) = (wrong.len(), pieces.len());
-        format!(
-            "{n} of {all} piece(s) are inside out (volume {:.2} mm3): turn their triangles",
-            wrong.iter().sum::<f64>()
-        )
-    })
+    let mut odd = vec![false; pieces.len()];
+    for (around, piece) in pieces.iter().enumerate() {
+        let inner = |p: &usize| *p != around && within(boxes[*p], boxes[around]);
+        let candidates: Vec<usize> = (0..pieces.len()).filter(inner).collect();
+        if candidates.is_empty() {
+            continue;
+        }
+        let surface = Bvh::new(piece);
+        candidates.into_iter().filter(|&p| surface.contains(pieces[p].vertices[0])).for_each(|p| odd[p] ^= true);
+    }
+    odd
 }
 
 /// The connected pieces, each with its own vertices.
@@ -210,6 +231,21 @@ mod tests {
         TriangleMesh { vertices: (0..8).map(|i| Point::from_array(corner(i))).collect(), triangles }
     }
 
+    /// A ring around a square hole of 6 mm, 10 mm wide and high.
+    fn frame() -> TriangleMesh {
+        let square =
+            |half: f64| [[-half, -half], [half, -half], [half, half], [-half, half]].map(|c| c.map(|x| x + 5.0));
+        let ring = |half, z: f64| square(half).map(|[x, y]| Point::new(x, y, z));
+        // Below outside, below inside, above outside, above inside.
+        let vertices = [ring(5.0, 0.0), ring(3.0, 0.0), ring(5.0, 10.0), ring(3.0, 10.0)].concat();
+        let quads = (0..4u32).flat_map(|i| {
+            let j = (i + 1) % 4;
+            [[i, j, 8 + j, 8 + i], [4 + j, 4 + i, 12 + i, 12 + j], [8 + i, 8 + j, 12 + j, 12 + i], [j, i, 4 + i, 4 + j]]
+        });
+        let triangles = quads.flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        TriangleMesh { vertices, triangles }
+    }
+
     fn turned(mut mesh: TriangleMesh) -> TriangleMesh {
         mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
         mesh
@@ -223,6 +259,21 @@ mod tests {
         let mut hollow = cube(0.0, 4.0);
         hollow.append(&turned(cube(1.0, 1.0)));
         assert!(of_surface(&hollow).doubts.is_empty(), "{:?}", of_surface(&hollow).doubts);
+        let mut twice = cube(0.0, 4.0);
+        twice.append(&cube(1.0, 1.0));
+        assert!(of_surface(&twice).doubts[0].contains("1 of 2 piece(s) lie in others (1.00 mm3)"));
+        let mut island = cube(0.0, 10.0);
+        island.append(&turned(cube(1.0, 8.0)));
+        island.append(&cube(2.0, 3.0));
+        assert!(of_surface(&island).doubts.is_empty(), "{:?}", of_surface(&island).doubts);
+        // In the box of a frame of four bars, but beside them.
+        let mut framed = frame();
+        framed.append(&turned(cube(4.0, 1.0)));
+        assert!(
+            of_surface(&framed).doubts[0].contains("1 of 2 piece(s) are inside out"),
+            "{:?}",
+            of_surface(&framed).doubts
+        );
         let mut beside = cube(0.0, 4.0);
         beside.append(&turned(cube(9.0, 1.0)));
         assert!(of_surface(&beside).doubts[0].contains("1 of 2"), "{:?}", of_surface(&beside).doubts);

@@ -72,6 +72,10 @@ fn asked(args: &SimulateArgs) -> Result<InsertionSettings> {
     }
     out.model = soft_body::model(args.mode, args.materials.as_deref())?;
     if let Some(gravity) = args.gravity {
+        ensure!(
+            args.mode == ModeArg::Physical || gravity == [0.0; 3],
+            "paper mode has no stiffness to bear weight with, so what comes of it depends on the mesh: --gravity needs --mode physical"
+        );
         let size = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
         ensure!(
             size <= MOST_GRAVITY_M_S2,

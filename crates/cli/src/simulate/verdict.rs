@@ -20,6 +20,9 @@ const LEAST_MISSING_ML: f64 = 0.05;
 /// Share of its volume that tissue may change by before that is told: hardly any really leaves it.
 const MOST_SQUEEZED: f64 = 0.02;
 
+/// From so many iterations on, more of them are not the first remedy.
+const ENOUGH: u32 = 5;
+
 /// Counts of what went wrong.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Trouble {
@@ -57,6 +60,10 @@ impl Run {
 /// What may make it better.
 fn helps(run: &Run) -> &'static str {
     match run.settings.frame.csf {
+        _ if !run.has_units() => {
+            "A mesh of another number of elements or another speed may help; physical mode holds together."
+        }
+        Csf::AtRest if run.settings.frame.iterations < ENOUGH => "More iterations (--iterations) may help.",
         Csf::AtRest => "A slower insertion, less gravity or a finer mesh may help.",
         Csf::Pressure { .. } => "Ask for a smaller change of pressure.",
         Csf::Drained { .. } => {
@@ -149,6 +156,9 @@ fn doubts(run: &Run) -> Vec<String> {
 
 /// Walls that the tip was found behind without having pressed on them as much as they bear.
 fn gone_around(run: &Run) -> Option<String> {
+    if !run.has_units() {
+        return None;
+    }
     let materials = &run.settings.model.materials;
     let most =
         |to: Structure| if to.is_ventricle() { &materials.ventricles.insertion } else { &materials.brain.insertion };
@@ -156,7 +166,8 @@ fn gone_around(run: &Run) -> Option<String> {
         run.rows.iter().flat_map(|r| r.frame.punctures().map(|p| (r.frame.depth_mm, p))).find_map(|(at, p)| {
             let (depth, force, to) = p;
             let to = u8::try_from(to).ok().and_then(Structure::from_label)?;
-            (force == 0.0 && depth < most(to).puncture_depth_mm).then_some((at, depth, to))
+            let bears = most(to).puncture_force_mn > 0.0 && depth < most(to).puncture_depth_mm;
+            (force == 0.0 && bears).then_some((at, depth, to))
         });
     around.map(|(at, depth, to)| {
         format!(
@@ -175,6 +186,13 @@ fn squeezed(run: &Run) -> Option<String> {
     let pressure = run.last().map_or(0.0, |f| f.step.csf_kpa / KPA_PER_MMHG);
     let poisson = run.settings.model.materials.brain.poisson;
     (share.abs() > MOST_SQUEEZED).then(|| {
+        if !run.has_units() {
+            return format!(
+                "The brain's own tissue (with the CSF around it, which is simulated as brain) changed by {change:.1} ml ({:.1} %): \
+                 paper mode keeps volumes by constraints, as well as its iterations come.",
+                share * 100.0
+            );
+        }
         format!(
             "The brain's own tissue (with the CSF around it, which is simulated as brain) changed by {change:.1} ml ({:.1} %) at {pressure:.1} mmHg: with a Poisson's ratio of \
              {poisson} it gives way to pressure, real tissue hardly does. Measured differences of pressure between \

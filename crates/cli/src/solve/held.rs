@@ -18,12 +18,12 @@ pub(super) fn free(mesh: &TetMesh, problem: &StaticProblem) -> Option<String> {
     let largest = (0..6).map(|i| gram[i][i]).fold(0.0, f64::max);
     let axes: Vec<&str> = (0..6).filter(|&i| gram[i][i] <= FREE * largest).map(|i| NAMES[i]).collect();
     let which = if axes.is_empty() { String::new() } else { format!(" (among them {})", axes.join(", ")) };
-    (count > 0).then(|| {
-        format!(
-            "the supports leave {count} of the six rigid motions of the body free{which}: where the body lies in these is \
-             chance, and loads along them are borne by nothing; hold a few nodes more"
-        )
-    })
+    let so = if problem.contacts.is_empty() {
+        "where the body lies in these is chance, and loads along them are borne by nothing; hold a few nodes more"
+    } else {
+        "only spheres that touch bear loads along them, and where these do not either, the body lies by chance; hold a few nodes more if it should not"
+    };
+    (count > 0).then(|| format!("the supports leave {count} of the six rigid motions of the body free{which}: {so}"))
 }
 
 /// Sums of products of what the six motions (about the middle of the body) do to what is held.

@@ -20,10 +20,19 @@ const VOLUMES: Range<f64> = 0.5..2.0;
 pub(super) fn all(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
     let mut out: Vec<String> = solved.overlaps.iter().flat_map(|o| overlap(scene, o)).collect();
     out.extend(solved.coarse.iter().map(coarse));
+    out.extend(solved.contested.iter().enumerate().filter(|c| *c.1 > 0).map(contested));
     out.extend(points(scene, solved));
     out.extend(changing(solved));
     out.extend(swollen(scene, solved));
     out
+}
+
+/// A rod with tissue in it that goes another way.
+fn contested((rod, vertices): (usize, &usize)) -> String {
+    format!(
+        "{vertices} vertices inside rod {rod} are moved otherwise by a support or by another rod, and stay with that: the tissue \
+         beside them is torn, and the rod's force is that of tearing it; leave what lies in the rod out of the set, or part the rods"
+    )
 }
 
 /// Elements whose volume changed though their material hardly lets it. Pressure is a mean around vertices, so that in large

@@ -248,8 +248,10 @@ fn pressure(mesh: &Value, p: &Value) -> Result<Pressure> {
     let name = p["faces"].as_str().context("an entry of \"pressure\" names no faces")?;
     let lists = mesh["face_sets"].as_object().or_else(|| mesh["faces"].as_object());
     let there = || lists.map(Map::keys).into_iter().flatten().map(String::as_str).collect::<Vec<_>>().join(", ");
-    let faces = lists.and_then(|l| l.get(name)?.as_array());
+    let faces = lists.and_then(|l| l.get(name));
     let faces = faces.with_context(|| format!("the mesh has no face list \"{name}\"; there are: {}", there()))?;
+    let faces =
+        faces.as_array().with_context(|| format!("the face list \"{name}\" is {faces}, wanted a list of faces"))?;
     ensure!(!faces.is_empty(), "the face list \"{name}\" is empty: its pressure would push nothing");
     let corner = |v: &Value| v.as_u64().and_then(|v| u32::try_from(v).ok());
     let face = |(i, f): (usize, &Value)| {
@@ -262,6 +264,7 @@ fn pressure(mesh: &Value, p: &Value) -> Result<Pressure> {
 }
 
 fn contact(c: &Value) -> Result<SphereContact> {
+    ensure!(c.is_object(), "a \"contact\" is {c}, wanted an object with radius, centre_start and centre_end");
     let kind = ["kind", "type", "shape"].iter().map(|k| &c[*k]).find(|v| !v.is_null()).unwrap_or(&Value::Null);
     let kind = word(kind, "kind", "rigid_sphere")?;
     ensure!(kind == "rigid_sphere", "contact of kind \"{kind}\"; only rigid_sphere is known");

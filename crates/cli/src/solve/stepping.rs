@@ -42,7 +42,8 @@ pub(super) fn solve(scene: &Scene, keep_going: &mut dyn FnMut() -> bool) -> Resu
     let mut remarks = Vec::new();
     if !rests {
         let limit = format!("at most {FRAMES}, and as --budget-ms allows");
-        remarks.push(format!("stopped after {frames} frames ({limit}): still moving by {still} mm a frame"));
+        let moving = if still.is_finite() { format!(": still moving by {still} mm a frame") } else { String::new() };
+        remarks.push(format!("stopped after {frames} frames ({limit}){moving}"));
     }
     if let Some(first) = turned.first() {
         remarks.push(format!(

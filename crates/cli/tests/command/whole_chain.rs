@@ -63,6 +63,10 @@ fn forces_have_a_unit_in_physical_mode_only(case: &Path, physical: &Value, dir: 
     );
     let html = fs::read_to_string(out.join("report.html")).expect("report");
     assert!(html.contains("no unit (paper mode)") && !html.contains(">mN<"), "the report names a unit");
+    // Nothing bears weight there: a target shifted by 16 mm was called reliable.
+    let refused =
+        monro(&["simulate", text(case), "--out", text(&out), "--mode", "paper", "--gravity=0,9.81,0", "--force"]);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--gravity needs --mode physical"));
 }
 
 /// No number that is none, and what the brain's own tissue lost is told.

@@ -57,8 +57,13 @@ impl Level {
         }
         let mut times = 0;
         while self.solved.converged && how.options.finer.go_on(times, self.solved.tets) {
-            let finer = self.refined.clone().halved();
-            if let Some(given_up) = self.go_on(finer, how) {
+            let given_up = if (how.keep_going)() {
+                let finer = self.refined.clone().halved();
+                self.go_on(finer, how)
+            } else {
+                Some(Unfinished::of(8 * self.solved.tets, None))
+            };
+            if let Some(given_up) = given_up {
                 // Asked for, it is missing; as good as it gets, it is what there is, unless finer meshes bear it no more.
                 let as_asked = !matches!(how.options.finer, Finer::Times(_));
                 self.solved.converged = as_asked && !given_up.is_collapse();

@@ -16,6 +16,8 @@ pub(crate) struct Loads {
     pushed: Vec<([u32; 3], f64)>,
     /// Nodes that each rod holds, and in which components: what a support holds of them stays with it.
     pub(super) rods: Vec<Vec<(u32, [bool; 3])>>,
+    /// Nodes inside each rod that a support, or a rod before it, moves otherwise.
+    pub(super) contested: Vec<usize>,
 }
 
 impl Loads {
@@ -45,12 +47,14 @@ impl Loads {
                 (0..3).for_each(|a| dead[n as usize][a] += problem.body_force_mn_mm3[a] * volume / 4.0);
             }
         }
-        let mut rods = Vec::new();
+        let (mut rods, mut contested) = (Vec::new(), Vec::new());
         for (rod, r) in problem.rods.iter().enumerate() {
-            rods.push(hold(model, (rod, r), &mut support)?);
+            let (held, others) = hold(model, (rod, r), &mut support)?;
+            rods.push(held);
+            contested.push(others);
         }
         let pushed = oriented(model, problem, number)?;
-        Ok(Self { support, dead, pushed, rods })
+        Ok(Self { support, dead, pushed, rods, contested })
     }
 
     /// Adds minus a share of the loads to the gradient of the energy.
@@ -126,26 +130,30 @@ impl Loads {
     }
 }
 
-/// Prescribes the motion of the rod for all nodes inside it that nothing else holds.
+/// Nodes that a rod holds, and in which components.
+type HeldByRod = Vec<(u32, [bool; 3])>;
+
+/// Prescribes the motion of the rod for all nodes inside it that nothing else holds; how many are moved otherwise.
 fn hold(
     model: &Model,
     (rod, r): (usize, &EmbeddedRod),
     support: &mut [[Option<f64>; 3]],
-) -> Result<Vec<(u32, [bool; 3])>, StaticError> {
+) -> Result<(HeldByRod, usize), StaticError> {
     let ends = r.ends.map(|p| (p - model.origin).to_array());
     let reach = r.radius_mm * (1.0 + 1e-5);
     let inside = |p: &[f32; 4]| distance(ends, [p[0], p[1], p[2]].map(f64::from)) <= reach;
-    let (mut held, mut all) = (Vec::new(), 0);
+    let way = r.displacement_mm.to_array();
+    let (mut held, mut all, mut contested) = (Vec::new(), 0, 0);
     for (i, _) in model.rest.iter().enumerate().filter(|(_, p)| inside(p)) {
         all += 1;
+        contested += usize::from((0..3).any(|a| support[i][a].is_some_and(|moved| moved != way[a])));
         if support[i].iter().any(Option::is_none) {
-            let way = r.displacement_mm.to_array();
             held.push((i as u32, support[i].map(|s| s.is_none())));
             support[i] = core::array::from_fn(|a| support[i][a].or(Some(way[a])));
         }
     }
     match (held.is_empty(), all) {
-        (false, _) => Ok(held),
+        (false, _) => Ok((held, contested)),
         (true, 0) => Err(StaticError::Rod { rod, radius_mm: r.radius_mm }),
         (true, vertices) => Err(StaticError::Taken { rod, vertices }),
     }

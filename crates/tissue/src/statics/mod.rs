@@ -157,6 +157,7 @@ impl Model {
             reaction: back(&solved.reaction),
             contacts: solved.contacts.iter().map(|&f| Vector::from_array(f)).collect(),
             rods,
+            contested: loads.contested,
             residual: solved.residual,
             share: solved.share,
             converged: stop.is_none() && turned.is_empty(),

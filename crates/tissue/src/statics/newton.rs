@@ -4,7 +4,7 @@ use super::loads::Loads;
 use super::overlap::Sphere;
 use super::sphere::Spheres;
 use super::{StaticOptions, Stop};
-use crate::physical::elastic::{D3, Elastic, Tangent, dot, volume_gradient};
+use crate::physical::elastic::{D3, Elastic, Tangent, dot, sub, volume_gradient};
 use crate::physical::products::Products;
 
 /// Tolerance on the way; only the end must be exact.
@@ -31,6 +31,9 @@ const BORNE: f64 = 10.0;
 
 /// Largest sum of the forces out of balance over the sum of the loads that still is an answer.
 const UNBORNE: f64 = 0.01;
+
+/// No Newton step takes a node further than so many sizes of the body, or radii of the smallest sphere.
+const FURTHEST: f64 = 10.0;
 
 /// A state further away than this many sizes of the body is lost.
 const LOST: f64 = 100.0;
@@ -138,6 +141,11 @@ fn shifted(x: &[D3], d: &[D3], s: f64) -> Vec<D3> {
 
 fn shift(x: &mut [D3], d: &[D3], s: f64) {
     x.iter_mut().zip(d).for_each(|(x, d)| (0..3).for_each(|a| x[a] += s * d[a]));
+}
+
+/// The largest component.
+fn longest(d: &[D3]) -> f64 {
+    d.iter().flatten().fold(0.0, |m: f64, v| m.max(v.abs()))
 }
 
 fn inner(a: &[D3], b: &[D3]) -> f64 {
@@ -358,7 +366,7 @@ impl Problem<'_> {
         apply(&blocks, &r, &mut z);
         self.mask(&mut z);
         let (mut p, mut rz) = (z.clone(), inner(&r, &z));
-        let goal = rz * tolerance * tolerance;
+        let (goal, furthest) = (rz * tolerance * tolerance, self.furthest());
         while rz > goal && rz > 0.0 && !self.spent() {
             self.product(at, &p, &mut hp);
             self.mask(&mut hp);
@@ -370,6 +378,11 @@ impl Problem<'_> {
                 break;
             }
             let alpha = rz / curvature;
+            if alpha * longest(&p) > furthest {
+                // Nothing bears it there yet: on to where something may (Steihaug 1983).
+                shift(&mut d, &p, furthest / longest(&p));
+                break;
+            }
             shift(&mut d, &p, alpha);
             shift(&mut r, &hp, -alpha);
             apply(&blocks, &r, &mut z);
@@ -379,6 +392,13 @@ impl Problem<'_> {
             rz = next;
         }
         d
+    }
+
+    /// How far a Newton step may take a node, mm: on to a sphere, not through it.
+    fn furthest(&self) -> f64 {
+        let rest = &self.elastic.rest;
+        let size = rest.iter().map(|p| longest(&[sub(*p, rest[0])])).fold(0.0, f64::max);
+        self.spheres.least_radius().map_or(FURTHEST * size, |radius| radius.min(FURTHEST * size))
     }
 
     /// Inverses of the Hessian's diagonal blocks, prescribed components taken out.

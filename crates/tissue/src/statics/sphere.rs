@@ -207,6 +207,11 @@ impl Spheres {
         self.spheres.iter().map(share).fold(1.0, f64::min)
     }
 
+    /// Radius of the smallest sphere, mm.
+    pub(super) fn least_radius(&self) -> Option<f64> {
+        self.spheres.iter().map(|s| s.radius).reduce(f64::min)
+    }
+
     fn touches<'a>(&'a self, x: &'a [D3]) -> impl Iterator<Item = (usize, usize, &'a Site, Touch)> {
         self.spheres.iter().enumerate().flat_map(move |(k, s)| {
             let sites = self.sites.iter().enumerate();

@@ -16,6 +16,9 @@ pub struct StaticSolution {
     pub contacts: Vec<Vector<Patient>>,
     /// Force of each rod on the tissue, mN.
     pub rods: Vec<Vector<Patient>>,
+    /// Vertices of the mesh that it was found on inside each rod that a support, or a rod before it, moves otherwise: they do
+    /// not go with this rod.
+    pub contested: Vec<usize>,
     /// Force out of balance over the forces that act.
     pub residual: f64,
     /// Share of the imposed motion that was reached: below 1 only when the solver had to stop.
