@@ -467,7 +467,8 @@ pub(crate) struct MeshArgs {
     /// Wanted number of tetrahedra (37336 if not given).
     #[arg(long, value_name = "N", value_parser = elements)]
     pub(crate) elements: Option<usize>,
-    /// How many more elements a volume of a label gets than the others, e.g. 4=2,7=0.5 (0.01 to 100).
+    /// How many more elements a volume of a label gets than the others, e.g. 4=8,7=0.125 (0.01 to 100). Cells halve, so what
+    /// comes of it lies near 1, 8 or 64; a remark says by how much it misses.
     #[arg(long, value_name = "LABEL=FACTOR,..")]
     pub(crate) density: Option<String>,
     /// Growth of the edges with the distance from what is fine, mm a mm (0.01 to 2; 0.7 if not given).

@@ -95,7 +95,8 @@ pub struct MeshOptions {
     /// Labels to be fine in and around.
     pub fine: Vec<u16>,
     /// Densities of labels relative to 1, the others': how many more elements a volume of them gets, as soft tissue that
-    /// deforms strongly deserves (Kim, Kwon and Shin 2021). Edges are shorter by the cube root.
+    /// deforms strongly deserves (Kim, Kwon and Shin 2021). Edges are shorter by the cube root. Cells of the lattice halve, so
+    /// what comes of it lies near 1, 8, 64: the report says where that misses what is wanted.
     pub density: Vec<(u16, f64)>,
     /// A planned path to be fine along, e.g. entry and target.
     pub path: Option<[Point<Patient>; 2]>,
@@ -492,16 +493,25 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
     Made { raw, crumbs, lost, regions: false }
 }
 
-/// Bisects for the finest edge whose estimated count is `count`.
+/// The finest edge of the lattice whose estimated count is `count`.
 fn finest_for(size: &SizeField, count: f64) -> f64 {
+    edge_for(size, count, |finest, edge| {
+        let finest = CELL_PER_EDGE * finest;
+        finest * (SPLIT * edge / finest).log2().floor().max(0.0).exp2()
+    })
+}
+
+/// The finest edge where all edges are as long as wanted and the estimated count is `count`.
+fn even_edge_for(size: &SizeField, count: f64) -> f64 {
+    edge_for(size, count, |_, edge| CELL_PER_EDGE * edge)
+}
+
+/// Bisects for the finest edge whose estimated count is `count`, with cells that follow from it and the wanted edge.
+fn edge_for(size: &SizeField, count: f64, cell: impl Fn(f64, f64) -> f64) -> f64 {
     let (mut low, mut high) = (0.05 * size.unit, 100.0 * size.unit);
     for _ in 0..40 {
         let middle = (low * high).sqrt();
-        let cell = |edge: f64| {
-            let finest = CELL_PER_EDGE * middle;
-            finest * (SPLIT * edge / finest).log2().floor().max(0.0).exp2()
-        };
-        if size.estimate(middle, cell) > count { low = middle } else { high = middle }
+        if size.estimate(middle, |edge| cell(middle, edge)) > count { low = middle } else { high = middle }
     }
     (low * high).sqrt()
 }

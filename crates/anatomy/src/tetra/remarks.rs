@@ -7,14 +7,17 @@ use super::report::{
 };
 use super::solid::Solid;
 use super::voxels::Missing;
-use super::{COUNT, LabelReport, MeshReport, listed, place};
+use super::{COUNT, LabelReport, MeshReport, even_edge_for, listed, place};
 use monro_geometry::Point;
+use std::ops::Range;
 
 /// Beyond this mean distance, mm, the surface of a label is.
 const SURFACE_ERROR: f64 = 1.5;
 /// Where the centres of more than this part of a label's voxels are not in it, it is too thin for smooth surfaces.
 const MOST_ABSENT: f64 = 0.1;
 const THICKER: &str = "thicken it or resample the labels to voxels of half the size, more elements do not help";
+/// Densities over those wanted that are not remarked upon.
+const DENSITY: Range<f64> = 0.75..1.33;
 /// Places along a path are so far apart, mm.
 const ALONG: f64 = 0.5;
 
@@ -23,6 +26,7 @@ pub(super) fn remarks<T: Copy + Into<u16> + Sync>(report: &MeshReport, source: &
     all.extend(of_path(source));
     all.extend(of_idle_path(source));
     all.extend(of_count(report.elements, source.options.elements));
+    all.extend(of_density(report, source));
     if report.coarse_regions {
         all.push("too few elements for the surfaces of the inner labels: only the outer surface is followed, the labels are coarse regions of about their volume, which may touch themselves in edges and points".into());
     }
@@ -87,6 +91,37 @@ fn of_options<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>) -> Vec<String>
         }
     }
     all
+}
+
+/// Labels that have not the density wanted, against that of all others, by more than a part.
+fn of_density<T>(report: &MeshReport, source: &Source<'_, T>) -> Vec<String> {
+    let (fields, size) = (source.fields, source.size);
+    let finest = even_edge_for(size, report.elements as f64);
+    // Of each label: elements wanted and volume, both of samples.
+    let mut samples = vec![[0.0; 2]; report.labels.len()];
+    if !source.options.density.is_empty() {
+        each_inner(&fields.union, &mut |p, cells| {
+            let Some(sum) = fields.label_at(p).and_then(|l| samples.get_mut(l)) else { return };
+            sum[0] += cells as f64 * size.edge(p, finest).powi(-3);
+            sum[1] += cells as f64;
+        });
+    }
+    let found: Vec<[f64; 2]> = report.labels.iter().map(|l| [l.elements as f64, l.volume]).collect();
+    let times = |of: &[[f64; 2]], own: usize| {
+        let others = |k: usize| of.iter().enumerate().filter(|s| s.0 != own).map(|s| s.1[k]).sum::<f64>();
+        of[own][0] / of[own][1] / (others(0) / others(1))
+    };
+    let told = |&(label, factor): &(u16, f64)| {
+        let own = report.labels.iter().position(|l| l.label == label)?;
+        let (found, wanted) = (times(&found, own), times(&samples, own));
+        let is_off = found.is_finite() && wanted.is_finite() && !DENSITY.contains(&(found / wanted));
+        is_off.then(|| {
+            format!(
+                "label {label}: a volume of it has {found:.2} times as many elements as one of the other labels, for {wanted:.2} wanted (with density {factor}, and edges that grow from label to label): cells of the lattice halve, so densities come near 1, 8 and 64 only; ask for one of these, or for another number of elements"
+            )
+        })
+    };
+    source.options.density.iter().filter_map(told).collect()
 }
 
 /// A path that passes by all that is meshed.

@@ -56,6 +56,26 @@ fn a_single_stray_voxel_is_no_reason_for_coarse_regions() {
     assert!(!report.coarse_regions && told(&report, &["label 7 has no element"]), "{:?}", report.remarks);
 }
 
+/// A density of 2 did nothing, without a word.
+#[test]
+fn a_density_that_is_missed_is_told_with_what_came_of_it() {
+    let halves = labelled([1.0; 3], |v| match v.iter().all(|i| (4..40).contains(i)) {
+        true => 1 + u8::from(v[2] >= 22),
+        false => 0,
+    });
+    let with = |factor: f64| {
+        let options = MeshOptions { density: vec![(2, factor)], ..MeshOptions::new(&[1, 2], &[1, 2], 60_000) };
+        let (mesh, report) = mesh(&halves, &options).expect("a mesh");
+        let count = |l: u16| mesh.labels.iter().filter(|&&m| m == l).count() as f64;
+        (count(2) / count(1), report.remarks)
+    };
+    let (ratio, remarks) = with(2.0);
+    let words = format!("label 2: a volume of it has {ratio:.2} times");
+    assert!(ratio < 1.3 && remarks.iter().any(|r| r.contains(&words)), "{ratio}: {remarks:?}");
+    let (ratio, remarks) = with(8.0);
+    assert!(ratio > 4.0 && !remarks.iter().any(|r| r.contains("a volume of it")), "{ratio}: {remarks:?}");
+}
+
 #[test]
 fn two_cubes_of_two_labels_that_share_a_corner_come_apart() {
     let (_, report) = mesh(&two_cubes([22; 3]), &MeshOptions::new(&[1, 2], &[1, 2], 5_000)).expect("a mesh");
