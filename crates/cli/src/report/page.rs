@@ -172,8 +172,9 @@ fn section_html(section: &Section) -> String {
     for paragraph in &section.text {
         out += &format!("<p>{}</p>\n", escape(paragraph));
     }
-    for table in &section.tables {
-        out += &table_html(table);
+    if !section.tables.is_empty() {
+        let tables: String = section.tables.iter().map(table_html).collect();
+        out += &format!("<div class=\"tables\">\n{tables}</div>\n");
     }
     if !section.figures.is_empty() {
         out += "<div class=\"figures\">\n";

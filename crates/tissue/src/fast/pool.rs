@@ -212,8 +212,7 @@ impl Pool {
             let own = cuts[round][part]..cuts[round][part + 1];
             let other = 1 - round;
             let first = cuts[other].partition_point(|&c| c <= own.start).saturating_sub(1);
-            let shares = |p: &usize| cuts[other][*p] < own.end && cuts[other][p + 1] > own.start;
-            (first..parts[other]).take_while(|&p| cuts[other][p] < own.end).filter(shares).for_each(|p| {
+            (first..parts[other]).take_while(|&p| cuts[other][p] < own.end).for_each(|p| {
                 done.wait(other, p, turn + round);
             });
             // Noted even when it panics: nobody must wait for it for ever.
