@@ -98,6 +98,9 @@ impl Level {
         let mut count = (aim - self.solved.tets) / PIECES;
         while count > 0 {
             let marked = uncertain::worst(&self.refined.mesh, &self.solved.displacement, stiffness, count);
+            if !marked.contains(&true) {
+                return None;
+            }
             let finer = self.refined.clone().halved_where(&marked);
             if finer.mesh.tets.len() <= aim + aim / 20 {
                 return Some(finer);
