@@ -32,7 +32,8 @@ const BORNE: f64 = 10.0;
 /// Largest sum of the forces out of balance over the sum of the loads that still is an answer.
 const UNBORNE: f64 = 0.01;
 
-/// No Newton step takes a node further than so many sizes of the body, or radii of the smallest sphere.
+/// No Newton step takes a node further than so many sizes of the body, or, but for what is imposed, the radius of the smallest
+/// sphere.
 const FURTHEST: f64 = 10.0;
 
 /// A state further away than this many sizes of the body is lost.
@@ -366,7 +367,7 @@ impl Problem<'_> {
         apply(&blocks, &r, &mut z);
         self.mask(&mut z);
         let (mut p, mut rz) = (z.clone(), inner(&r, &z));
-        let (goal, furthest) = (rz * tolerance * tolerance, self.furthest());
+        let (goal, furthest) = (rz * tolerance * tolerance, self.furthest(lift.is_some()));
         while rz > goal && rz > 0.0 && !self.spent() {
             self.product(at, &p, &mut hp);
             self.mask(&mut hp);
@@ -378,9 +379,10 @@ impl Problem<'_> {
                 break;
             }
             let alpha = rz / curvature;
-            if alpha * longest(&p) > furthest {
+            let way = longest(&p);
+            if alpha * way > furthest {
                 // Nothing bears it there yet: on to where something may (Steihaug 1983).
-                shift(&mut d, &p, furthest / longest(&p));
+                shift(&mut d, &p, furthest / way);
                 break;
             }
             shift(&mut d, &p, alpha);
@@ -394,11 +396,12 @@ impl Problem<'_> {
         d
     }
 
-    /// How far a Newton step may take a node, mm: on to a sphere, not through it.
-    fn furthest(&self) -> f64 {
+    /// How far a Newton step may take a node, mm: on to a sphere, not through it, unless it is carried along.
+    fn furthest(&self, carried: bool) -> f64 {
         let rest = &self.elastic.rest;
         let size = rest.iter().map(|p| longest(&[sub(*p, rest[0])])).fold(0.0, f64::max);
-        self.spheres.least_radius().map_or(FURTHEST * size, |radius| radius.min(FURTHEST * size))
+        let radius = self.spheres.least_radius().filter(|_| !carried);
+        radius.map_or(FURTHEST * size, |radius| radius.min(FURTHEST * size))
     }
 
     /// Inverses of the Hessian's diagonal blocks, prescribed components taken out.
