@@ -95,17 +95,18 @@ fn of_options<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>) -> Vec<String>
 
 /// Labels that have not the density wanted, against that of all others, by more than a part.
 fn of_density<T>(report: &MeshReport, source: &Source<'_, T>) -> Vec<String> {
+    if source.options.density.is_empty() {
+        return Vec::new();
+    }
     let (fields, size) = (source.fields, source.size);
     let finest = even_edge_for(size, report.elements as f64);
     // Of each label: elements wanted and volume, both of samples.
     let mut samples = vec![[0.0; 2]; report.labels.len()];
-    if !source.options.density.is_empty() {
-        each_inner(&fields.union, &mut |p, cells| {
-            let Some(sum) = fields.label_at(p).and_then(|l| samples.get_mut(l)) else { return };
-            sum[0] += cells as f64 * size.edge(p, finest).powi(-3);
-            sum[1] += cells as f64;
-        });
-    }
+    each_inner(&fields.union, &mut |p, cells| {
+        let Some(sum) = fields.label_at(p).and_then(|l| samples.get_mut(l)) else { return };
+        sum[0] += cells as f64 * size.edge(p, finest).powi(-3);
+        sum[1] += cells as f64;
+    });
     let found: Vec<[f64; 2]> = report.labels.iter().map(|l| [l.elements as f64, l.volume]).collect();
     let times = |of: &[[f64; 2]], own: usize| {
         let others = |k: usize| of.iter().enumerate().filter(|s| s.0 != own).map(|s| s.1[k]).sum::<f64>();

@@ -183,20 +183,19 @@ fn squeezed(run: &Run) -> Option<String> {
     let brain = run.volumes.structures().iter().position(|s| *s == Structure::Brain)?;
     let change = run.rows.last()?.change_ml[brain];
     let share = change / run.volumes.rest_ml()[brain];
-    let pressure = run.last().map_or(0.0, |f| f.step.csf_kpa / KPA_PER_MMHG);
-    let poisson = run.settings.model.materials.brain.poisson;
-    (share.abs() > MOST_SQUEEZED).then(|| {
-        if !run.has_units() {
-            return format!(
-                "The brain's own tissue (with the CSF around it, which is simulated as brain) changed by {change:.1} ml ({:.1} %): \
-                 paper mode keeps volumes by constraints, as well as its iterations come.",
-                share * 100.0
-            );
-        }
+    let why = if run.has_units() {
+        let pressure = run.last().map_or(0.0, |f| f.step.csf_kpa / KPA_PER_MMHG);
+        let poisson = run.settings.model.materials.brain.poisson;
         format!(
-            "The brain's own tissue (with the CSF around it, which is simulated as brain) changed by {change:.1} ml ({:.1} %) at {pressure:.1} mmHg: with a Poisson's ratio of \
-             {poisson} it gives way to pressure, real tissue hardly does. Measured differences of pressure between \
-             ventricles and the surface of the brain are a few mmHg.",
+            " at {pressure:.1} mmHg: with a Poisson's ratio of {poisson} it gives way to pressure, real tissue hardly does. Measured \
+             differences of pressure between ventricles and the surface of the brain are a few mmHg."
+        )
+    } else {
+        ": paper mode keeps volumes by constraints, as well as its iterations come.".into()
+    };
+    (share.abs() > MOST_SQUEEZED).then(|| {
+        format!(
+            "The brain's own tissue (with the CSF around it, which is simulated as brain) changed by {change:.1} ml ({:.1} %){why}",
             share * 100.0
         )
     })

@@ -6,6 +6,7 @@ use super::film::FilmsAround;
 use super::near::Near;
 use super::pressure::{Pressures, Still, Tissue, Which};
 use super::region;
+use super::rhythm::{Press, Substep};
 use super::rings::{self, Part};
 use super::streams::{Streams, Visits};
 use super::sweep::{Memory, Pace, Substep as Shared, Sweep, Task};
@@ -16,26 +17,13 @@ use crate::fast::{Pool, Row, Turn, WIDTH, widest};
 use crate::model::{Region, Tether};
 use crate::rigid::Rigid;
 use crate::slabs::{self, Round, Slabs};
-use crate::vec3::{V3, larger, shift, sub, xyz};
+use crate::vec3::{larger, shift, sub, xyz};
 use crate::volumes::{Volumes, regular_edge};
 use core::ops::Range;
 
-/// A vertex goes this many times as far as its own minimum (successive over-relaxation): smooth motions converge in fewer
-/// sweeps, and below 2 no energy rises. More than this, pressures that follow made blocks breathe (docs/speed.md). The last
-/// sweep of a substep goes to the minimum: it takes away what over-relaxation leaves, which is rough.
-const BEYOND: f32 = 1.5;
-/// With a predicted space, in sweeps over all: what is outside gets few, and its motion is smooth.
-const FAR_BEYOND: f32 = 1.8;
-/// Sweeps for each step of the pressures near what moves fast: after a single over-relaxed one they would follow what is
-/// not there yet. And sweeps for each step of all pressures.
-const SWEEPS_A_STEP: u32 = 2;
-const SWEEPS_A_WHOLE_STEP: u32 = 6;
 /// Tissue is calm that goes less than this share of an element's edge in the first sweep; else all pressures follow as often
 /// as near what moves fast.
 const CALM: f64 = 1e-3;
-/// With a predicted space, one sweep in so many goes over the whole tissue; and after one in so many it is chosen.
-const WHOLE_EVERY: u32 = 3;
-
 /// Constants of the sweeps.
 #[derive(Debug, Clone)]
 pub(crate) struct Descent {
@@ -80,61 +68,6 @@ pub(crate) struct DescentScratch {
     active_nodes: usize,
 }
 
-/// Numbers of a substep.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Substep {
-    pub(crate) dt: f32,
-    pub(crate) iterations: u32,
-    pub(crate) gravity: V3,
-    pub(crate) predicted_space: bool,
-}
-
-impl Substep {
-    /// Sweeps that are left after sweep `k`: rhythms are counted from the end, where all that there is comes together.
-    fn left(&self, k: u32) -> u32 {
-        self.iterations - 1 - k
-    }
-
-    /// Whether sweep `k` goes over the whole tissue.
-    fn is_whole(&self, k: u32) -> bool {
-        !self.predicted_space || k == 0 || self.left(k).is_multiple_of(WHOLE_EVERY)
-    }
-
-    /// Whether sweep `k` is followed by a choice: the first of what is near, and those over all of the predicted space.
-    fn chooses(&self, k: u32) -> bool {
-        self.left(k) > 0 && (k == 0 || self.predicted_space && self.is_whole(k))
-    }
-
-    /// What sweep `k` is like.
-    fn pace(&self, k: u32) -> Pace {
-        let beyond = match self.left(k) {
-            0 => 1.0,
-            _ if self.predicted_space && self.is_whole(k) => FAR_BEYOND,
-            _ => BEYOND,
-        };
-        Pace { beyond, only_active: !self.is_whole(k), tells: self.chooses(k) }
-    }
-
-    /// Where the sweeps from number `k` on end between which nothing else is done.
-    fn run(&self, k: u32, calm: bool) -> u32 {
-        let ends = |k: &u32| self.chooses(*k) || self.press(*k, calm).is_some();
-        (k..self.iterations).find(ends).map_or(self.iterations, |last| last + 1)
-    }
-
-    /// Which pressures take a step after sweep `k`, in tissue that is calm or not. While it is not, also after sweeps over the
-    /// predicted space alone: held for longer, they throw what a membrane has let go.
-    fn press(&self, k: u32, calm: bool) -> Option<Press> {
-        let all = if calm { SWEEPS_A_WHOLE_STEP } else { SWEEPS_A_STEP };
-        match self.left(k) {
-            0 => Some(Press::End),
-            _ if k == 0 => None,
-            left if left.is_multiple_of(all) => Some(Press::Between),
-            left if calm && left.is_multiple_of(SWEEPS_A_STEP) => Some(Press::Near),
-            _ => None,
-        }
-    }
-}
-
 /// What a pass is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Purpose {
@@ -165,16 +98,6 @@ impl Passes<'_> {
             pace: &|_| Pace { beyond: 1.0, only_active: false, tells: false },
         }
     }
-}
-
-/// When pressures follow the positions: before the first sweep, without a step of their own; between sweeps, all or near
-/// what moves fast; and after the last, when nobody asks for the elements.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Press {
-    Begin,
-    Near,
-    Between,
-    End,
 }
 
 /// A state to be advanced.

@@ -16,6 +16,7 @@ mod near;
 mod pressure;
 pub(crate) mod products;
 mod region;
+pub(crate) mod rhythm;
 mod rings;
 mod streams;
 mod strips;

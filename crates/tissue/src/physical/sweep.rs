@@ -38,7 +38,7 @@ pub(super) struct Memory {
 }
 
 /// What differs from sweep to sweep.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Pace {
     /// A vertex goes this many times as far as its own minimum. Where a tool or a spring holds on, the energy is not
     /// quadratic, and vertices go to their minimum.

@@ -231,7 +231,7 @@ impl Problem<'_> {
         let far = |a: &D3, b: &D3| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
         let rest = &self.elastic.rest;
         let imposed = self.loads.support.iter().flatten().flatten().fold(0.0, |m: f64, v| m.max(v.abs()));
-        let size = rest.iter().map(|p| far(p, &rest[0])).fold(imposed, f64::max);
+        let size = self.size().max(imposed);
         !x.iter().zip(rest).all(|(x, r)| far(x, r) <= LOST * size)
     }
 
@@ -396,10 +396,15 @@ impl Problem<'_> {
         d
     }
 
+    /// Size of the body, mm.
+    fn size(&self) -> f64 {
+        let rest = &self.elastic.rest;
+        rest.iter().map(|p| longest(&[sub(*p, rest[0])])).fold(0.0, f64::max)
+    }
+
     /// How far a Newton step may take a node, mm: on to a sphere, not through it, unless it is carried along.
     fn furthest(&self, carried: bool) -> f64 {
-        let rest = &self.elastic.rest;
-        let size = rest.iter().map(|p| longest(&[sub(*p, rest[0])])).fold(0.0, f64::max);
+        let size = self.size();
         let radius = self.spheres.least_radius().filter(|_| !carried);
         radius.map_or(FURTHEST * size, |radius| radius.min(FURTHEST * size))
     }

@@ -1,0 +1,82 @@
+//! When what is done in a substep: which sweeps go over what and how far, and what follows them.
+
+use super::sweep::Pace;
+use crate::vec3::V3;
+
+/// A vertex goes this many times as far as its own minimum (successive over-relaxation): smooth motions converge in fewer
+/// sweeps, and below 2 no energy rises. More than this, pressures that follow made blocks breathe (docs/speed.md). The last
+/// sweep of a substep goes to the minimum: it takes away what over-relaxation leaves, which is rough.
+const BEYOND: f32 = 1.5;
+/// With a predicted space, in sweeps over all: what is outside gets few, and its motion is smooth.
+const FAR_BEYOND: f32 = 1.8;
+/// Sweeps for each step of the pressures near what moves fast: after a single over-relaxed one they would follow what is
+/// not there yet. And sweeps for each step of all pressures.
+const SWEEPS_A_STEP: u32 = 2;
+const SWEEPS_A_WHOLE_STEP: u32 = 6;
+/// With a predicted space, one sweep in so many goes over the whole tissue; and after one in so many it is chosen.
+const WHOLE_EVERY: u32 = 3;
+
+/// Numbers of a substep.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Substep {
+    pub(crate) dt: f32,
+    pub(crate) iterations: u32,
+    pub(crate) gravity: V3,
+    pub(crate) predicted_space: bool,
+}
+
+impl Substep {
+    /// Sweeps that are left after sweep `k`: rhythms are counted from the end, where all that there is comes together.
+    fn left(&self, k: u32) -> u32 {
+        self.iterations - 1 - k
+    }
+
+    /// Whether sweep `k` goes over the whole tissue.
+    fn is_whole(&self, k: u32) -> bool {
+        !self.predicted_space || k == 0 || self.left(k).is_multiple_of(WHOLE_EVERY)
+    }
+
+    /// Whether sweep `k` is followed by a choice: the first of what is near, and those over all of the predicted space.
+    pub(super) fn chooses(&self, k: u32) -> bool {
+        self.left(k) > 0 && (k == 0 || self.predicted_space && self.is_whole(k))
+    }
+
+    /// What sweep `k` is like.
+    pub(super) fn pace(&self, k: u32) -> Pace {
+        let beyond = match self.left(k) {
+            0 => 1.0,
+            _ if self.predicted_space && self.is_whole(k) => FAR_BEYOND,
+            _ => BEYOND,
+        };
+        Pace { beyond, only_active: !self.is_whole(k), tells: self.chooses(k) }
+    }
+
+    /// Where the sweeps from number `k` on end between which nothing else is done.
+    pub(super) fn run(&self, k: u32, calm: bool) -> u32 {
+        let ends = |k: &u32| self.chooses(*k) || self.press(*k, calm).is_some();
+        (k..self.iterations).find(ends).map_or(self.iterations, |last| last + 1)
+    }
+
+    /// Which pressures take a step after sweep `k`, in tissue that is calm or not. While it is not, also after sweeps over the
+    /// predicted space alone: held for longer, they throw what a membrane has let go.
+    pub(super) fn press(&self, k: u32, calm: bool) -> Option<Press> {
+        let all = if calm { SWEEPS_A_WHOLE_STEP } else { SWEEPS_A_STEP };
+        match self.left(k) {
+            0 => Some(Press::End),
+            _ if k == 0 => None,
+            left if left.is_multiple_of(all) => Some(Press::Between),
+            left if calm && left.is_multiple_of(SWEEPS_A_STEP) => Some(Press::Near),
+            _ => None,
+        }
+    }
+}
+
+/// When pressures follow the positions: before the first sweep, without a step of their own; between sweeps, all or near
+/// what moves fast; and after the last, when nobody asks for the elements.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Press {
+    Begin,
+    Near,
+    Between,
+    End,
+}
