@@ -5,10 +5,7 @@
 ///
 /// # Panics
 /// When an item's point is not below `points`.
-pub(crate) fn by_point<T: Copy + Default>(
-    items: impl Iterator<Item = (u32, T)> + Clone,
-    points: usize,
-) -> (Vec<u32>, Vec<T>) {
+pub fn by_point<T: Copy + Default>(items: impl Iterator<Item = (u32, T)> + Clone, points: usize) -> (Vec<u32>, Vec<T>) {
     let mut first = vec![0u32; points + 1];
     items.clone().for_each(|(point, _)| first[point as usize + 1] += 1);
     for p in 1..first.len() {

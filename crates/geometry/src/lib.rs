@@ -30,6 +30,7 @@ mod volume;
 mod walls;
 
 pub use affine::Affine;
+pub use buckets::by_point;
 pub use bvh::{Bvh, Hit, Nearest, nearest_on_triangle};
 pub use crossing::{CrossingFinder, Crossings, triangles_cross};
 pub use disjoint_sets::DisjointSets;

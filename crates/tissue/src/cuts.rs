@@ -6,6 +6,7 @@
 //! layers with most of the work in two of them: these are cut well along an axis or not at all.
 
 use crate::fast::Plans;
+use monro_geometry::by_point;
 
 /// Vertices that a slab should have at least: below that threads wait more than they work.
 const LEAST: usize = 200;
@@ -166,21 +167,8 @@ fn order(height: &[f64]) -> Vec<u32> {
 
 /// Other corners of the elements around each vertex, with repetitions.
 fn neighbours(vertices: usize, tets: &[[u32; 4]]) -> (Vec<u32>, Vec<u32>) {
-    let mut start = vec![0u32; vertices + 1];
-    tets.iter().flatten().for_each(|&v| start[v as usize + 1] += 3);
-    for v in 0..vertices {
-        start[v + 1] += start[v];
-    }
-    let (mut fill, mut near) = (start.clone(), vec![0u32; tets.len() * 12]);
-    for tet in tets {
-        for &v in tet {
-            for &n in tet.iter().filter(|&&n| n != v) {
-                near[fill[v as usize] as usize] = n;
-                fill[v as usize] += 1;
-            }
-        }
-    }
-    (start, near)
+    let pairs = tets.iter().flat_map(|tet| tet.iter().flat_map(|&v| tet.iter().map(move |&n| (v, n))));
+    by_point(pairs.filter(|(v, n)| v != n), vertices)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Smoothing that does not shrink: the windowed sinc filter of Taubin, Zhang and Golub (ECCV 1996).
 
-use monro_geometry::{Patient, Point, TriangleMesh, Vector};
+use monro_geometry::{Patient, Point, TriangleMesh, Vector, by_point};
 use std::f64::consts::PI;
 
 /// How a surface from voxels is smoothed. The enclosed volume is restored afterwards in either case.
@@ -59,24 +59,9 @@ struct Neighbours {
 
 impl Neighbours {
     fn new(mesh: &TriangleMesh) -> Self {
-        let n = mesh.vertices.len();
-        let mut first = vec![0u32; n + 1];
-        for t in &mesh.triangles {
-            t.iter().for_each(|&v| first[v as usize + 1] += 1);
-        }
-        for i in 0..n {
-            first[i + 1] += first[i];
-        }
         // On a closed, oriented surface the edge after each corner lists every neighbour exactly once.
-        let mut list = vec![0; mesh.triangles.len() * 3];
-        let mut at = first.clone();
-        for t in &mesh.triangles {
-            for c in 0..3 {
-                let v = t[c] as usize;
-                list[at[v] as usize] = t[(c + 1) % 3];
-                at[v] += 1;
-            }
-        }
+        let next = mesh.triangles.iter().flat_map(|t| (0..3).map(|c| (t[c], t[(c + 1) % 3])));
+        let (first, list) = by_point(next, mesh.vertices.len());
         Self { first, list }
     }
 

@@ -5,6 +5,7 @@ use super::strips::{self, Spoke, Step};
 use crate::bytes;
 use crate::fast::{Line, Places, Plans, Row, WIDTH};
 use crate::slabs::{Round, Slabs};
+use monro_geometry::by_point;
 
 /// Unfinished batches that are looked through for a place: many fill well, few keep the vertices of a batch near each other.
 const OPEN: usize = 16;
@@ -181,18 +182,6 @@ impl Rings<'_> {
 
 /// Start of each vertex's elements, and those in order.
 fn around(tets: &[[u32; 4]], nodes: usize) -> (Vec<u32>, Vec<Spoke>) {
-    let mut start = vec![0u32; nodes + 1];
-    tets.iter().flatten().for_each(|&v| start[v as usize + 1] += 1);
-    for v in 0..nodes {
-        start[v + 1] += start[v];
-    }
-    let (mut fill, mut out) = (start.clone(), vec![(0, [0; 3]); tets.len() * 4]);
-    for (t, tet) in tets.iter().enumerate() {
-        for (corner, others) in OTHERS.iter().enumerate() {
-            let at = &mut fill[tet[corner] as usize];
-            out[*at as usize] = (t as u32, others.map(|k| tet[k]));
-            *at += 1;
-        }
-    }
-    (start, out)
+    let spokes = (0..).zip(tets).flat_map(|(t, tet)| (0..4).map(move |c| (tet[c], (t, OTHERS[c].map(|k| tet[k])))));
+    by_point(spokes, nodes)
 }
