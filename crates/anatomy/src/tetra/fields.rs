@@ -3,16 +3,14 @@
 //! One field for everything that is kept, and one for each label but the last, which is what remains. Inside, a point
 //! carries the label of the largest field, so a septum thinner than a cell survives between two ventricles.
 
+use super::smooth::smoothed;
 use super::vec3::{V3, sub};
-use crate::surface::even::{Even, Extent, even, even_step, extents};
+use crate::surface::even::{Extent, even, even_step, extents};
 use monro_geometry::{Affine, Grid, Patient, Point, Volume, Voxel};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Most cells of the common even grid over everything kept.
 const MOST_CELLS: usize = 6_000_000;
-/// Width of the smoothing in cells.
-const SIGMA: f64 = 0.85;
 const MARGIN: usize = 5;
 /// Extents, mm, at which lengths given in mm hold as they are, and the one that others are brought to.
 const USUAL: Range<f64> = 12.0..500.0;
@@ -153,10 +151,11 @@ impl LabelFields {
         let rest = present.remove(largest);
         present.push(rest);
         let union = even(labels, &all, &whole, step, MARGIN)?;
-        let (at_border, union) = (union.at_border, smoothed(union, false));
+        let (at_border, union) = (union.at_border, Field::new(smoothed(union.field, false)));
         let parts = present[..present.len() - 1].iter();
-        let parts =
-            parts.map(|(k, e)| even(labels, &|l: T| l.into() == *k, e, step, MARGIN).map(|e| smoothed(e, true)));
+        let parts = parts.map(|(k, e)| {
+            Some(Field::new(smoothed(even(labels, &|l: T| l.into() == *k, e, step, MARGIN)?.field, true)))
+        });
         let parts: Vec<Field> = parts.collect::<Option<_>>()?;
         let fronts = parts.iter().map(|own| front(own, &rest_on(own, &union, &parts))).collect();
         Some(Self {
@@ -285,123 +284,6 @@ fn front(own: &Field, rest: &Field) -> Field {
     let mut front = own.clone();
     front.combine(rest, |value, rest| *value -= rest);
     Field { outside: -1.0, ..front }
-}
-
-/// `2 G - G G`: a Gaussian made to keep second moments, so that it takes the steps off without shrinking the round. With
-/// `thin`, thin parts stay as the voxels have them.
-fn smoothed(even: Even, thin: bool) -> Field {
-    let dims = even.field.grid().dims();
-    let grid = *even.field.grid();
-    let mut data = even.field.into_data();
-    let raw = if thin { data.clone() } else { Vec::new() };
-    let w = kernel();
-    let mut flat = vec![0f32; data.len()];
-    across_planes(&data, dims, &w, &mut flat);
-    along_z(&flat, dims, &w, &mut data, |once, _| once);
-    across_planes(&data, dims, &w, &mut flat);
-    along_z(&flat, dims, &w, &mut data, |twice, once| 2.0 * once - twice);
-    if !raw.is_empty() {
-        keep_thin(&raw, &mut data, dims);
-    }
-    Field::new(Volume::new(grid, data).unwrap_or_else(|_| Volume::filled(grid, 0.0)))
-}
-
-/// A part is thin where the smoothed field comes no nearer to 0 or 1 than this in a cell and those around it.
-const FAINT: f32 = 0.25;
-
-/// Takes the field as the voxels give it, `raw`, in and next to thin parts and thin gaps: smoothing would break them up.
-fn keep_thin(raw: &[f32], data: &mut [f32], dims: [usize; 3]) {
-    let around = |at: usize| {
-        let shift = |n: usize| n % 3 + dims[0] * (n / 3 % 3 + dims[1] * (n / 9));
-        (0..27).map(move |n| at + shift(n) - shift(13))
-    };
-    let (first, last) = (1 + dims[0] * (1 + dims[1]), data.len() - 1 - dims[0] * (1 + dims[1]));
-    let thin = |at: &usize| {
-        let (v, s) = (raw[*at], data[*at]);
-        match v >= 0.5 {
-            true => s < 1.0 - FAINT && around(*at).all(|n| data[n] < 1.0 - FAINT),
-            false => s > FAINT && around(*at).all(|n| data[n] > FAINT),
-        }
-    };
-    let found: Vec<usize> = (first..last).filter(thin).collect();
-    let mut near: Vec<usize> = found.iter().flat_map(|&at| around(at)).collect();
-    near.sort_unstable();
-    near.dedup();
-    near.into_iter().for_each(|at| data[at] = raw[at]);
-}
-
-fn kernel() -> Vec<f32> {
-    let reach = (3.0 * SIGMA).ceil() as i32;
-    let raw: Vec<f64> = (-reach..=reach).map(|i| (-0.5 * (f64::from(i) / SIGMA).powi(2)).exp()).collect();
-    let sum: f64 = raw.iter().sum();
-    raw.into_iter().map(|w| (w / sum) as f32).collect()
-}
-
-/// Convolves along x and y, a plane at a time; zero outside (the fields have a margin of zeros). Rows are only looked at
-/// where they are not zero.
-fn across_planes(data: &[f32], dims: [usize; 3], w: &[f32], out: &mut [f32]) {
-    let [nx, ny, _] = dims;
-    let reach = w.len() / 2;
-    out.par_chunks_mut(nx * ny).zip(data.par_chunks(nx * ny)).for_each_init(
-        Vec::new,
-        |rows: &mut Vec<f32>, (out, plane)| {
-            rows.clear();
-            rows.resize(nx * ny, 0.0);
-            let wide = |row: &[f32]| {
-                let used = used(row);
-                used.start.saturating_sub(reach)..(used.end + reach).min(nx)
-            };
-            let parts: Vec<Range<usize>> = plane.chunks(nx).map(wide).collect();
-            for ((from, to), part) in plane.chunks(nx).zip(rows.chunks_mut(nx)).zip(&parts) {
-                convolve(&from[part.clone()], w, &mut to[part.clone()]);
-            }
-            out.fill(0.0);
-            for (j, to) in out.chunks_mut(nx).enumerate() {
-                for (i, &weight) in w.iter().enumerate() {
-                    let Some(from) = (j + i).checked_sub(reach).filter(|&f| f < ny) else { continue };
-                    let part = parts[from].clone();
-                    add_weighted(&mut to[part.clone()], &rows[from * nx..][part], weight);
-                }
-            }
-        },
-    );
-}
-
-/// Convolves along z, whole planes at a time, and sets each cell from the result and its value before.
-fn along_z(data: &[f32], dims: [usize; 3], w: &[f32], out: &mut [f32], set: impl Fn(f32, f32) -> f32 + Sync) {
-    let plane = dims[0] * dims[1];
-    let parts: Vec<Range<usize>> = data.par_chunks(plane).map(used).collect();
-    out.par_chunks_mut(plane).enumerate().for_each_init(Vec::new, |sum: &mut Vec<f32>, (k, out)| {
-        sum.clear();
-        sum.resize(plane, 0.0);
-        for (i, &weight) in w.iter().enumerate() {
-            let Some(from) = (k + i).checked_sub(w.len() / 2).filter(|&f| f < dims[2]) else { continue };
-            let part = parts[from].clone();
-            add_weighted(&mut sum[part.clone()], &data[from * plane..][part], weight);
-        }
-        out.iter_mut().zip(&*sum).for_each(|(o, &s)| *o = set(s, *o));
-    });
-}
-
-fn add_weighted(to: &mut [f32], from: &[f32], weight: f32) {
-    to.iter_mut().zip(from).for_each(|(o, &v)| *o += weight * v);
-}
-
-/// The part of a row or plane from its first value that is not zero to its last; empty at its start if there is none.
-fn used(row: &[f32]) -> Range<usize> {
-    let Some(first) = row.iter().position(|&v| v != 0.0) else { return 0..0 };
-    first..row.iter().rposition(|&v| v != 0.0).map_or(first, |last| last + 1)
-}
-
-/// Convolves a row.
-fn convolve(data: &[f32], w: &[f32], out: &mut [f32]) {
-    let n = data.len();
-    let reach = w.len() / 2;
-    for (i, &weight) in w.iter().enumerate() {
-        let (to, from) = (reach.saturating_sub(i).min(n), i.saturating_sub(reach).min(n));
-        let len = n - to.max(from);
-        add_weighted(&mut out[to..to + len], &data[from..from + len], weight);
-    }
 }
 
 #[cfg(test)]

@@ -41,6 +41,7 @@ mod remarks;
 mod repair;
 mod report;
 mod size;
+mod smooth;
 mod solid;
 mod thickness;
 mod vec3;
