@@ -241,9 +241,12 @@ impl Part {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let cut: Vec<Vec<f32>> = (0..dims[axis]).into_par_iter().map(|k| self.plane(axis, k)).collect();
         let slices = Slices::new(cut, [dims[u], dims[v]], step, thickness);
-        let made: Vec<Vec<f32>> = along.taps.par_iter().map(|tap| slices.between(tap, low)).collect();
-        self.dims[axis] = made.len();
-        self.data = if axis == 2 { made.concat() } else { self.joined(axis, &made) };
+        self.dims[axis] = along.taps.len();
+        let size = dims[u] * dims[v];
+        let mut planes = vec![0.0; size * along.taps.len()];
+        let made = planes.par_chunks_mut(size).zip(&along.taps);
+        made.for_each(|(plane, tap)| slices.between(tap, low, plane));
+        self.data = if axis == 2 { planes } else { self.joined(axis, &planes) };
     }
 
     /// The plane `k` across an axis, along the next axis first.
@@ -251,9 +254,11 @@ impl Part {
         self.cells_of_plane(axis, k).map(|at| self.data[at]).collect()
     }
 
-    fn joined(&self, axis: usize, planes: &[Vec<f32>]) -> Vec<f32> {
-        let mut data = vec![0.0; self.dims.iter().product()];
-        for (k, plane) in planes.iter().enumerate() {
+    /// What was made plane by plane across an axis, in its place.
+    fn joined(&self, axis: usize, planes: &[f32]) -> Vec<f32> {
+        let mut data = vec![0.0; planes.len()];
+        let size = planes.len() / self.dims[axis];
+        for (k, plane) in planes.chunks(size).enumerate() {
             self.cells_of_plane(axis, k).zip(plane).for_each(|(at, &x)| data[at] = x);
         }
         data

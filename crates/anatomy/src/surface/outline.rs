@@ -6,6 +6,9 @@
 /// Distances are limited to this many slice thicknesses.
 const FARTHEST: f32 = 4.0;
 
+/// Cells looked at together for any that is asked for.
+const PIECE: usize = 32;
+
 /// No cell of the other side in a row.
 const NONE: u32 = u32::MAX;
 
@@ -23,16 +26,21 @@ impl Outline {
         let inside: Vec<bool> = values.iter().map(|&v| v >= 0.5).collect();
         let mut near = vec![false; inside.len()];
         let [nx, ny] = dims;
-        let mut mark = |a: usize, b: usize| {
-            if inside[a] != inside[b] {
-                (near[a], near[b]) = (true, true);
-            }
+        let differ = |near: &mut [bool], a: &[bool], b: &[bool]| {
+            near.iter_mut().zip(a.iter().zip(b)).for_each(|(near, (a, b))| *near |= a != b);
         };
-        for j in 0..ny {
-            (1..nx).for_each(|i| mark(j * nx + i - 1, j * nx + i));
-            (0..if j > 0 { nx } else { 0 }).for_each(|i| mark((j - 1) * nx + i, j * nx + i));
+        for (j, near) in near.chunks_mut(nx).enumerate() {
+            let row = |j: usize| &inside[j * nx..][..nx];
+            differ(near, &row(j)[1..], row(j));
+            differ(&mut near[1..], row(j), &row(j)[1..]);
+            [j.wrapping_sub(1), j + 1].into_iter().filter(|&n| n < ny).for_each(|n| differ(near, row(j), row(n)));
         }
         Self { values, inside, near, dims }
+    }
+
+    /// Which cells are inside.
+    pub(super) fn inside(&self) -> &[bool] {
+        &self.inside
     }
 
     /// Signed distances in mm (positive inside) on cells of edge `step`, given the slices `beside` at `thickness` mm (nothing
@@ -46,37 +54,48 @@ impl Outline {
             return self.values.iter().map(value).collect();
         }
         let limit = FARTHEST * thickness;
-        let rows = self.along_rows();
-        let differs = |n: usize, other: Option<&Self>| match other {
-            Some(other) => other.inside[n] != self.inside[n] || other.near[n],
-            None => self.inside[n],
+        let mut out: Vec<f32> = self.inside.iter().map(|&inside| if inside { limit } else { -limit }).collect();
+        let across = |other: Option<&Self>| match other {
+            Some(other) => {
+                other.inside.iter().zip(&self.inside).zip(&other.near).map(|((o, i), near)| o != i || *near).collect()
+            }
+            None => self.inside.clone(),
         };
+        let across: [Vec<bool>; 2] = beside.map(across);
+        let asked =
+            self.near.iter().zip(across[0].iter().zip(&across[1])).map(|(near, (below, above))| near | below | above);
+        let asked: Vec<bool> = asked.collect();
+        let rows = self.along_rows();
         let value = |n: usize| {
             if self.near[n] {
                 return ((self.values[n] - 0.5) * step).clamp(-limit, limit);
             }
-            let sign = if self.inside[n] { 1.0 } else { -1.0 };
-            let way = if beside.into_iter().any(|other| differs(n, other)) {
-                (self.cells_to_outline(n, &rows, limit / step) * step - 0.5 * step).min(limit)
-            } else {
-                limit
-            };
-            sign * way
+            let way = (self.cells_to_outline(n, &rows, limit / step) * step - 0.5 * step).min(limit);
+            if self.inside[n] { way } else { -way }
         };
-        (0..self.inside.len()).map(value).collect()
+        for (c, (out, asked)) in out.chunks_mut(PIECE).zip(asked.chunks(PIECE)).enumerate() {
+            // Most pieces have none.
+            if asked.contains(&true) {
+                let own = out.iter_mut().zip(asked).enumerate().filter(|(_, (_, asked))| **asked);
+                own.for_each(|(i, (out, _))| *out = value(c * PIECE + i));
+            }
+        }
+        out
     }
 
     /// From each cell to the next of the other side in its row, in cells; [`NONE`] where there is none.
     fn along_rows(&self) -> Vec<u32> {
         let mut out = vec![NONE; self.inside.len()];
         for (row, out) in self.inside.chunks(self.dims[0]).zip(out.chunks_mut(self.dims[0])) {
-            for i in 1..row.len() {
-                out[i] = if row[i] != row[i - 1] { 1 } else { out[i - 1].saturating_add(1) };
-            }
-            let mut next = NONE;
-            for i in (0..row.len() - 1).rev() {
-                next = if row[i] != row[i + 1] { 1 } else { next.saturating_add(1) };
-                out[i] = out[i].min(next);
+            let mut from = 0;
+            for run in row.chunk_by(|a, b| a == b) {
+                let end = from + run.len();
+                let [first, last] = [from > 0, end < row.len()];
+                for (i, out) in (0..).zip(&mut out[from..end]) {
+                    let (up, down) = (i + 1, run.len() as u32 - i);
+                    *out = (if first { up } else { NONE }).min(if last { down } else { NONE });
+                }
+                from = end;
             }
         }
         out

@@ -26,14 +26,13 @@ pub(super) struct Slices {
 impl Slices {
     /// From the values of each slice, on cells of edge `step` (mm); slices are `thickness` mm apart.
     pub(super) fn new(planes: Vec<Vec<f32>>, dims: [usize; 2], step: f64, thickness: f64) -> Self {
-        let parts: Vec<Vec<u32>> = planes.par_iter().map(|plane| parts(plane, dims)).collect();
         let outlines: Vec<Outline> = planes.into_par_iter().map(|plane| Outline::new(plane, dims)).collect();
-        let none: Vec<u32> = Vec::new();
+        let parts: Vec<Vec<Run>> = outlines.par_iter().map(|outline| parts(outline.inside(), dims)).collect();
         let slices = (0..outlines.len()).into_par_iter().map(|k| {
-            let beside = [k.wrapping_sub(1), k + 1];
+            let beside = [k.wrapping_sub(1), k + 1].map(|n| outlines.get(n));
             Slice {
-                distance: outlines[k].distances(beside.map(|n| outlines.get(n)), step, thickness),
-                ends: beside.map(|n| ends(&parts[k], parts.get(n).unwrap_or(&none), dims)),
+                distance: outlines[k].distances(beside, step, thickness),
+                ends: beside.map(|other| ends(&parts[k], other.map(Outline::inside), dims)),
             }
         });
         let slices = slices.collect();
@@ -41,7 +40,7 @@ impl Slices {
     }
 
     /// The field between two slices by the weights of `tap`, whose first slice is number `tap.first - low`.
-    pub(super) fn between(&self, tap: &Tap, low: usize) -> Vec<f32> {
+    pub(super) fn between(&self, tap: &Tap, low: usize, out: &mut [f32]) {
         let slice = |i: isize| usize::try_from(tap.first + i - low as isize).ok().and_then(|at| self.slices.get(at));
         let (step, t) = (self.step, tap.weights.get(1).copied().unwrap_or(0.0));
         let field = |below: f32, above: f32| (0.5 + (below + (above - below) * t) / step).clamp(0.0, 1.0);
@@ -50,62 +49,66 @@ impl Slices {
             && below.ends[1].is_empty()
             && above.ends[0].is_empty()
         {
-            return below.distance.iter().zip(&above.distance).map(|(&b, &a)| field(b, a)).collect();
+            let both = below.distance.iter().zip(&above.distance);
+            out.iter_mut().zip(both).for_each(|(o, (&b, &a))| *o = field(b, a));
+            return;
         }
         let [below, above] = nearest;
         let ends =
             |slice: Option<&Slice>, side: usize, n: usize| slice.is_some_and(|s| s.ends[side].get(n) == Some(&true));
-        let mix = |n: usize| {
+        for (n, out) in out.iter_mut().enumerate() {
             let mut d = nearest.map(|s| s.map_or(-self.thickness, |s| s.distance[n]));
             match [ends(below, 1, n), ends(above, 0, n)] {
                 [true, false] => d[1] = -d[0].abs(),
                 [false, true] => d[0] = -d[1].abs(),
                 _ => {}
             }
-            field(d[0], d[1])
-        };
-        let size = self.slices.first().map_or(0, |s| s.distance.len());
-        (0..size).map(mix).collect()
+            *out = field(d[0], d[1]);
+        }
     }
 }
 
-/// The connected parts of a slice (cells that share an edge or a corner), each with a number of its own above 0; 0 outside.
-fn parts(plane: &[f32], dims: [usize; 2]) -> Vec<u32> {
-    let mut number = vec![0; plane.len()];
-    let mut sets = DisjointSets::new(1);
-    // Runs of cells: of the row before and of this one, and all of them.
-    let (mut before, mut here, mut all) = (Vec::<(Range<usize>, u32)>::new(), Vec::new(), Vec::new());
-    for (j, row) in plane.chunks(dims[0]).enumerate() {
-        let mut at = 0;
-        for run in row.chunk_by(|&a, &b| (a >= 0.5) == (b >= 0.5)) {
-            let (cells, first) = (at..at + run.len(), run[0]);
+/// Cells of a row side by side, by their places in the slice, and the part that they are of.
+type Run = (Range<usize>, usize);
+
+/// The connected parts of what is inside of a slice (cells that share an edge or a corner), run by run.
+fn parts(inside: &[bool], dims: [usize; 2]) -> Vec<Run> {
+    let mut sets = DisjointSets::new(0);
+    // All runs, and where those of the row before begin.
+    let (mut all, mut before) = (Vec::<Run>::new(), 0);
+    for (j, row) in inside.chunks(dims[0]).enumerate() {
+        let (here, mut at) = (all.len(), j * dims[0]);
+        for run in row.chunk_by(|a, b| a == b) {
+            let cells = at..at + run.len();
             at = cells.end;
-            if first >= 0.5 {
+            if run[0] {
                 let own = sets.add();
-                let meets = |b: &&(Range<usize>, u32)| b.0.start <= cells.end && cells.start <= b.0.end;
-                before.iter().filter(meets).for_each(|b| sets.join(b.1, own));
-                all.push((j * dims[0] + cells.start..j * dims[0] + cells.end, own));
-                here.push((cells, own));
+                let meets = |b: &&Run| b.0.start <= cells.end - dims[0] && cells.start <= b.0.end + dims[0];
+                all[before..here].iter().filter(meets).for_each(|b| sets.join(b.1 as u32, own));
+                all.push((cells, own as usize));
             }
         }
-        std::mem::swap(&mut before, &mut here);
-        here.clear();
+        before = here;
     }
-    all.into_iter().for_each(|(cells, own)| number[cells].fill(sets.root(own)));
-    number
+    all.iter_mut().for_each(|run| run.1 = sets.root(run.1 as u32) as usize);
+    all
 }
 
-/// Cells of parts that touch nothing of the next slice's, and those beside them; empty where there are none.
-fn ends(own: &[u32], next: &[u32], dims: [usize; 2]) -> Vec<bool> {
-    let count = own.iter().copied().max().unwrap_or(0) as usize;
-    let (mut goes_on, mut is_part) = (vec![false; count + 1], vec![false; count + 1]);
-    own.iter().for_each(|&o| is_part[o as usize] = o != 0);
-    own.iter().zip(next).filter(|(_, n)| **n != 0).for_each(|(&o, _)| goes_on[o as usize] = true);
-    let ending = |n: usize| own[n] != 0 && !goes_on[own[n] as usize];
-    if goes_on.iter().zip(&is_part).all(|(&goes_on, &is_part)| goes_on || !is_part) {
+/// Cells of parts that touch nothing that is inside of the next slice, and those beside them; empty where there are none.
+fn ends(own: &[Run], next: Option<&[bool]>, dims: [usize; 2]) -> Vec<bool> {
+    let mut goes_on = vec![false; own.len()];
+    if let Some(next) = next {
+        own.iter().for_each(|(cells, part)| goes_on[*part] |= next[cells.clone()].contains(&true));
+    }
+    if own.iter().all(|(_, part)| goes_on[*part]) {
         return Vec::new();
     }
-    (0..own.len()).map(|n| ending(n) || (own[n] == 0 && around(n, dims).any(ending))).collect()
+    let (mut is_part, mut ending) = (vec![false; dims[0] * dims[1]], vec![false; dims[0] * dims[1]]);
+    for (cells, part) in own {
+        is_part[cells.clone()].fill(true);
+        ending[cells.clone()].fill(!goes_on[*part]);
+    }
+    (0..ending.len()).map(|n| ending[n] || (!is_part[n] && around(n, dims).any(|m| ending[m]))).collect()
 }
 
 fn around(n: usize, [nx, ny]: [usize; 2]) -> impl Iterator<Item = usize> {
