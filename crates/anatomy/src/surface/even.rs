@@ -4,9 +4,11 @@
 //! is interpolated through the signed distances of the slices (Raya and Udupa 1990), so that a sloping wall becomes a
 //! slope and not a flight of stairs.
 
+use super::runs::{kept, runs};
 use super::slices::Slices;
 use monro_geometry::{Affine, Grid, Matrix3, Point, Volume};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// A field cropped to the set, with a margin of zeros.
 #[derive(Debug, Clone)]
@@ -46,7 +48,7 @@ impl Extent {
 }
 
 /// The extents of several labels in one pass: `index` holds for each label its number among them plus one, or 0.
-pub(crate) fn extents<T: Copy + Into<u16> + Sync>(
+pub(crate) fn extents<T: Copy + PartialEq + Into<u16> + Sync>(
     labels: &Volume<T>,
     index: &[u8],
     count: usize,
@@ -61,7 +63,7 @@ pub(crate) fn extents<T: Copy + Into<u16> + Sync>(
     (0..count).map(|l| parts.iter().fold(None, |sum, part| join(sum, part[l]))).collect()
 }
 
-fn slice_extents<T: Copy + Into<u16>>(
+fn slice_extents<T: Copy + PartialEq + Into<u16>>(
     slice: &[T],
     nx: usize,
     k: usize,
@@ -69,18 +71,13 @@ fn slice_extents<T: Copy + Into<u16>>(
     count: usize,
 ) -> Vec<Option<Extent>> {
     let mut all = vec![None; count];
-    let of = |v: T| index[usize::from(v.into())];
     for (j, row) in slice.chunks(nx).enumerate() {
-        let mut from = 0;
-        // Labels come in runs.
-        for run in row.chunk_by(|&a, &b| of(a) == of(b)) {
-            if let Some(l) = of(run[0]).checked_sub(1) {
-                let (low, high) = ([from, j, k], [from + run.len() - 1, j, k]);
-                let here = Extent { low, high, count: run.len() };
+        for (run, label) in runs(row) {
+            if let Some(l) = index[usize::from(label.into())].checked_sub(1) {
+                let here = Extent { low: [run.start, j, k], high: [run.end - 1, j, k], count: run.len() };
                 let sum: &mut Option<Extent> = &mut all[usize::from(l)];
                 *sum = Some(sum.map_or(here, |s| s.joined(here)));
             }
-            from += run.len();
         }
     }
     all
@@ -128,6 +125,25 @@ impl Axis {
         Self { start, ratio, taps }
     }
 
+    /// Adds a run of ones to a row of output cells, given the sum of the weights of each cell; the row of the input begins at
+    /// `low`.
+    fn spread(&self, run: &Range<usize>, row: &mut [f32], (whole, low): (&[f32], usize)) {
+        let (start, end) = ((run.start + low) as isize, (run.end + low) as isize);
+        let last = |tap: &Tap| tap.first + tap.weights.len() as isize;
+        let cells =
+            self.taps.partition_point(|tap| last(tap) <= start)..self.taps.partition_point(|tap| tap.first < end);
+        let full =
+            self.taps.partition_point(|tap| tap.first < start)..self.taps.partition_point(|tap| last(tap) <= end);
+        let full = full.start.clamp(cells.start, cells.end)..full.end.clamp(cells.start, cells.end);
+        let full = full.start..full.end.max(full.start);
+        row[full.clone()].copy_from_slice(&whole[full.clone()]);
+        for o in (cells.start..full.start).chain(full.end..cells.end) {
+            let tap = &self.taps[o];
+            let inside = |i: usize| (start..end).contains(&(tap.first + i as isize));
+            row[o] += tap.weights.iter().enumerate().filter(|(i, _)| inside(*i)).map(|(_, &w)| w).sum::<f32>();
+        }
+    }
+
     /// Input index (continuous) of the centre of the first output cell.
     fn origin(&self) -> f64 {
         (self.start as f64 + 0.5) * self.ratio - 0.5
@@ -152,7 +168,7 @@ fn between(i: isize, ratio: f64) -> Tap {
 
 /// Resamples the voxels that `keep` accepts to cells of edge `step` (mm) along the index axes, on a lattice that
 /// depends only on the grid and the step (fields of several labels line up), with `margin` cells around.
-pub(crate) fn even<T: Copy + Sync>(
+pub(crate) fn even<T: Copy + PartialEq + Sync>(
     labels: &Volume<T>,
     keep: &(impl Fn(T) -> bool + Sync),
     extent: &Extent,
@@ -164,8 +180,9 @@ pub(crate) fn even<T: Copy + Sync>(
     let ratio = spacing.map(|s| if (step / s - 1.0).abs() < 1e-6 { 1.0 } else { step / s });
     let axes = [0, 1, 2].map(|a| Axis::new(extent.low[a], extent.high[a], ratio[a], margin as isize));
     let thick: Vec<usize> = (0..3).filter(|&a| spacing[a] > 1.5 * step).collect();
-    let mut part = Part::crop(labels, keep, extent);
-    for a in (0..3).filter(|a| !thick.contains(a)) {
+    let first = axes.first().filter(|_| !thick.contains(&0));
+    let mut part = Part::crop(labels, keep, extent, first);
+    for a in (1..3).filter(|a| !thick.contains(a)) {
         part.resample(a, &axes[a], extent.low[a], 0.0);
     }
     match thick[..] {
@@ -192,18 +209,31 @@ struct Part {
 }
 
 impl Part {
-    fn crop<T: Copy + Sync>(labels: &Volume<T>, keep: &(impl Fn(T) -> bool + Sync), e: &Extent) -> Self {
-        let dims = [0, 1, 2].map(|a| e.high[a] - e.low[a] + 1);
-        let mut data = vec![0f32; dims.iter().product()];
-        data.par_chunks_mut(dims[0] * dims[1]).enumerate().for_each(|(k, slice)| {
-            for (j, row) in slice.chunks_mut(dims[0]).enumerate() {
+    /// The voxels of a box that `keep` accepts, resampled along the first axis if `along` is given.
+    fn crop<T: Copy + PartialEq + Sync>(
+        labels: &Volume<T>,
+        keep: &(impl Fn(T) -> bool + Sync),
+        e: &Extent,
+        along: Option<&Axis>,
+    ) -> Self {
+        let [nx, ny, nz] = [0, 1, 2].map(|a| e.high[a] - e.low[a] + 1);
+        let width = along.map_or(nx, |axis| axis.taps.len());
+        let mut data = vec![0f32; width * ny * nz];
+        let whole: Vec<f32> =
+            along.map_or(Vec::new(), |axis| axis.taps.iter().map(|t| t.weights.iter().sum()).collect());
+        data.par_chunks_mut(width * ny).enumerate().for_each(|(k, slice)| {
+            for (j, row) in slice.chunks_mut(width).enumerate() {
                 let from = labels.grid().index(e.low[0], e.low[1] + j, e.low[2] + k);
-                for (out, &v) in row.iter_mut().zip(&labels.data()[from..]) {
-                    *out = f32::from(u8::from(keep(v)));
+                let voxels = &labels.data()[from..from + nx];
+                for run in kept(voxels, keep) {
+                    match along {
+                        Some(axis) => axis.spread(&run, row, (&whole, e.low[0])),
+                        None => row[run].fill(1.0),
+                    }
                 }
             }
         });
-        Self { data, dims }
+        Self { data, dims: [width, ny, nz] }
     }
 
     /// Applies the taps along one axis; input cells outside the box count as `outside`.
@@ -251,6 +281,10 @@ impl Part {
 
     /// The plane `k` across an axis, along the next axis first.
     fn plane(&self, axis: usize, k: usize) -> Vec<f32> {
+        let size = self.dims[0] * self.dims[1];
+        if axis == 2 {
+            return self.data[k * size..][..size].to_vec();
+        }
         self.cells_of_plane(axis, k).map(|at| self.data[at]).collect()
     }
 

@@ -6,6 +6,7 @@ pub(crate) mod distance;
 pub(crate) mod even;
 mod isosurface;
 mod outline;
+pub(crate) mod runs;
 mod slices;
 mod smooth;
 mod untangle;
@@ -80,7 +81,7 @@ pub enum SurfaceError {
 ///
 /// # Errors
 /// No voxel is kept, or nothing of it survives on the even grid.
-pub fn label_surface<T: Copy + Sync>(
+pub fn label_surface<T: Copy + PartialEq + Sync>(
     labels: &Volume<T>,
     keep: impl Fn(T) -> bool + Sync,
     options: &SurfaceOptions,
