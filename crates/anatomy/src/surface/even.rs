@@ -179,15 +179,15 @@ pub(crate) fn even<T: Copy + PartialEq + Sync>(
     let spacing = grid.spacing();
     let ratio = spacing.map(|s| if (step / s - 1.0).abs() < 1e-6 { 1.0 } else { step / s });
     let axes = [0, 1, 2].map(|a| Axis::new(extent.low[a], extent.high[a], ratio[a], margin as isize));
-    let thick: Vec<usize> = (0..3).filter(|&a| spacing[a] > 1.5 * step).collect();
-    let first = axes.first().filter(|_| !thick.contains(&0));
-    let mut part = Part::crop(labels, keep, extent, first);
-    for a in (1..3).filter(|a| !thick.contains(a)) {
-        part.resample(a, &axes[a], extent.low[a], 0.0);
+    let mut thick = (0..3).filter(|&a| spacing[a] > 1.5 * step);
+    // Shapes lie between slices that are thick along one axis.
+    let thick = thick.next().filter(|_| thick.next().is_none());
+    let mut part = Part::crop(labels, keep, extent, (thick != Some(0)).then_some(&axes[0]));
+    for a in (1..3).filter(|&a| thick != Some(a)) {
+        part.resample(a, &axes[a], extent.low[a]);
     }
-    match thick[..] {
-        [axis] => part.interpolate_shape(axis, &axes[axis], extent.low[axis], step, spacing[axis]),
-        _ => thick.iter().for_each(|&a| part.resample(a, &axes[a], extent.low[a], 0.0)),
+    if let Some(axis) = thick {
+        part.interpolate_shape(axis, &axes[axis], extent.low[axis], step, spacing[axis]);
     }
     let field = Volume::new(placed(grid, &axes)?, part.data).ok()?;
     let dims = grid.dims();
@@ -236,29 +236,19 @@ impl Part {
         Self { data, dims: [width, ny, nz] }
     }
 
-    /// Applies the taps along one axis; input cells outside the box count as `outside`.
-    fn resample(&mut self, axis: usize, along: &Axis, low: usize, outside: f32) {
+    /// Applies the taps along an axis but the first; input cells outside the box are zero.
+    fn resample(&mut self, axis: usize, along: &Axis, low: usize) {
         let inner: usize = self.dims[..axis].iter().product();
         let (n, m) = (self.dims[axis], along.taps.len());
-        let outer = self.data.len() / (inner * n);
-        let mut out = vec![0f32; inner * m * outer];
-        if inner == 1 {
-            let rows = out.par_chunks_mut(m).zip(self.data.par_chunks(n));
-            rows.with_min_len(64).for_each(|(to, from)| resample_row(to, from, along, low, outside));
-            (self.data, self.dims[axis]) = (out, m);
-            return;
-        }
-        out.par_chunks_mut(inner * m).zip(self.data.par_chunks(inner * n)).for_each(|(to, from)| {
-            for (row, tap) in to.chunks_mut(inner).zip(&along.taps) {
-                for (i, &w) in tap.weights.iter().enumerate() {
-                    let at = tap.first + i as isize - low as isize;
-                    match usize::try_from(at).ok().filter(|&at| at < n) {
-                        Some(at) => {
-                            row.iter_mut().zip(&from[at * inner..]).for_each(|(o, &v)| *o += w * v);
-                        }
-                        None => row.iter_mut().for_each(|o| *o += w * outside),
-                    }
-                }
+        let mut out = vec![0f32; self.data.len() / n * m];
+        out.par_chunks_mut(inner).enumerate().for_each(|(row, to)| {
+            let (from, tap) = (&self.data[row / m * inner * n..], &along.taps[row % m]);
+            let inside = |i: usize| usize::try_from(tap.first + i as isize - low as isize).ok().filter(|&at| at < n);
+            let taps = tap.weights.iter().enumerate().filter_map(|(i, &w)| Some((inside(i)?, w)));
+            for (k, (at, w)) in taps.enumerate() {
+                let cells = to.iter_mut().zip(&from[at * inner..]);
+                // The first finds nothing to add to.
+                if k == 0 { cells.for_each(|(o, &v)| *o = w * v) } else { cells.for_each(|(o, &v)| *o += w * v) }
             }
         });
         self.data = out;
@@ -302,19 +292,6 @@ impl Part {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let (dims, strides) = (self.dims, [1, self.dims[0], self.dims[0] * self.dims[1]]);
         (0..dims[v]).flat_map(move |j| (0..dims[u]).map(move |i| k * strides[axis] + i * strides[u] + j * strides[v]))
-    }
-}
-
-/// Applies the taps along a row.
-fn resample_row(to: &mut [f32], from: &[f32], along: &Axis, low: usize, outside: f32) {
-    for (o, tap) in to.iter_mut().zip(&along.taps) {
-        let first = tap.first - low as isize;
-        let inside = usize::try_from(first).ok().and_then(|at| from.get(at..at + tap.weights.len()));
-        let at = |i: usize| usize::try_from(first + i as isize).ok().and_then(|at| from.get(at).copied());
-        *o = match inside {
-            Some(values) => tap.weights.iter().zip(values).map(|(&w, &v)| w * v).sum(),
-            None => tap.weights.iter().enumerate().map(|(i, &w)| w * at(i).unwrap_or(outside)).sum(),
-        };
     }
 }
 
