@@ -32,11 +32,18 @@ pub(super) struct Census {
 }
 
 impl Census {
-    /// Of a region with a field of distances, and one of relative lengths of edges where there are any.
-    pub(super) fn new(fields: &LabelFields, distance: impl Fn(V3) -> f64, scale: impl Fn(V3) -> f64) -> Self {
+    /// Of a region by its [`blocks`], with a field of distances, and one of relative lengths of edges where there are any.
+    pub(super) fn new(
+        fields: &LabelFields,
+        blocks: &[(V3, usize)],
+        distance: impl Fn(V3) -> f64,
+        scale: impl Fn(V3) -> f64,
+    ) -> Self {
         let mut census = Self { bins: Vec::new(), width: BIN * fields.unit };
         let cell = fields.step.powi(3);
-        each_inner(&fields.union, &mut |p, n| census.share(distance(p)).volume += n as f64 * cell * scale(p).powi(-3));
+        for &(p, n) in blocks {
+            census.share(distance(p)).volume += n as f64 * cell * scale(p).powi(-3);
+        }
         let face = fields.step.powi(2) * (STRIDE * STRIDE) as f64 / STAIRS;
         for surface in std::iter::once(&fields.union).chain(&fields.parts) {
             each_face(surface, |p| census.share(distance(p)).area += face * scale(p).powi(-2));
@@ -75,25 +82,31 @@ impl Census {
 }
 
 /// The middle of each block of `STRIDE` cells along each axis that holds inner ones, and how many.
-pub(super) fn each_inner(field: &Field, found: &mut dyn FnMut(V3, usize)) {
+pub(super) fn blocks(field: &Field) -> Vec<(V3, usize)> {
     let (grid, data) = (field.volume().grid(), field.volume().data());
     let [nx, ny, nz] = grid.dims();
     let place = grid.patient_from_voxel();
     let middle = |i: usize| (i * STRIDE) as f64 + 0.5 * (STRIDE - 1) as f64;
-    let mut inner = vec![0; nx.div_ceil(STRIDE)];
+    let mut found = Vec::new();
+    // Of each column of cells through a row of blocks.
+    let mut inner = vec![0u8; nx];
     for k in 0..nz.div_ceil(STRIDE) {
         for j in 0..ny.div_ceil(STRIDE) {
             inner.fill(0);
             let rows = |j: usize, n: usize| j * STRIDE..n.min((j + 1) * STRIDE);
             for (z, y) in rows(k, nz).flat_map(|z| rows(j, ny).map(move |y| (z, y))) {
-                let row = data[grid.index(0, y, z)..][..nx].chunks(STRIDE);
-                inner.iter_mut().zip(row).for_each(|(n, c)| *n += c.iter().filter(|&&v| v >= 0.5).count());
+                let row = &data[grid.index(0, y, z)..][..nx];
+                inner.iter_mut().zip(row).for_each(|(n, &v)| *n += u8::from(v >= 0.5));
             }
-            for i in (0..inner.len()).filter(|&i| inner[i] > 0) {
-                found(place.point(Point::new(middle(i), middle(j), middle(k))).to_array(), inner[i]);
+            for (i, block) in inner.chunks(STRIDE).enumerate() {
+                let n: usize = block.iter().map(|&n| usize::from(n)).sum();
+                if n > 0 {
+                    found.push((place.point(Point::new(middle(i), middle(j), middle(k))).to_array(), n));
+                }
             }
         }
     }
+    found
 }
 
 /// Faces between an inner cell and an outer one, along all three axes, at every so many-th line of cells.
@@ -101,18 +114,16 @@ fn each_face(field: &Field, mut found: impl FnMut(V3)) {
     let (grid, data) = (field.volume().grid(), field.volume().data());
     let dims = grid.dims();
     for axis in 0..3 {
-        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         let step = [1, dims[0], dims[0] * dims[1]][axis];
-        for b in (0..dims[v]).step_by(STRIDE) {
-            for a in (0..dims[u]).step_by(STRIDE) {
-                let mut at = [0; 3];
-                (at[u], at[v]) = (a, b);
-                let first = grid.index(at[0], at[1], at[2]);
-                for i in 0..dims[axis] - 1 {
-                    let near = first + i * step;
-                    if (data[near] >= 0.5) != (data[near + step] >= 0.5) {
-                        at[axis] = i;
-                        found(grid.centre(at[0], at[1], at[2]).to_array());
+        // Line by line as they lie in memory: along the axis every cell but the last.
+        let stride = |a: usize| if a == axis { 1 } else { STRIDE };
+        let cells = |a: usize| (0..dims[a] - usize::from(a == axis)).step_by(stride(a));
+        for k in cells(2) {
+            for j in cells(1) {
+                let first = grid.index(0, j, k);
+                for i in cells(0) {
+                    if (data[first + i] >= 0.5) != (data[first + i + step] >= 0.5) {
+                        found(grid.centre(i, j, k).to_array());
                     }
                 }
             }
@@ -135,7 +146,7 @@ mod tests {
         });
         let fields = LabelFields::new(&Volume::new(grid, data.collect()).expect("count"), &[1]).expect("fields");
         // Far cells are so large that only those within 8.5 mm of the middle plane count. Blocks of 2 mm may lie on either side.
-        let census = Census::new(&fields, |p| p[0].abs(), |_| 1.0);
+        let census = Census::new(&fields, &blocks(&fields.union), |p| p[0].abs(), |_| 1.0);
         let sum = |of: fn(&Share) -> f64| census.bins.iter().map(of).sum::<f64>();
         let ball = std::f64::consts::PI * radius * radius;
         assert!((sum(|b| b.volume) / (4.0 / 3.0 * ball * radius) - 1.0).abs() < 0.01);

@@ -15,21 +15,17 @@ pub(super) struct Region {
 }
 
 impl Region {
-    /// The points that `points` tells of, in an even grid along the patient's axes; those outside of it are left out.
-    pub(super) fn new(grid: &Grid, points: impl Fn(&mut dyn FnMut(V3))) -> Self {
+    /// Points in an even grid along the patient's axes; those outside of it are left out.
+    pub(super) fn new(grid: &Grid, points: impl Iterator<Item = V3>) -> Self {
         let dims = grid.dims().map(|d| d + 1);
         let mut sums = vec![0u32; dims.iter().product()];
         let at = |[i, j, k]: [usize; 3]| i + dims[0] * (j + dims[1] * k);
-        points(&mut |p| {
-            if let Some(cell) = grid.containing(Point::from_array(p)) {
-                sums[at(cell.map(|c| c + 1))] += 1;
-            }
-        });
+        for cell in points.filter_map(|p| grid.containing(Point::from_array(p))) {
+            sums[at(cell.map(|c| c + 1))] += 1;
+        }
         for (axis, stride) in [1, dims[0], dims[0] * dims[1]].into_iter().enumerate() {
-            for i in stride..sums.len() {
-                if i / stride % dims[axis] > 0 {
-                    sums[i] += sums[i - stride];
-                }
+            for lines in sums.chunks_mut(stride * dims[axis]) {
+                (stride..lines.len()).for_each(|i| lines[i] += lines[i - stride]);
             }
         }
         let step = grid.spacing()[0];
@@ -64,7 +60,7 @@ mod tests {
             size in proptest::array::uniform3(0.0..5.0f64),
         ) {
             let grid = Grid::axis_aligned([10; 3], [1.0; 3], [0.5; 3]).expect("grid");
-            let region = Region::new(&grid, |found| points.iter().for_each(|&p| found(p)));
+            let region = Region::new(&grid, points.iter().copied());
             let high: V3 = std::array::from_fn(|a| corner[a] + size[a]);
             let touched = |p: &V3| (0..3).all(|a| p[a].floor() >= corner[a].floor() && p[a].floor() <= high[a].floor());
             prop_assert_eq!(region.meets(corner, high), points.iter().any(touched));

@@ -1,6 +1,6 @@
 //! What a user should know of a mesh, in words.
 
-use super::census::each_inner;
+use super::census::blocks;
 use super::error::COARSE;
 use super::report::{
     Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR, Source, SurfaceReport,
@@ -102,11 +102,11 @@ fn of_density<T>(report: &MeshReport, source: &Source<'_, T>) -> Vec<String> {
     let finest = even_edge_for(size, report.elements as f64);
     // Of each label: elements wanted and volume, both of samples.
     let mut samples = vec![[0.0; 2]; report.labels.len()];
-    each_inner(&fields.union, &mut |p, cells| {
-        let Some(sum) = fields.label_at(p).and_then(|l| samples.get_mut(l)) else { return };
+    for (p, cells) in blocks(&fields.union) {
+        let Some(sum) = fields.label_at(p).and_then(|l| samples.get_mut(l)) else { continue };
         sum[0] += cells as f64 * size.edge(p, finest).powi(-3);
         sum[1] += cells as f64;
-    });
+    }
     let found: Vec<[f64; 2]> = report.labels.iter().map(|l| [l.elements as f64, l.volume]).collect();
     let times = |of: &[[f64; 2]], own: usize| {
         let others = |k: usize| of.iter().enumerate().filter(|s| s.0 != own).map(|s| s.1[k]).sum::<f64>();
@@ -134,13 +134,12 @@ fn of_path<T: Copy + Into<u16> + Sync>(source: &Source<'_, T>) -> Option<String>
         return None;
     }
     let mut nearest = (f64::INFINITY, from);
-    each_inner(union, &mut |p, _| {
-        let p = Point::from_array(p);
+    for p in blocks(union).into_iter().map(|block| Point::from_array(block.0)) {
         let distance = p.distance(p.nearest_on_segment(from, to));
         if distance < nearest.0 {
             nearest = (distance, p);
         }
-    });
+    }
     let (distance, at) = (nearest.0, place(nearest.1.to_array()));
     Some(format!(
         "the path passes all labels to mesh by {distance:.0} mm or so (nearest: {at}); check its frame, LPS mm"

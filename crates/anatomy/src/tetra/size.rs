@@ -1,7 +1,7 @@
 //! How long edges should be where.
 
 use super::MeshOptions;
-use super::census::{Census, each_inner};
+use super::census::{Census, blocks};
 use super::fields::LabelFields;
 use super::region::Region;
 use super::thickness::{Thin, spread};
@@ -64,10 +64,11 @@ impl SizeField {
             vec![0.0; grid.len()]
         };
         let scale = density_scale(fields, &options.density, growth, &grid);
-        let region = Region::new(&grid, |found| each_inner(&fields.union, &mut |p, _| found(p)));
+        let blocks = blocks(&fields.union);
+        let region = Region::new(&grid, blocks.iter().map(|block| block.0));
         let field = |values: Vec<f32>| Some(super::fields::Field::new(Volume::new(grid, values).ok()?));
         let (distance, scale) = (field(distance)?, scale.and_then(field));
-        let census = Census::new(fields, |p| distance.at(p), |p| scale.as_ref().map_or(1.0, |s| s.at(p)));
+        let census = Census::new(fields, &blocks, |p| distance.at(p), |p| scale.as_ref().map_or(1.0, |s| s.at(p)));
         let mut size = Self {
             cap: None,
             thin: Thin::none(),
