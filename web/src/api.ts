@@ -94,6 +94,7 @@ export interface Registration {
   landmarks: LandmarkState[];
   predicted_tre_mm: number | null;
   why_not: string | null;
+  remarks: string[];
   phase: Guidance["phase"];
   checked: { name: string; distance_mm: number; limit_mm: number; holds: boolean } | null;
 }

@@ -84,7 +84,7 @@ export class Register {
     if (checked) {
       const text = `${checked.name}: ${mm(checked.distance_mm)} off, at most ${mm(checked.limit_mm)} explained by noise`;
       this.#say(checked.holds ? `✓ ${text}. The registration holds.` : `✗ ${text}. Register again.`, checked.holds ? "good" : "bad");
-    } else this.#say(r.why_not && r.landmarks.some((l) => l.touched) ? r.why_not : "");
+    } else this.#say(r.landmarks.some((l) => l.touched) ? [r.why_not, ...r.remarks].filter(Boolean).join(" ") : "", r.remarks.length ? "bad" : "");
   }
 
   #row(l: LandmarkState, phase: Registration["phase"]): HTMLTableRowElement {

@@ -423,7 +423,7 @@ pub(crate) struct RegisterArgs {
     /// Points traced on the skin: lines "X Y Z", mm in the frame of the reference body.
     #[arg(long, value_name = "FILE")]
     pub(crate) surface: Option<PathBuf>,
-    /// A landmark touched again, as a check.
+    /// A landmark touched as a check: one that was not touched for the registration says most.
     #[arg(long, value_name = "NAME,X,Y,Z", allow_hyphen_values = true)]
     pub(crate) check: Option<String>,
     /// Standard deviation of a touch along each axis, mm.

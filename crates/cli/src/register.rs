@@ -8,6 +8,7 @@ use crate::columns::short;
 use crate::console::Console;
 use anyhow::{Context, Result, bail};
 use monro_case::Case;
+use monro_case::markups::NamedPoint;
 use monro_geometry::{Patient, Point, Rigid, Tool};
 use monro_guidance::Covariance;
 use monro_guidance::registration::{
@@ -108,7 +109,8 @@ const OTHER_UNIT: f64 = 50.0;
 /// Runs the command.
 pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
     let case = Case::open(&args.case)?;
-    let landmarks = marks::landmarks(args, &case)?;
+    let marked = marks::marked(args, &case)?;
+    let landmarks = marks::landmarks(args, &marked)?;
     if let Some(off_skin) = marks::off_skin(args, &case, &landmarks)? {
         console.warn(&off_skin);
     }
@@ -118,9 +120,11 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
         bail!("{}: {contradiction}\n{}", args.landmarks.display(), residual_lines(&by_landmarks, None));
     }
     let found = refine(args, &case, &landmarks, by_landmarks)?;
-    let check = args.check.as_deref().map(|c| check(c, args, &landmarks, &found)).transpose()?;
+    let check = args.check.as_deref().map(|c| check(c, args, &marked, &found)).transpose()?;
     let pose = found.patient_from_reference();
     let (target, entry) = (case.plan.target(), case.plan.entry());
+    let remarks = remarks(&found, &landmarks, target);
+    remarks.iter().for_each(|remark| console.warn(remark));
     // All that a live session takes, and nothing else: it refuses what it does not know.
     let session_event = json!({
         "event": "registered", "quaternion_wxyz": pose.quaternion_wxyz(), "translation_mm": pose.translation().to_array(),
@@ -131,7 +135,7 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
         "quaternion_wxyz": pose.quaternion_wxyz(), "translation_mm": pose.translation().to_array(),
         "predicted_tre_mm": found.tre(target).rms(), "predicted_tre_95_mm": found.tre(target).percentile_95(),
         "predicted_tre_entry_mm": found.tre(entry).rms(),
-        "landmarks": residuals(&found), "surface": found.surface.as_ref().map(|s| s.json(target)), "check": check,
+        "landmarks": residuals(&found), "remarks": remarks, "surface": found.surface.as_ref().map(|s| s.json(target)), "check": check,
     });
     console.result(&result, &words(&result, &found, target));
     match result["check"]["holds"] == false {
@@ -158,14 +162,11 @@ fn words(result: &Value, found: &Found, target: Point<Patient>) -> String {
         let kept = if found.surface.is_some() { "; it was left out beside the skin" } else { "" };
         out += &format!("'{}' does not fit: touch it again or leave it out{kept}.\n", r.name);
     }
-    if found.landmarks.residuals.len() == 3 && found.surface.is_none() {
-        out += "Three landmarks nearly always fit, mirrored ones and those of another frame too: touch a fourth, or check (--check).\n";
-    }
     out += &found.surface.as_ref().map_or_else(String::new, |s| s.words(target));
     if let (Some(name), Some(distance)) = (result["check"]["name"].as_str(), result["check"]["distance_mm"].as_f64()) {
         let limit = result["check"]["limit_mm"].as_f64().unwrap_or(f64::NAN);
         let verdict = if result["check"]["holds"] == true { "holds" } else { "does not hold: register again" };
-        out += &format!("Check: '{name}' touched again is {distance:.2} mm off (limit {limit:.2}): {verdict}.\n");
+        out += &format!("Check: '{name}' touched now is {distance:.2} mm off (limit {limit:.2}): {verdict}.\n");
     }
     out + &format!(
         "Pose of the reference body in the patient: quaternion (w, x, y, z) {}, translation {} mm.\n\
@@ -173,6 +174,18 @@ fn words(result: &Value, found: &Found, target: Point<Patient>) -> String {
         short(&result["quaternion_wxyz"]),
         short(&result["translation_mm"])
     )
+}
+
+/// What of the landmarks is doubtful where no skin was traced, which tells.
+fn remarks(found: &Found, landmarks: &[Landmark<Patient, Tool>], target: Point<Patient>) -> Vec<String> {
+    if found.surface.is_some() {
+        return Vec::new();
+    }
+    let exchanged = found.landmarks.ambiguity(landmarks, target).map(|a| format!("{a} (--check)"));
+    let few = (landmarks.len() == 3 && exchanged.is_none()).then(|| {
+        "three landmarks nearly always fit, mirrored ones and those of another frame too: touch a fourth, or check at another one (--check)".to_owned()
+    });
+    exchanged.into_iter().chain(few).collect()
 }
 
 /// A line for each landmark, that under the final pose first where that is another.
@@ -257,16 +270,17 @@ fn span(points: &[[f64; 3]]) -> f64 {
     (0..3).map(along).fold(0.0, f64::max)
 }
 
-/// `NAME,X,Y,Z`: a landmark touched again.
-fn check(text: &str, args: &RegisterArgs, landmarks: &[Landmark<Patient, Tool>], found: &Found) -> Result<Value> {
+/// `NAME,X,Y,Z`: a landmark touched again, or one that was marked and not touched yet.
+fn check(text: &str, args: &RegisterArgs, marked: &[NamedPoint], found: &Found) -> Result<Value> {
     let (name, place) = text.split_once(',').with_context(|| format!("--check {text} is not NAME,X,Y,Z"))?;
-    let known = landmarks.iter().find(|l| l.name.eq_ignore_ascii_case(name.trim()));
-    let Some(mark) = known else { bail!("--check {name}: no landmark of this name was touched") };
+    let known = marked.iter().find(|l| l.label.eq_ignore_ascii_case(name.trim()));
+    let listed = || marked.iter().map(|m| m.label.as_str()).collect::<Vec<_>>().join(", ");
+    let Some(mark) = known else { bail!("--check {name}: no landmark of this name is marked (marked: {})", listed()) };
     let touched = found.patient_from_reference().point(point(place)?);
     let noise = Covariance::isotropic(args.touch_sigma);
-    let checked = recheck(mark.marked, touched, &found.tre(mark.marked), &noise);
+    let checked = recheck(mark.position, touched, &found.tre(mark.position), &noise);
     Ok(
-        json!({ "name": mark.name, "distance_mm": checked.distance, "limit_mm": checked.limit, "holds": checked.holds() }),
+        json!({ "name": mark.label, "distance_mm": checked.distance, "limit_mm": checked.limit, "holds": checked.holds() }),
     )
 }
 

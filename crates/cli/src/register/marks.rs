@@ -15,12 +15,13 @@ const TOLD_MM: f64 = 15.0;
 /// Marks most of which are further from it are of no head that lies here, mm.
 const MOST_MM: f64 = 60.0;
 
+/// All marks: those of a file of one's own, or the case's.
+pub(super) fn marked(args: &RegisterArgs, case: &Case) -> Result<Vec<NamedPoint>> {
+    args.marked.as_deref().map_or_else(|| Ok(case.landmarks.clone()), read_marks)
+}
+
 /// The touched points beside their marks of the same name.
-pub(super) fn landmarks(args: &RegisterArgs, case: &Case) -> Result<Vec<Landmark<Patient, Tool>>> {
-    let marked = match &args.marked {
-        Some(path) => read_marks(path)?,
-        None => case.landmarks.clone(),
-    };
+pub(super) fn landmarks(args: &RegisterArgs, marked: &[NamedPoint]) -> Result<Vec<Landmark<Patient, Tool>>> {
     let noise = Covariance::isotropic(args.touch_sigma);
     let pair = |(name, touched): (String, Point<Tool>)| {
         let names = || marked.iter().map(|m| m.label.as_str());

@@ -102,7 +102,7 @@ fn misnamed<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], most: f64,
 }
 
 /// The landmarks with the touch of `of(i)` at each `i`, its first coordinate negated or not.
-fn reordered<To: Frame, From: Frame>(
+pub(super) fn reordered<To: Frame, From: Frame>(
     landmarks: &[Landmark<To, From>],
     of: impl Fn(usize) -> usize,
     mirror: bool,

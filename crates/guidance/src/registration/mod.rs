@@ -1,6 +1,7 @@
 //! From the tracker to the patient: landmarks, surface, and how wrong the result is expected to be.
 
 mod agreement;
+mod ambiguity;
 mod contradiction;
 mod landmarks;
 mod normal;
@@ -11,6 +12,7 @@ mod tests;
 mod tre;
 
 pub use agreement::Agreement;
+pub use ambiguity::Ambiguity;
 pub use contradiction::{Contradiction, Suspicion};
 pub use landmarks::{
     Landmark, LandmarkRegistration, LandmarkResidual, Pair, RegistrationError, register_landmarks, rigid_from_pairs,

@@ -7,7 +7,7 @@ use super::Registration;
 use monro_geometry::{Patient, Point, Rigid, Tool, Vector};
 use monro_guidance::Covariance;
 use monro_guidance::registration::{
-    Contradiction, Landmark, LandmarkRegistration, Recheck, RegistrationError, recheck, register_landmarks,
+    Ambiguity, Contradiction, Landmark, LandmarkRegistration, Recheck, RegistrationError, recheck, register_landmarks,
 };
 use thiserror::Error;
 
@@ -57,6 +57,14 @@ pub enum TouchError {
     /// Nothing to check against.
     #[error("there is no registration to check: touch three landmarks and accept")]
     NotRegistered,
+    /// The registration fits as well with two names exchanged, and a landmark that it was made of was to be checked.
+    #[error("a check at \"{name}\", which was touched for it, proves nothing: {ambiguity}")]
+    SameMistake {
+        /// The landmark.
+        name: String,
+        /// What may be exchanged.
+        ambiguity: Box<Ambiguity>,
+    },
     /// The landmarks touched contradict each other.
     #[error("{0}")]
     Contradiction(Box<Contradiction>),
@@ -123,6 +131,8 @@ pub struct Registering {
     marks: Vec<TouchMark>,
     target: Point<Patient>,
     accepted: Option<LandmarkRegistration<Patient, Tool>>,
+    /// Names of what was accepted that may be exchanged, until a check elsewhere has held.
+    ambiguity: Option<Ambiguity>,
     round: u64,
 }
 
@@ -130,7 +140,7 @@ impl Registering {
     /// With the landmarks of the case that can be touched; the predicted error is that at `target`.
     pub fn new(landmarks: impl IntoIterator<Item = (String, Point<Patient>)>, target: Point<Patient>) -> Self {
         let mark = |(name, marked)| TouchMark { name, marked, added: false, touched: None };
-        Self { marks: landmarks.into_iter().map(mark).collect(), target, accepted: None, round: 0 }
+        Self { marks: landmarks.into_iter().map(mark).collect(), target, accepted: None, ambiguity: None, round: 0 }
     }
 
     /// All landmarks.
@@ -201,6 +211,11 @@ impl Registering {
         solved.contradiction(&self.touched())
     }
 
+    /// Names that may be exchanged in a solution.
+    pub fn ambiguity(&self, solved: &LandmarkRegistration<Patient, Tool>) -> Option<Ambiguity> {
+        solved.ambiguity(&self.touched(), self.target)
+    }
+
     fn touched(&self) -> Vec<Landmark<Patient, Tool>> {
         let landmark = |m: &TouchMark| {
             let touch = m.touched?;
@@ -217,7 +232,7 @@ impl Registering {
     /// Forgets all touches, and what was accepted by them: the reference, or the tip, is not where it was.
     pub fn forget_all(&mut self) {
         self.marks.iter_mut().for_each(|m| m.touched = None);
-        self.accepted = None;
+        (self.accepted, self.ambiguity) = (None, None);
         self.round += 1;
     }
 
@@ -237,6 +252,7 @@ impl Registering {
         }
         let predicted_tre_mm = Some(self.predicted_tre_mm(&solved));
         let registration = Registration { patient_from_reference: solved.to_from, predicted_tre_mm };
+        self.ambiguity = self.ambiguity(&solved);
         self.accepted = Some(solved);
         Ok(registration)
     }
@@ -245,14 +261,24 @@ impl Registering {
     /// one that was not accepted here is what it says of the target, none where it says nothing.
     ///
     /// # Errors
-    /// No such landmark, or no registration.
-    pub fn check(&self, name: &str, touch: &Touch, used: Option<&Registration>) -> Result<Recheck, TouchError> {
+    /// No such landmark, no registration, or one in which two names may be exchanged and a landmark that was touched for it: that
+    /// would be the same mistake once more. After a check elsewhere has held, any will do.
+    pub fn check(&mut self, name: &str, touch: &Touch, used: Option<&Registration>) -> Result<Recheck, TouchError> {
         let mark = &self.marks[self.index(name)?];
         let used = used.ok_or(TouchError::NotRegistered)?;
         let accepted = self.accepted.as_ref().filter(|a| is_same(&a.to_from, &used.patient_from_reference));
+        if let (Some(accepted), Some(ambiguity)) = (accepted, &self.ambiguity)
+            && accepted.residuals.iter().any(|r| r.name == name)
+        {
+            return Err(TouchError::SameMistake { name: name.to_owned(), ambiguity: Box::new(ambiguity.clone()) });
+        }
         let said = || Covariance::isotropic(used.predicted_tre_mm.unwrap_or(0.0) / 3f64.sqrt());
         let tre = accepted.map_or_else(said, |a| a.tre(mark.marked));
-        Ok(recheck(mark.marked, used.patient_from_reference.point(touch.at), &tre, &touch.noise()))
+        let found = recheck(mark.marked, used.patient_from_reference.point(touch.at), &tre, &touch.noise());
+        if found.holds() && accepted.is_some() {
+            self.ambiguity = None;
+        }
+        Ok(found)
     }
 }
 
@@ -332,6 +358,27 @@ mod tests {
         // One that never was accepted here is checked as well.
         let found = registering().check("nasion", &nasion, Some(&accepted)).expect("check");
         assert!(found.holds() && found.distance < 1e-6 && found.limit < 5.0, "{found:?}");
+    }
+
+    #[test]
+    fn the_same_two_exchanged_once_more_passed_for_a_check() {
+        // Both ears and the nasion: left for right, the head is taken for one that lies on its face.
+        let mut r = registering();
+        let at = |i: usize| Touch::new(&resting(Point::from_array(PLACES[i].1), 0.2)).expect("resting");
+        for (name, place) in [("nasion", 0), ("left ear", 2), ("right ear", 1)] {
+            r.touch(name, at(place)).expect("known");
+        }
+        let used = r.accept().expect("it fits");
+        let again = r.check("left ear", &at(2), Some(&used)).expect_err("the same mistake");
+        assert!(again.to_string().contains("exchanged"), "{again}");
+        let vertex = r.check("vertex", &at(3), Some(&used)).expect("another place");
+        assert!(!vertex.holds() && vertex.distance > 100.0, "{vertex:?}");
+        // Rightly named, one check elsewhere is enough for all that come.
+        (1..3).for_each(|i| r.touch(PLACES[i].0, at(i)).expect("known"));
+        let used = r.accept().expect("registered");
+        assert!(matches!(r.check("nasion", &at(0), Some(&used)), Err(TouchError::SameMistake { .. })));
+        assert!(r.check("vertex", &at(3), Some(&used)).expect("another place").holds());
+        assert!(r.check("nasion", &at(0), Some(&used)).expect("known to be right").holds());
     }
 
     #[test]
