@@ -44,14 +44,16 @@ pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
     let result = json!({
         "recorded_by": done.generator, "seconds": done.seconds, "frames": done.frames, "steps": done.steps,
         "events": done.events, "snapshots": done.snapshots, "identical": done.identical,
-        "differs_at_s": done.differs_at_s, "cut_off_bytes": done.cut_off,
+        "differs_at_s": done.differs_at_s, "cut_off_bytes": done.cut_off, "damage": done.damage,
     });
     let text = format!(
         "{:.1} s: {} tracker frames, {} steps of the soft body; {} of {} snapshots are the same bit for bit.",
         done.seconds, done.frames, done.steps, done.identical, done.snapshots
     );
     console.result(&result, &text);
-    if done.cut_off > 0 {
+    if let Some(damage) = &done.damage {
+        console.warn(&format!("{damage}; it and all that follows, {} bytes, were left out", done.cut_off));
+    } else if done.cut_off > 0 {
         console.warn(&format!("the last {} bytes of the recording are no whole entry: it was cut off", done.cut_off));
     }
     if let Some(at) = done.differs_at_s {

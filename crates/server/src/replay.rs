@@ -6,7 +6,7 @@ use crate::record::{case_of, identity};
 use crate::snapshot::{Moved, Quantised, digest, encode};
 use monro_case::Case;
 use monro_session::live::Playback;
-use monro_session::live::log::{Entry, Opened, read};
+use monro_session::live::log::{Entry, Log, Opened, read};
 use monro_session::{FrameSettings, ModelSettings};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -28,8 +28,10 @@ pub struct Replayed {
     pub identical: u64,
     /// Time of the first that did not, s.
     pub differs_at_s: Option<f64>,
-    /// Bytes of an unfinished entry at the end, as a crash leaves them.
+    /// Bytes at the end that are not played: of an unfinished entry, as a crash leaves them, or from a damaged one on.
     pub cut_off: usize,
+    /// Why those cannot be played, where they are damaged.
+    pub damage: Option<String>,
     /// The program that recorded it.
     pub generator: String,
 }
@@ -51,13 +53,13 @@ pub fn replay(
     if monro_wire::recording::is_recording(&file) {
         return Err(ServeError::OfATracker(recording.to_owned()));
     }
-    let (entries, cut_off) = read(&file)?;
+    let Log { entries, left, damage } = read(&file)?;
     let Some(Entry::Opened(opened)) = entries.first() else { return Err(ServeError::NoOpening) };
     let case = open_case(opened, recording, case_dir)?;
     let (model, frame) = settings(&opened.settings).ok_or_else(|| ServeError::Settings(opened.settings.clone()))?;
     let mut taken = BTreeMap::new();
     let mut playback = Playback::new(&case, &model, frame)?;
-    let mut out = Replayed::begin(opened, cut_off);
+    let mut out = Replayed::begin(opened, left, damage.map(|error| error.to_string()));
     let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
     for (i, entry) in entries.iter().enumerate() {
         progress(i as f64 / entries.len() as f64);
@@ -81,10 +83,21 @@ pub fn replay(
 }
 
 impl Replayed {
-    fn begin(opened: &Opened, cut_off: usize) -> Self {
+    fn begin(opened: &Opened, cut_off: usize, damage: Option<String>) -> Self {
         let generator = opened.generator.clone();
         let (frames, steps, events, snapshots, identical) = (0, 0, 0, 0, 0);
-        Self { seconds: 0.0, frames, steps, events, snapshots, identical, differs_at_s: None, cut_off, generator }
+        Self {
+            seconds: 0.0,
+            frames,
+            steps,
+            events,
+            snapshots,
+            identical,
+            differs_at_s: None,
+            cut_off,
+            damage,
+            generator,
+        }
     }
 
     /// Compares a snapshot (its time and digest) with what was sent.

@@ -2,10 +2,11 @@
 //! arrival times, so both give the same poses bit for bit.
 
 use crate::Batch;
+use monro_geometry::{Rigid, Tool, Tracker};
 use monro_guidance::clock::{ClockEstimate, Exchange};
-use monro_wire::TimedPose;
 use monro_wire::natnet::{Client, ClientOptions, Event, ServerInfo};
 use monro_wire::openigtlink::{IgtlError, Parser, poses};
+use monro_wire::{Missing, Quality, TimedPose};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Frames are held back until their tools have names, but no longer than this, s.
@@ -91,14 +92,45 @@ pub(crate) struct IgtlDecoder {
     /// Messages of each type and device.
     pub(crate) devices: BTreeMap<String, u64>,
     /// When each tool, and when anything, was last told of, s.
-    pub(crate) tools: BTreeMap<String, f64>,
+    pub(crate) tools: BTreeMap<String, Told>,
     pub(crate) last: Option<f64>,
     /// Messages that could not be read, and why the last could not.
     pub(crate) dropped: u64,
     pub(crate) fault: Option<String>,
 }
 
+/// Devices and tools that are remembered at most; a server that sends ever new names is misconfigured.
+const MOST_NAMES: usize = 256;
+/// Longest name of a tool, bytes.
+const LONGEST_NAME: usize = 256;
+
+/// What was last told of a tool.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Told {
+    /// When it was told of, and when it was last told of anew, s.
+    pub(crate) at: f64,
+    pub(crate) anew: f64,
+    /// Its time on the server's clock and its pose.
+    last: (Option<f64>, Option<Rigid<Tracker, Tool>>),
+}
+
 impl IgtlDecoder {
+    /// Notes a pose. One that comes again with the time that it was measured at is no new one: of a tool that is out of view, or
+    /// of a server that hangs.
+    fn note(&mut self, pose: &mut TimedPose) {
+        let (at, last) = (pose.arrival_time, (pose.source_time, pose.tracker_from_tool));
+        if !self.tools.contains_key(&pose.name) && self.tools.len() >= MOST_NAMES {
+            return;
+        }
+        let told = self.tools.entry(pose.name.clone()).or_insert(Told { at, anew: at, last: (None, None) });
+        told.at = at;
+        if pose.source_time.is_some() && pose.tracker_from_tool.is_some() && told.last == last {
+            (pose.tracker_from_tool, pose.quality) = (None, Quality::Missing(Missing::Repeated));
+        } else {
+            (told.anew, told.last) = (at, last);
+        }
+    }
+
     /// A new connection begins: what is unfinished of the last one is forgotten.
     pub(crate) fn begin(&mut self) {
         self.parser = Parser::default();
@@ -110,10 +142,18 @@ impl IgtlDecoder {
         while let Some(message) = self.parser.next_message() {
             match message {
                 Ok(m) => {
-                    *self.devices.entry(format!("{} {}", m.content.type_name(), m.device)).or_default() += 1;
+                    let device = format!("{} {}", m.content.type_name(), m.device);
+                    if self.devices.len() < MOST_NAMES || self.devices.contains_key(&device) {
+                        *self.devices.entry(device).or_default() += 1;
+                    }
                     self.last = Some(arrival);
-                    let told = poses(&m, arrival);
-                    self.tools.extend(told.iter().map(|p| (p.name.clone(), arrival)));
+                    let mut told = poses(&m, arrival);
+                    if told.iter().any(|p| p.name.len() > LONGEST_NAME) {
+                        self.dropped += 1;
+                        self.fault = Some(format!("a tool's name is longer than {LONGEST_NAME} bytes"));
+                        told.retain(|p| p.name.len() <= LONGEST_NAME);
+                    }
+                    told.iter_mut().for_each(|pose| self.note(pose));
                     self.add(told);
                 }
                 Err(error) if self.parser.is_broken() => return Err(error),

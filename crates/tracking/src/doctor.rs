@@ -1,7 +1,8 @@
 //! Why there is no data.
 
-use crate::{Health, Source, TrackingError, tool_name};
-use monro_wire::{Missing, Quality};
+use crate::{Health, Rivals, Source, Stillness, TrackingError, tool_name};
+use monro_guidance::clock::{Expiry, age};
+use monro_wire::{Missing, Quality, TimedPose};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::time::{Duration, Instant};
@@ -22,23 +23,25 @@ pub struct Findings {
 pub fn doctor(source: &mut dyn Source, wanted: &[&str], listen: Duration) -> Result<Findings, TrackingError> {
     let begun = Instant::now();
     let mut tools = BTreeMap::<String, Seen>::new();
+    let (mut rivals, mut stillness) = (Rivals::default(), Stillness::default());
     while begun.elapsed() < listen {
-        let Some(batch) = source.next(Duration::from_millis(50))? else { break };
+        let Some(mut batch) = source.next(Duration::from_millis(50))? else { break };
+        stillness.take(&batch);
+        rivals.settle(&mut batch);
+        let now = source.now();
         for pose in batch.poses {
-            let tool = tools.entry(pose.name).or_default();
-            tool.frames += 1;
-            match pose.quality {
-                Quality::Tracked { .. } => tool.seen += 1,
-                Quality::Missing(why) => tool.missing = Some(why),
-            }
+            let age = age(now, pose.arrival_time, pose.source_time, batch.clock.as_ref());
+            tools.entry(pose.name.clone()).or_default().take(&pose, age);
         }
     }
     // Of one tool: a source may send each in a message, and so in a batch, of its own.
     let frames = tools.values().map(|t| t.frames).max().unwrap_or(0);
     let mut facts = source.facts();
     facts.push(format!("{:.1} frames a second", frames as f64 / begun.elapsed().as_secs_f64().max(1e-3)));
-    facts.extend(tools.iter().map(|(name, tool)| format!("{name}: {tool}")));
-    Ok(Findings { facts, health: unseen(&tools, wanted).unwrap_or_else(|| source.diagnosis(wanted)) })
+    let still = |name: &str| stillness.of(name).map_or_else(String::new, |still| format!("; {still}"));
+    facts.extend(tools.iter().map(|(name, tool)| format!("{name}: {tool}{}", still(name))));
+    let ill = rivals.words(wanted).map(Health::ill).or_else(|| unseen(&tools, wanted)).or_else(|| old(&tools, wanted));
+    Ok(Findings { facts, health: ill.unwrap_or_else(|| with_poses(source.diagnosis(wanted), &tools)) })
 }
 
 /// What was told of a tool.
@@ -47,6 +50,26 @@ struct Seen {
     frames: u64,
     seen: u64,
     missing: Option<Missing>,
+    /// Sum of their ages, s.
+    ages: f64,
+}
+
+impl Seen {
+    fn take(&mut self, pose: &TimedPose, age: f64) {
+        self.frames += 1;
+        match pose.quality {
+            Quality::Tracked { .. } => {
+                self.seen += 1;
+                self.ages += age;
+            }
+            Quality::Missing(why) => self.missing = Some(why),
+        }
+    }
+
+    /// Mean age of its poses, s.
+    fn age(&self) -> f64 {
+        self.ages / self.seen.max(1) as f64
+    }
 }
 
 impl fmt::Display for Seen {
@@ -54,6 +77,27 @@ impl fmt::Display for Seen {
         write!(f, "seen in {:.0} % of its frames", 100.0 * self.seen as f64 / self.frames.max(1) as f64)?;
         self.missing.map_or(Ok(()), |why| write!(f, " (else: {})", why.name()))
     }
+}
+
+/// That poses come as they should is not enough when there are none.
+fn with_poses(health: Health, tools: &BTreeMap<String, Seen>) -> Health {
+    if health.well && tools.is_empty() {
+        return Health::ill(format!(
+            "{}, but no tool is among what is sent: are there rigid bodies or tools, and is their streaming switched on?",
+            health.words
+        ));
+    }
+    health
+}
+
+/// A tool that is wanted, or any when none is, whose poses are old when they arrive.
+fn old(tools: &BTreeMap<String, Seen>, wanted: &[&str]) -> Option<Health> {
+    let asked = |name: &String| wanted.is_empty() || wanted.iter().any(|w| name == w || tool_name(name) == *w);
+    let (name, tool) = tools.iter().find(|(name, t)| asked(name) && t.age() > Expiry::default().lost)?;
+    Some(Health::ill(format!(
+        "'{name}' is {:.1} s old when it arrives, by the server's own clock, and counts as lost: does the server play a recording or work with a delay?",
+        tool.age()
+    )))
 }
 
 /// A tool that is wanted, or, when none is, every tool, that was told of and never seen.
@@ -72,6 +116,8 @@ pub fn never_seen(name: &str, why: Missing, more: &str) -> String {
         Missing::NotRigid => {
             "what is sent is scaled, sheared, mirrored or not finite: let the server send rotation and translation alone, right-handed"
         }
+        Missing::NoOrientation => "let the server send its orientation, too",
+        Missing::Ambiguous => "which of the two is the tool? Rename one",
         _ => "is it in the cameras' view?",
     };
     format!("'{name}' is sent, but was never seen ({}){more}: {advice}", why.name())

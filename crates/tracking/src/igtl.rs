@@ -73,10 +73,14 @@ impl IgtlSource {
     fn missing(&self, wanted: &str, now: f64) -> Option<String> {
         // Also without the "ToTracker" that PLUS puts behind a tool's name.
         let is_it = |name: &str| name == wanted || tool_name(name) == wanted;
-        let told = self.decoder.tools.iter().filter(|(name, _)| is_it(name)).map(|(_, at)| now - at);
-        match told.min_by(f64::total_cmp) {
-            Some(age) if age <= SILENT_S => None,
-            Some(age) => Some(format!("'{wanted}' was last sent {age:.1} s ago")),
+        let told = self.decoder.tools.iter().filter(|(name, _)| is_it(name)).map(|(_, told)| told);
+        match told.max_by(|a, b| a.at.total_cmp(&b.at)) {
+            Some(told) if now - told.anew <= SILENT_S => None,
+            Some(told) if now - told.at <= SILENT_S => Some(format!(
+                "'{wanted}' has been sent with one and the same pose and time for {:.1} s: it is out of view, or the server hangs",
+                now - told.anew
+            )),
+            Some(told) => Some(format!("'{wanted}' was last sent {:.1} s ago", now - told.at)),
             None => {
                 let sent = self.decoder.devices.keys().cloned().collect::<Vec<_>>().join(", ");
                 Some(format!("'{wanted}' is not sent (sent: {sent})"))
@@ -104,16 +108,21 @@ impl Drop for IgtlSource {
 impl Source for IgtlSource {
     fn next(&mut self, wait: Duration) -> Result<Option<Batch>, TrackingError> {
         let end = Instant::now() + wait;
-        loop {
+        for turn in 0u64.. {
             if let Some(batch) = self.decoder.next() {
                 return Ok(Some(batch));
             }
             let left = end.saturating_duration_since(Instant::now());
+            // What is queued already comes without waiting, and a peer may send faster than it is read.
+            if turn > 0 && left.is_zero() {
+                break;
+            }
             match self.arrivals.recv_timeout(left) {
                 Ok(arrived) => self.take(arrived)?,
-                Err(_) => return Ok(Some(Batch::default())),
+                Err(_) => break,
             }
         }
+        Ok(Some(Batch::default()))
     }
 
     fn now(&self) -> f64 {

@@ -49,7 +49,7 @@ impl Replay {
             decoder,
             start: recording.start(),
             cut_off: recording.cut_off(),
-            records: recording.records().iter().map(|r| (r.since_start, r.bytes.to_vec())).collect(),
+            records: in_order(recording.records().iter().map(|r| (r.since_start, r.bytes.to_vec())).collect()),
             ready: VecDeque::new(),
             fast: address.fast,
             begun: None,
@@ -75,6 +75,16 @@ impl Replay {
             }
         }
     }
+}
+
+/// Records came one after the other: one with a time beyond the next one's has a damaged time, and came with that at the latest.
+fn in_order(mut records: VecDeque<(u64, Vec<u8>)>) -> VecDeque<(u64, Vec<u8>)> {
+    let mut next = u64::MAX;
+    for (since, _) in records.iter_mut().rev() {
+        *since = next.min(*since);
+        next = *since;
+    }
+    records
 }
 
 impl Replay {

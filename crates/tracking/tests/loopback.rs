@@ -12,9 +12,12 @@ use monro_tracking::{
     Batch, CATHETER_TIP, Clock, IgtlFake, Motion, NatNetFake, Recorder, STYLUS_TIP, Scene, SceneOptions, Source, TOOLS,
     TrackerUrl, doctor, open, run_fake_igtl, run_fake_natnet,
 };
-use monro_wire::TimedPose;
 use monro_wire::natnet::{UpAxis, Version};
-use monro_wire::openigtlink::{Content, HeaderVersion, InstrumentKind, Message, QuaternionElement, Text};
+use monro_wire::openigtlink::{
+    Content, HeaderVersion, InstrumentKind, Message, QuaternionElement, Text, Timestamp, ToolStatus,
+};
+use monro_wire::recording::Recording;
+use monro_wire::{Missing, Quality, TimedPose};
 use std::io::Write;
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, TcpListener};
 use std::sync::Arc;
@@ -447,4 +450,68 @@ fn tools_that_are_never_seen_are_no_good_stream() {
     frames(source.as_mut(), 20);
     let found = doctor(source.as_mut(), &[], Duration::from_millis(300)).expect("doctor");
     assert!(!found.health.well && found.health.words.contains("never seen (not tracked)"), "{found:?}");
+}
+
+/// A server that says this over and over, as fast as it is read.
+fn without_end(messages: Vec<Message>) -> SocketAddr {
+    let listener = TcpListener::bind(ANY).expect("listen");
+    let address = listener.local_addr().expect("address");
+    let bytes: Vec<u8> = messages.iter().flat_map(|m| m.encode().expect("message")).collect();
+    std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().expect("a client");
+        while stream.write_all(&bytes).is_ok() {}
+    });
+    address
+}
+
+#[test]
+fn a_flood_of_messages_without_poses_held_the_reader_for_ever_and_was_called_well() {
+    let status = Message::v1("Monro", None, Content::Text(Text::new("here")));
+    let address = without_end(vec![status; 500]);
+    let mut source = connect(&format!("igtl://{address}").parse().expect("address"));
+    let begun = Instant::now();
+    let found = doctor(source.as_mut(), &[], Duration::from_millis(300)).expect("doctor");
+    assert!(begun.elapsed() < Duration::from_secs(10), "{:?}", begun.elapsed());
+    assert!(!found.health.well && found.health.words.contains("no tool is among what is sent"), "{found:?}");
+}
+
+#[test]
+fn one_pose_sent_again_with_its_time_was_news_each_time() {
+    let pose = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(1.0, 2.0, 3.0)).expect("pose");
+    let at = |seconds: f64| {
+        let time = Timestamp::from_seconds(1.7e9 + seconds);
+        Message::transform("CatheterToTracker", time, 0, Some(&pose), ToolStatus::Ok)
+    };
+    // Three of one moment, one of the next, and one without a time, twice.
+    let nowhen = || Message::transform("CatheterToTracker", None, 0, Some(&pose), ToolStatus::Ok);
+    let address = once(vec![at(0.0), at(0.0), at(0.0), at(0.1), nowhen(), nowhen()]);
+    let mut source = connect(&format!("igtl://{address}").parse().expect("address"));
+    let all: Vec<TimedPose> = frames(source.as_mut(), 6).into_iter().flat_map(|b| b.poses).collect();
+    let seen: Vec<bool> = all.iter().map(|p| p.tracker_from_tool.is_some()).collect();
+    assert_eq!(seen, [true, false, false, true, true, true]);
+    assert_eq!(all[1].quality, Quality::Missing(Missing::Repeated));
+}
+
+#[test]
+fn a_record_whose_time_is_damaged_was_waited_for_for_years() {
+    let folder = tempfile::tempdir().expect("folder");
+    let path = folder.path().join("session.mnr");
+    {
+        let fake = Fake::igtl(HeaderVersion::V2, SceneOptions::default());
+        let clock = Clock::new();
+        let recorder = Recorder::create(&path, clock).expect("recorder");
+        frames(open(&fake.url("igtl", ""), clock, Some(recorder)).expect("source").as_mut(), 60);
+    }
+    let file = std::fs::read(&path).expect("recording");
+    let times: Vec<u64> = Recording::read(&file).expect("recording").records().iter().map(|r| r.since_start).collect();
+    let late = times[times.len() / 2].to_le_bytes();
+    let at = file.windows(8).position(|w| w == late).expect("its time");
+    let mut damaged = file;
+    damaged[at + 7] ^= 0x01;
+    std::fs::write(&path, damaged).expect("write");
+    let mut source = connect(&format!("replay:{}", path.display()).parse().expect("address"));
+    let begun = Instant::now();
+    while source.next(Duration::from_millis(100)).expect("source").is_some() {
+        assert!(begun.elapsed() < Duration::from_secs(20), "{}", source.diagnosis(&[]));
+    }
 }

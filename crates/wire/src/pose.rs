@@ -25,6 +25,12 @@ pub enum Missing {
     NotSent,
     /// The numbers sent are no rigid motion (not finite, sheared, mirrored).
     NotRigid,
+    /// A place is sent, but no orientation.
+    NoOrientation,
+    /// Several are sent for one tool.
+    Ambiguous,
+    /// The last pose is sent once more, with the time at which it was measured.
+    Repeated,
 }
 
 /// Nothing is tracked further away than this, mm: what says so is garbled.
@@ -38,6 +44,9 @@ impl Missing {
             Self::OutOfVolume => "out of volume",
             Self::NotSent => "nothing sent",
             Self::NotRigid => "not a rigid motion",
+            Self::NoOrientation => "no orientation",
+            Self::Repeated => "the same pose of the same time again",
+            Self::Ambiguous => "sent by two sources",
         }
     }
 }

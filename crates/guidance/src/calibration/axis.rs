@@ -2,7 +2,7 @@
 
 use crate::linear::{mat3, vec3};
 use monro_geometry::{Point, Rigid, Tool, Tracker, Vector};
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
 /// Why an axis calibration was refused.
@@ -35,6 +35,17 @@ pub enum AxisError {
         /// Root mean square wobble, degrees.
         found: f64,
         /// Allowed, degrees.
+        allowed: f64,
+    },
+    /// The tip is not on the line that the tool was turned about.
+    #[error(
+        "the tip lies {found:.0} mm beside the line about which the tool was turned, {allowed:.0} mm are allowed: is it this \
+         tool's tip, and was the tool turned about its own shaft?"
+    )]
+    BesideShaft {
+        /// Distance from the line, mm.
+        found: f64,
+        /// Allowed, mm.
         allowed: f64,
     },
     /// Nothing tells which end of the shaft the tip is.
@@ -72,6 +83,33 @@ const MOST_WOBBLE_DEGREES: f64 = 3.0;
 /// makes of markers 100 mm beside the shaft.
 const LEAST_ALONG_MM: f64 = 10.0;
 
+/// Of the tip from the line about which the tool was turned, mm: bent shafts and what a guide gives way by are less.
+const MOST_BESIDE_MM: f64 = 8.0;
+/// A line is one that its points stray from by no more than this (root mean square), mm: a tool that was carried about while
+/// it was turned has none.
+const MOST_STRAY_MM: f64 = 2.0;
+
+/// Distance of a point of the tool from the line that is at rest while the tool turns about `axis` (and slides along it), mm;
+/// `None` where there is none. A point `p` of the line is where `R p + t` across the axis in the tracker's frame stays what it is:
+/// least squares of its two coordinates across the axis.
+fn distance_from_line(poses: &[Rigid<Tracker, Tool>], axis: &Vector3<f64>, point: &Vector3<f64>) -> Option<f64> {
+    let n = poses.len() as f64;
+    let parts = || poses.iter().map(|m| (mat3(&m.rotation()), vec3(m.translation().to_array())));
+    let (turn, place) = parts().fold((Matrix3::zeros(), Vector3::zeros()), |s, m| (s.0 + m.0 / n, s.1 + m.1 / n));
+    let outer = (turn * axis).normalize();
+    let across = Matrix3::identity() - outer * outer.transpose();
+    let (mut normal, mut right) = (axis * axis.transpose(), Vector3::zeros());
+    for (r, t) in parts() {
+        let (a, b) = (across * (r - turn), across * (t - place));
+        normal += a.transpose() * a / n;
+        right -= a.transpose() * b / n;
+    }
+    let line = normal.try_inverse()? * right;
+    let stray = parts().map(|(r, t)| (across * ((r - turn) * line + t - place)).norm_squared()).sum::<f64>() / n;
+    let off = point - line;
+    (stray.sqrt() <= MOST_STRAY_MM).then(|| (off - axis * axis.dot(&off)).norm())
+}
+
 /// The axis of a shaft that was turned about itself in a fixed guide: the direction that the mean rotation shrinks least.
 /// `tip` (of the pivot calibration) and a point nearer to the hub tell which of its two senses leads to the tip; the origin
 /// of the tool's frame serves where the tracker's software puts it among the markers.
@@ -99,6 +137,10 @@ pub fn calibrate_axis(
         return Err(AxisError::Wobble { found: wobble.to_degrees(), allowed: MOST_WOBBLE_DEGREES });
     }
     let axis = eigen.eigenvectors.column(order).into_owned();
+    let beside = distance_from_line(tracker_from_tool, &axis, &vec3(tip.to_array()));
+    if let Some(found) = beside.filter(|d| *d > MOST_BESIDE_MM) {
+        return Err(AxisError::BesideShaft { found, allowed: MOST_BESIDE_MM });
+    }
     let along = axis.dot(&vec3((tip - hub).to_array()));
     if along.is_nan() || along.abs() < LEAST_ALONG_MM {
         return Err(AxisError::NoSense { found: along.abs(), needed: LEAST_ALONG_MM });
@@ -161,6 +203,33 @@ mod tests {
             assert!(matches!(refused, Err(AxisError::NoSense { found, .. }) if found < 0.1), "{refused:?}");
             let found = calibrate_axis(&poses, (tip - axis * 150.0, tip)).expect("axis");
             assert!(found.axis.angle(axis) < 0.01, "{:?}", found.axis);
+        }
+    }
+
+    #[test]
+    fn the_tip_of_another_tool_was_taken_for_that_of_the_shaft() {
+        let (axis, mut random) = (Vector::new(0.1, 0.2, -1.0), Random::new(9));
+        // The shaft runs beside the markers, through `through`; the guide stands somewhere and lets it slide.
+        let through = Vector::new(30.0, -20.0, -60.0);
+        let moved = |m: Rigid<Tracker, Tool>| {
+            let slide = m.vector(axis) * random.between(-5.0, 5.0) + m.vector(through) * -1.0;
+            let shake = Vector::from_array(random.direction()) * 0.1;
+            Rigid::from_quaternion(m.quaternion_wxyz(), Vector::new(100.0, 50.0, -900.0) + slide + shake).expect("pose")
+        };
+        let poses: Vec<_> = turned(axis, 4.0, 0.002, 8).into_iter().map(moved).collect();
+        let unit = axis.normalized().expect("unit");
+        let on = Point::ORIGIN + through + unit * 50.0;
+        let hub = Point::ORIGIN + through - unit * 100.0;
+        let found = calibrate_axis(&poses, (hub, on)).expect("on the shaft");
+        assert!(found.axis.angle(axis) < 0.005, "{:?}", found.axis);
+        let beside = on + Vector::new(25.0, 0.0, 2.5);
+        match calibrate_axis(&poses, (hub, beside)) {
+            Err(AxisError::BesideShaft { found, .. }) => {
+                let off = beside - on;
+                let expected = (off - unit * off.dot(unit)).norm();
+                assert!((found - expected).abs() < 0.3, "{found} {expected}");
+            }
+            other => panic!("{other:?}"),
         }
     }
 

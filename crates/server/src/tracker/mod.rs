@@ -8,7 +8,9 @@ use core::str::FromStr;
 use monro_guidance::Plan;
 use monro_guidance::clock::age;
 use monro_session::live::{Observation, Refusal};
-use monro_tracking::{Batch, Clock, Source, TrackerUrl, TrackerUrlError, TrackingError, open, tool_name};
+use monro_tracking::{
+    Batch, Clock, Rivals, Source, Stillness, TrackerUrl, TrackerUrlError, TrackingError, open, tool_name,
+};
 use sim::ScriptSource;
 use std::io;
 use std::sync::Arc;
@@ -75,7 +77,7 @@ impl Tracker {
         let run = move || {
             let mut source = Some(source);
             while let Some(open) = source.take() {
-                pump(open, &live);
+                pump(open, &live, url.is_some());
                 source = url.as_ref().and_then(|u| reopen(u, &live));
             }
         };
@@ -96,12 +98,16 @@ pub(crate) enum StartError {
 }
 
 /// Hands on what a source gives until it ends or fails, or the session stops. While nothing comes, poses grow old by
-/// themselves.
-fn pump(mut source: Box<dyn Source>, live: &Live) {
-    let mut asked = f64::NEG_INFINITY;
+/// themselves. Poses that are `measured` are watched for whether they ever change.
+fn pump(mut source: Box<dyn Source>, live: &Live, measured: bool) {
+    let (mut asked, mut rivals, mut stillness) = (f64::NEG_INFINITY, Rivals::default(), Stillness::default());
     while !live.is_stopping() {
         match source.next(WAIT) {
-            Ok(Some(batch)) => live.observe(observations(&batch, source.now(), live.clock.now())),
+            Ok(Some(mut batch)) => {
+                stillness.take(&batch);
+                rivals.settle(&mut batch);
+                live.observe(observations(&batch, source.now(), live.clock.now()));
+            }
             Ok(None) => {
                 live.note_tracker(source.diagnosis(&[]).words);
                 return;
@@ -114,7 +120,10 @@ fn pump(mut source: Box<dyn Source>, live: &Live) {
         if live.clock.now() - asked > DIAGNOSE_S {
             asked = live.clock.now();
             let wanted = live.wanted_tools();
-            live.note_tracker(source.diagnosis(&wanted.each_ref().map(String::as_str)).words);
+            let wanted = wanted.each_ref().map(String::as_str);
+            let still = stillness.words(&wanted).filter(|_| measured);
+            let more = rivals.words(&wanted).or(still).map_or_else(String::new, |words| format!("; {words}"));
+            live.note_tracker(source.diagnosis(&wanted).words + &more);
         }
     }
 }

@@ -158,24 +158,50 @@ pub fn framed(entry: &[u8]) -> Vec<u8> {
     out
 }
 
-/// Reads a whole file: its entries, and how many bytes of an unfinished one are left at its end.
+/// What a file holds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Log {
+    /// Its entries, up to the first that cannot be read.
+    pub entries: Vec<Entry>,
+    /// Bytes that are left at its end: of an unfinished entry, or zeros, as a crash leaves them; or from a damaged one on.
+    pub left: usize,
+    /// Why what is left cannot be read, where it is damaged.
+    pub damage: Option<LogError>,
+}
+
+/// Reads a whole file, as far as it can be read.
 ///
 /// # Errors
-/// When it is no log, or an entry is damaged.
-pub fn read(file: &[u8]) -> Result<(Vec<Entry>, usize), LogError> {
+/// When it is no log, or its first entry is damaged.
+pub fn read(file: &[u8]) -> Result<Log, LogError> {
     let mut rest = file.strip_prefix(&MAGIC).ok_or(LogError::Magic)?;
-    let mut entries = Vec::new();
+    let (mut entries, mut damage) = (Vec::new(), None);
     while let Some((length, after)) = rest.split_first_chunk::<4>() {
         let length = u32::from_le_bytes(*length) as usize;
-        let faulty = |what| LogError::Entry { entry: entries.len(), what };
-        if length > LONGEST {
-            return Err(faulty("it is longer than any entry"));
+        // Room that the system had made for entries that were never written.
+        if rest.iter().all(|&byte| byte == 0) {
+            break;
         }
-        let Some((bytes, next)) = after.split_at_checked(length) else { break };
-        entries.push(Entry::decode(bytes).map_err(faulty)?);
-        rest = next;
+        let entry = match after.split_at_checked(length) {
+            _ if length > LONGEST => Err("it is longer than any entry"),
+            None => break,
+            Some((bytes, next)) => Entry::decode(bytes).map(|entry| (entry, next)),
+        };
+        match entry {
+            Ok((entry, next)) => {
+                entries.push(entry);
+                rest = next;
+            }
+            Err(what) => {
+                damage = Some(LogError::Entry { entry: entries.len(), what });
+                break;
+            }
+        }
     }
-    Ok((entries, rest.len()))
+    match damage {
+        Some(error) if entries.is_empty() => Err(error),
+        damage => Ok(Log { entries, left: rest.len(), damage }),
+    }
 }
 
 #[derive(Default)]
@@ -351,8 +377,8 @@ mod tests {
                 assert_eq!(read, *wanted);
             }
         }
-        let (read, left) = read(&file()).expect("whole");
-        assert_eq!((read.len(), left), (entries().len(), 0));
+        let log = read(&file()).expect("whole");
+        assert_eq!((log.entries.len(), log.left, log.damage), (entries().len(), 0, None));
     }
 
     #[test]
@@ -363,14 +389,27 @@ mod tests {
         assert_eq!(read(&bad), Err(LogError::Entry { entry: 0, what: "its kind is not known to this version" }));
     }
 
+    #[test]
+    fn zeros_at_the_end_or_one_damaged_entry_took_all_entries_along() {
+        let (whole, count) = (file(), entries().len());
+        let zeros = read(&[whole.clone(), vec![0; 4096]].concat()).expect("entries");
+        assert_eq!((zeros.entries.len(), zeros.left, zeros.damage), (count, 4096, None));
+        let mut bad = whole.clone();
+        let last = framed(&entries()[count - 1].encode()).len();
+        bad[whole.len() - last + 4] = 99;
+        let log = read(&bad).expect("entries");
+        assert_eq!((log.entries.len(), log.left), (count - 1, last));
+        assert!(matches!(log.damage, Some(LogError::Entry { entry, .. }) if entry == count - 1));
+    }
+
     proptest! {
         #[test]
         fn a_log_cut_anywhere_keeps_its_whole_entries(cut in 8usize..2000) {
             let file = file();
             let cut = cut.min(file.len());
-            let (read, left) = read(&file[..cut]).expect("begins well");
-            let whole: usize = read.iter().zip(entries()).map(|(_, e)| 4 + e.encode().len()).sum();
-            prop_assert_eq!(MAGIC.len() + whole + left, cut);
+            let log = read(&file[..cut]).expect("begins well");
+            let whole: usize = log.entries.iter().zip(entries()).map(|(_, e)| 4 + e.encode().len()).sum();
+            prop_assert_eq!((MAGIC.len() + whole + log.left, log.damage), (cut, None));
         }
 
         #[test]

@@ -3,8 +3,8 @@
 use monro_geometry::{Rigid, Tool, Tracker};
 use std::collections::BTreeMap;
 
-/// Tools that are remembered at most; a source that streams more is misconfigured.
-const MOST_TOOLS: usize = 64;
+/// Tools that are remembered at most; of more, those seen last.
+const MOST_TOOLS: usize = 256;
 
 /// One tool, seen or missed by the tracker at one moment.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,12 +29,20 @@ impl Tracking {
     pub fn observe(&mut self, seen: &Observation) -> bool {
         let Some(pose) = seen.tracker_from_tool else { return false };
         let known = self.latest.get(&seen.name);
-        let full = known.is_none() && self.latest.len() >= MOST_TOOLS;
-        if full || !seen.time_s.is_finite() || known.is_some_and(|(t, _)| seen.time_s < *t) {
+        if !seen.time_s.is_finite() || known.is_some_and(|(t, _)| seen.time_s < *t) {
             return false;
+        }
+        if known.is_none() && self.latest.len() >= MOST_TOOLS {
+            self.forget_oldest();
         }
         self.latest.insert(seen.name.clone(), (seen.time_s, pose));
         true
+    }
+
+    /// Makes room: what is needed is seen all the time.
+    fn forget_oldest(&mut self) {
+        let oldest = self.latest.iter().min_by(|a, b| a.1.0.total_cmp(&b.1.0)).map(|(name, _)| name.clone());
+        oldest.map(|name| self.latest.remove(&name));
     }
 
     /// When a tool was last seen (s), and where.
@@ -86,5 +94,7 @@ mod tests {
             t.observe(&Observation { name: format!("tool {i}"), time_s: 0.0, tracker_from_tool: Some(at(0.0)) });
         }
         assert_eq!(t.names().count(), MOST_TOOLS);
+        // The catheter came after the last place was taken, and was never seen.
+        assert!(t.observe(&seen(1.0, Some(1.0))) && t.latest("Catheter").is_some());
     }
 }

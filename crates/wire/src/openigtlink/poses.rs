@@ -83,9 +83,10 @@ impl Message {
 /// messages have none.
 pub fn poses(message: &Message, arrival: f64) -> Vec<TimedPose> {
     let time = message.time.map(super::Timestamp::seconds);
-    let one = |name: &str, status: ToolStatus, rigid: Option<Rigid<Tracker, Tool>>| {
+    let one = |name: &str, status: ToolStatus, turned: bool, rigid: Option<Rigid<Tracker, Tool>>| {
         let pose = match status.fault() {
             Some(missing) => Err(missing),
+            None if !turned => Err(Missing::NoOrientation),
             None => rigid.map(|r| (r, None)).ok_or(Missing::NotRigid),
         };
         TimedPose::new(name, time, arrival, pose)
@@ -93,13 +94,16 @@ pub fn poses(message: &Message, arrival: f64) -> Vec<TimedPose> {
     let element_status =
         |name: &str| message.meta(&format!("{name}Status")).map_or_else(|| message.status(), ToolStatus::parse);
     match &message.content {
-        Content::Transform(m) => vec![one(message.full_name(), message.status(), m.to_rigid())],
-        Content::Position(p) => vec![one(message.full_name(), message.status(), p.to_rigid())],
-        Content::TrackingData(list) => {
-            list.iter().map(|e| one(&e.name, element_status(&e.name), e.matrix.to_rigid())).collect()
+        Content::Transform(m) => vec![one(message.full_name(), message.status(), true, m.to_rigid())],
+        Content::Position(p) => {
+            vec![one(message.full_name(), message.status(), p.quaternion_xyzw.is_some(), p.to_rigid())]
         }
+        Content::TrackingData(list) => list
+            .iter()
+            .map(|e| one(&e.name, element_status(&e.name), e.kind.is_turned(), e.matrix.to_rigid()))
+            .collect(),
         Content::QuaternionTrackingData(list) => {
-            list.iter().map(|e| one(&e.name, element_status(&e.name), e.to_rigid())).collect()
+            list.iter().map(|e| one(&e.name, element_status(&e.name), e.kind.is_turned(), e.to_rigid())).collect()
         }
         _ => Vec::new(),
     }

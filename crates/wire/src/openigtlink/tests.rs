@@ -270,6 +270,30 @@ fn times_round_trip_and_impossible_ones_are_none() {
     assert!([-1.0, 0.0, f64::NAN, 5e9].iter().all(|&t| Timestamp::from_seconds(t).is_none()));
 }
 
+#[test]
+fn places_without_an_orientation_and_quaternions_of_any_length_were_full_poses() {
+    let missing = |content| {
+        let [pose] = &poses(&Message::v1("Tool", None, content), 0.0)[..] else { panic!("one pose") };
+        match pose.quality {
+            crate::Quality::Tracked { .. } => None,
+            crate::Quality::Missing(why) => Some(why),
+        }
+    };
+    let (position, turned) = ([1.0, 2.0, 3.0], [0.0, 0.6, 0.0, 0.8]);
+    let of_kind = |kind| {
+        let name = "Tool".to_owned();
+        missing(Content::TrackingData(vec![TrackingElement { name, kind, matrix: Matrix34::IDENTITY }]))
+    };
+    assert_eq!(of_kind(InstrumentKind::Instrument3D), Some(crate::Missing::NoOrientation));
+    assert_eq!([InstrumentKind::Instrument6D, InstrumentKind::Tracker].map(of_kind), [None; 2]);
+    let placed = |quaternion_xyzw| missing(Content::Position(Position { position, quaternion_xyzw }));
+    assert_eq!(placed(None), Some(crate::Missing::NoOrientation));
+    assert_eq!(placed(Some(turned)), None);
+    for length in [0.5f32, 1.02, 3.2, 1e-5, f32::NAN] {
+        assert_eq!(placed(Some(turned.map(|v| v * length))), Some(crate::Missing::NotRigid), "{length}");
+    }
+}
+
 fn any_content() -> impl Strategy<Value = Content> {
     let f3 = || proptest::array::uniform3(-1e3f32..1e3);
     let f4 = || proptest::array::uniform4(-1.0f32..1.0);

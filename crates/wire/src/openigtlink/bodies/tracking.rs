@@ -21,7 +21,7 @@ impl Position {
         Self { position, quaternion_xyzw: Some(quaternion) }
     }
 
-    /// As a rigid transform; `None` without an orientation or when not finite.
+    /// As a rigid transform; `None` without an orientation, when its quaternion is not of length 1, or when not finite.
     pub fn to_rigid<To, From>(&self) -> Option<Rigid<To, From>> {
         rigid(self.position, self.quaternion_xyzw?)
     }
@@ -68,6 +68,11 @@ pub enum InstrumentKind {
 }
 
 impl InstrumentKind {
+    /// Whether its orientation is one: of a position alone the rest is filler.
+    pub const fn is_turned(self) -> bool {
+        !matches!(self, Self::Instrument3D)
+    }
+
     const fn from_code(code: u8) -> Self {
         match code {
             1 => Self::Tracker,
@@ -133,7 +138,7 @@ impl QuaternionElement {
         Self { name: name.into(), kind: InstrumentKind::Instrument6D, position, quaternion_xyzw }
     }
 
-    /// As a rigid transform; `None` when the quaternion has no length or anything is not finite.
+    /// As a rigid transform; `None` when the quaternion is not of length 1 (to a hundredth) or anything is not finite.
     pub fn to_rigid<To, From>(&self) -> Option<Rigid<To, From>> {
         rigid(self.position, self.quaternion_xyzw)
     }
@@ -170,6 +175,13 @@ fn parts<To, From>(rigid: &Rigid<To, From>) -> ([f32; 3], [f32; 4]) {
     (rigid.translation().to_array().map(|v| v as f32), [x, y, z, w].map(|v| v as f32))
 }
 
+/// Quaternions whose length is off by more than this are none: what is sent is something else.
+const UNIT: f64 = 0.01;
+
 fn rigid<To, From>(position: [f32; 3], [x, y, z, w]: [f32; 4]) -> Option<Rigid<To, From>> {
+    let length = [x, y, z, w].iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
+    if (length - 1.0).abs().is_nan() || (length - 1.0).abs() > UNIT {
+        return None;
+    }
     Rigid::from_quaternion([w, x, y, z].map(f64::from), Vector::from_array(position.map(f64::from)))
 }

@@ -1,0 +1,77 @@
+//! Poses that never change: measured ones tremble in their last digits, those of a server that hangs do not.
+
+use crate::{Batch, tool_name};
+use monro_geometry::{Rigid, Tool, Tracker};
+use std::collections::BTreeMap;
+
+/// Poses that have been the same to the last bit for so long are told, s.
+const STILL_S: f64 = 1.0;
+/// Tools that are watched at most.
+const MOST: usize = 256;
+
+/// Since when each tool has been where it is to the last bit.
+#[derive(Debug, Clone, Default)]
+pub struct Stillness(BTreeMap<String, Still>);
+
+#[derive(Debug, Clone)]
+struct Still {
+    pose: Rigid<Tracker, Tool>,
+    since: f64,
+    until: f64,
+}
+
+impl Stillness {
+    /// Takes a frame.
+    pub fn take(&mut self, batch: &Batch) {
+        for told in &batch.poses {
+            let (Some(pose), now) = (told.tracker_from_tool, told.arrival_time) else { continue };
+            let new = Still { pose, since: now, until: now };
+            match self.0.get_mut(&told.name) {
+                Some(still) if still.pose == pose => still.until = now,
+                Some(still) => *still = new,
+                None => {
+                    if self.0.len() < MOST {
+                        self.0.insert(told.name.clone(), new);
+                    }
+                }
+            }
+        }
+    }
+
+    /// That a tool does not move at all, where it does not; by the name that is sent.
+    pub fn of(&self, name: &str) -> Option<String> {
+        let still = self.0.get(name)?;
+        let time = still.until - still.since;
+        (time > STILL_S).then(|| {
+            format!("not moved to the last digit for {time:.0} s: measured poses tremble, so it is frozen, or made up")
+        })
+    }
+
+    /// The same of the first of some tools that does not.
+    pub fn words(&self, wanted: &[&str]) -> Option<String> {
+        let names = self.0.keys().filter(|name| wanted.iter().any(|w| *name == w || tool_name(name) == *w));
+        names.filter_map(|name| Some(format!("'{name}' has {}", self.of(name)?))).next()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_geometry::Vector;
+    use monro_wire::TimedPose;
+
+    #[test]
+    fn a_server_that_hangs_was_taken_for_a_hand_that_rests() {
+        let mut stillness = Stillness::default();
+        let mut tell = |time: f64, tremble: f64| {
+            let at = |x: f64| Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(x, 0.0, 0.0)).expect("pose");
+            let pose = |name, x| TimedPose::new(name, None, time, Ok((at(x), None)));
+            let poses = vec![pose("CatheterToTracker", 5.0), pose("Reference", tremble)];
+            stillness.take(&Batch { poses, clock: None });
+            stillness.words(&["Catheter", "Reference"])
+        };
+        assert!((0..60).all(|i| tell(f64::from(i) / 60.0, f64::from(i % 3) * 1e-3).is_none()));
+        let words = tell(3.2, 0.0).expect("still");
+        assert!(words.contains("'CatheterToTracker' has not moved to the last digit for 3 s"), "{words}");
+    }
+}
