@@ -38,7 +38,11 @@ pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
         }
     };
     let play = || monro_server::replay(&args.recording, args.case.as_deref(), soft_body::known, each, progress);
-    let done = console.stage("replay", play)?;
+    let done = console.stage("replay", play).inspect_err(|_| {
+        // An empty file would only be in the way of the next try.
+        let empty = args.out.as_deref().filter(|out| out.metadata().is_ok_and(|file| file.len() == 0));
+        let _ = empty.map(std::fs::remove_file);
+    })?;
     written.context("cannot write the numbers (disk full?)")?;
     out.map_or(Ok(()), |mut out| out.flush()).context("cannot write the numbers (disk full?)")?;
     let result = json!({

@@ -94,7 +94,11 @@ fn beside(case: &Path) -> Result<PathBuf> {
     let case = std::path::absolute(case)?;
     let name = case.file_name().with_context(|| format!("{} is no folder", case.display()))?.to_string_lossy();
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
-    Ok(case.with_file_name(format!("{name}-sessions")).join(format!("{}.mnrs", date(now))))
+    let folder = case.with_file_name(format!("{name}-sessions"));
+    // Another session may have begun in the same second.
+    let file =
+        |n: u32| folder.join(if n > 1 { format!("{}-{n}.mnrs", date(now)) } else { format!("{}.mnrs", date(now)) });
+    Ok((1..100).map(file).find(|path| !path.exists()).unwrap_or_else(|| file(1)))
 }
 
 /// Seconds since 1970 as `20261121T123456Z` (days to civil: Hinnant, "chrono-compatible low-level date algorithms").

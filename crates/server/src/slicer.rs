@@ -20,12 +20,12 @@ use monro_guidance::{NeedlePose, Plan};
 use monro_session::live::{Phase, Signal, Snapshot};
 use monro_wire::openigtlink::{
     ByteOrder, Cells, Content, Image, ImageAxes, Matrix34, Message, Parser, PointElement, PolyData, Ras, ScalarType,
-    Status, StatusCode, Text, ToolStatus, Verb, ras_from_patient, ras_of,
+    Status, StatusCode, Text, Timestamp, ToolStatus, Verb, ras_from_patient, ras_of,
 };
 use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::tcp::OwnedWriteHalf;
 use tokio::net::{TcpListener, TcpStream};
@@ -151,13 +151,15 @@ pub(crate) async fn listen(address: SocketAddr) -> Result<TcpListener, ServeErro
 pub(crate) async fn serve(listener: TcpListener, live: Arc<Live>, scene: Arc<Scene>) {
     let seats = Arc::new(Semaphore::new(MOST_PEERS));
     while !live.is_stopping() {
-        let Ok(seat) = Arc::clone(&seats).acquire_owned().await else { return };
-        let Ok((stream, _)) = listener.accept().await else { continue };
+        let Ok((mut stream, _)) = listener.accept().await else { continue };
         let (live, scene) = (Arc::clone(&live), Arc::clone(&scene));
+        let seat = Arc::clone(&seats).try_acquire_owned();
         tokio::spawn(async move {
             // However it ends, the peer can come back.
-            let _ = Peer { live, scene, sent: 0, step: None }.talk(stream).await;
-            drop(seat);
+            let _ = match seat {
+                Ok(_seat) => Peer { live, scene, sent: 0, step: None }.talk(stream).await,
+                Err(_) => put(&mut stream, &no_seat()).await,
+            };
         });
     }
 }
@@ -208,12 +210,7 @@ impl Peer {
     async fn send(&mut self, to: &mut OwnedWriteHalf, device: &str, content: Option<Content>) -> io::Result<()> {
         let Some(content) = content else { return Ok(()) };
         self.sent = self.sent.wrapping_add(1);
-        self.put(to, &Message::v2(device, None, self.sent, content)).await
-    }
-
-    async fn put(&self, to: &mut OwnedWriteHalf, message: &Message) -> io::Result<()> {
-        let bytes = message.encode().map_err(io::Error::other)?;
-        timeout(PATIENCE, to.write_all(&bytes)).await?
+        put(to, &Message::v2(device, None, self.sent, content)).await
     }
 
     async fn answer(&mut self, to: &mut OwnedWriteHalf, verb: Verb, of: &str) -> io::Result<()> {
@@ -228,18 +225,18 @@ impl Peer {
                 self.send(to, "CT", image).await
             }
             // Everything streams without being asked for, and does not stop.
-            (Verb::Start | Verb::Stop, _) => {
+            (Verb::Start | Verb::Stop, _) if of.is_ascii() => {
                 let accepted = verb == Verb::Start && known.iter().any(|k| k.starts_with(of));
                 self.send(to, "Monro", Some(Content::Answer { of: of.to_owned(), accepted })).await
             }
-            (Verb::Get, _) => Ok(()),
+            _ => Ok(()),
         }
     }
 
     async fn tell(&mut self, to: &mut OwnedWriteHalf, everything: bool) -> io::Result<()> {
         let (snapshot, guidance) = self.live.snapshot();
         self.sent = self.sent.wrapping_add(1);
-        self.put(to, &catheter(snapshot.needle.as_ref(), self.sent)).await?;
+        put(to, &catheter(snapshot.needle.as_ref(), (measured(snapshot.age_s), self.sent))).await?;
         if !everything {
             return Ok(());
         }
@@ -256,12 +253,30 @@ impl Peer {
     }
 }
 
+async fn put(to: &mut (impl AsyncWriteExt + Unpin), message: &Message) -> io::Result<()> {
+    let bytes = message.encode().map_err(io::Error::other)?;
+    timeout(PATIENCE, to.write_all(&bytes)).await?
+}
+
+/// What a peer is told that finds all places taken, before it is let go.
+fn no_seat() -> Message {
+    let message = format!("{MOST_PEERS} peers are served already: disconnect one");
+    let status = Status { code: StatusCode::Busy, sub_code: 0, name: "no place".to_owned(), message };
+    Message::v2("Monro", None, 1, Content::Status(status))
+}
+
 /// Where a lost catheter is: out of every view, for who draws it without reading its status. The identity would draw its
 /// tip in the head.
 const AWAY: Matrix34 = Matrix34 { columns: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 10_000.0]] };
 
-/// The catheter as a frame: its origin is the tip, its z axis leads from hub to tip.
-fn catheter(needle: Option<&NeedlePose>, id: u32) -> Message {
+/// When what is so many seconds old was measured, by the clock of this machine.
+fn measured(age_s: Option<f64>) -> Option<Timestamp> {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).ok()?.as_secs_f64();
+    Timestamp::from_seconds(now - age_s?)
+}
+
+/// The catheter as a frame: its origin is the tip, its z axis leads from hub to tip; with the time of its pose.
+fn catheter(needle: Option<&NeedlePose>, (time, id): (Option<Timestamp>, u32)) -> Message {
     let pose = needle.and_then(|n| {
         let z = Vector::new(0.0, 0.0, 1.0);
         let axis = z.cross(n.axis()).normalized().unwrap_or(Vector::new(1.0, 0.0, 0.0));
@@ -271,7 +286,7 @@ fn catheter(needle: Option<&NeedlePose>, id: u32) -> Message {
     });
     let matrix = pose.as_ref().map_or(AWAY, Matrix34::from_rigid::<Ras, Tool>);
     let state = if pose.is_some() { ToolStatus::Ok } else { ToolStatus::Missing };
-    Message::v2("Catheter", None, id, Content::Transform(matrix)).with("TransformStatus", state.value())
+    Message::v2("Catheter", time, id, Content::Transform(matrix)).with("TransformStatus", state.value())
 }
 
 fn status(snapshot: &Snapshot, guidance: &Guidance) -> Status {
@@ -293,8 +308,11 @@ mod tests {
     #[test]
     fn the_catheters_frame_has_its_tip_and_its_direction_in_ras() {
         let needle = NeedlePose::new(Point::new(10.0, 20.0, 30.0), Vector::new(0.6, 0.0, -0.8)).expect("needle");
-        let message = catheter(Some(&needle), 1);
+        let message = catheter(Some(&needle), (measured(Some(0.5)), 1));
         assert_eq!(message.meta("TransformStatus"), Some("OK"));
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970").as_secs_f64();
+        let age = now - message.time.expect("a time").seconds();
+        assert!((0.4..60.0).contains(&age), "{age}");
         let Content::Transform(m) = message.content else { panic!("transform") };
         assert_eq!(m.columns[3], [-10.0, -20.0, 30.0]);
         assert!(m.columns[2].iter().zip([-0.6, 0.0, -0.8]).all(|(a, b)| (a - b).abs() < 1e-6), "{m:?}");
@@ -302,7 +320,7 @@ mod tests {
 
     #[test]
     fn a_lost_catheter_is_drawn_nowhere_near_the_head() {
-        let message = catheter(None, 2);
+        let message = catheter(None, (None, 2));
         assert_eq!(message.meta("TransformStatus"), Some("MISSING"));
         let Content::Transform(m) = message.content else { panic!("transform") };
         assert!(m.columns[3][2] > 5000.0, "{m:?}");

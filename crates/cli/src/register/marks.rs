@@ -30,7 +30,14 @@ pub(super) fn landmarks(args: &RegisterArgs, marked: &[NamedPoint]) -> Result<Ve
         }
         let mark = marked.iter().find(|m| m.label.eq_ignore_ascii_case(&name));
         let listed = || names().collect::<Vec<_>>().join(", ");
-        let mark = mark.with_context(|| format!("no landmark is marked as '{name}' (marked: {})", listed()))?;
+        let none = || {
+            if marked.is_empty() {
+                "none at all: does the case lack its landmarks.mrk.json?".to_owned()
+            } else {
+                listed()
+            }
+        };
+        let mark = mark.with_context(|| format!("no landmark is marked as '{name}' (marked: {})", none()))?;
         Ok(Landmark { name, touched, marked: mark.position, noise })
     };
     let touched = named_points(&args.landmarks)?;
