@@ -11,6 +11,8 @@ use monro_guidance::{Plan, Side, skull_angle};
 const ENTRY_OFF_SKIN_MM: f64 = 30.0;
 /// Beyond this an entry is remarked upon; other burr holes in use (Keen, Dandy, Frazier) are further away than that.
 const FAR_FROM_KOCHER_MM: f64 = 40.0;
+/// A target this much beside a ventricle is told, beyond half a voxel, mm.
+const BESIDE_MM: f64 = 0.25;
 /// A target in no ventricle further than this from the foramen is remarked upon: of one nearer, labels and landmark decide.
 const FAR_FROM_MONRO_MM: f64 = 8.0;
 
@@ -41,13 +43,17 @@ pub(crate) fn plan(
         (None, Err(error)) => return Err(PrepareError::Landmarks(error.clone())),
     };
     let skull_angle_deg = skull_normal(&plan, skull)
+        .filter(|_| crosses_skull(&plan, &segmentation.labels))
         .and_then(|normal| skull_angle(&plan, normal))
         .map(|from_normal| 90.0 - from_normal.to_degrees());
     let mut findings: Vec<String> = doubts(&plan, &segmentation.labels).into_iter().collect();
+    if request.path.is_none() && findings.is_empty() {
+        findings.extend(ends_beside(&plan, &segmentation.labels));
+    }
     if skull_angle_deg.is_none() {
         findings.push(
-            "the path crosses no skull, so its angle is unknown: is the head cut open where it goes in? Look at the \
-             pictures, or give a path with --plan FILE.mrk.json"
+            "the path crosses no skull, so its angle is unknown: is the head cut open where it goes in (a burr hole, a flap of \
+             bone taken out)? Look at the pictures, or give a path with --plan FILE.mrk.json"
                 .into(),
         );
     }
@@ -113,6 +119,34 @@ fn doubts(plan: &Plan, labels: &Volume<u8>) -> Option<String> {
     let meets = (0..=steps).any(|i| at((i as f64 * 0.5).min(plan.length())).is_some_and(Structure::is_ventricle));
     let end = at(plan.length()).map_or("no part of the scan".into(), Structure::words);
     (!meets).then(|| format!("the path meets no ventricle; it ends in {end}: look at the pictures before using it"))
+}
+
+/// Whether there is skull on the path before it is inside, looked at every quarter of a millimetre. The surface of the skull
+/// and of all within it also closes holes in it.
+fn crosses_skull(plan: &Plan, labels: &Volume<u8>) -> bool {
+    let at = |i: usize| labels.nearest(plan.at_depth(0.25 * i as f64)).and_then(Structure::from_label);
+    let steps = (plan.length() / 0.25) as usize;
+    (0..=steps).filter_map(at).take_while(|s| !s.is_intracranial()).any(|s| s == Structure::Skull)
+}
+
+/// A remark when a path that was found by itself goes through a ventricle but ends beside it.
+fn ends_beside(plan: &Plan, labels: &Volume<u8>) -> Option<String> {
+    let (target, grid) = (plan.target(), labels.grid());
+    let end = labels.nearest(target).and_then(Structure::from_label)?;
+    let is_ventricle = |at: usize| Structure::from_label(labels.data()[at]).is_some_and(Structure::is_ventricle);
+    let distance = |at: usize| {
+        let [i, j, k] = grid.voxel(at);
+        grid.centre(i, j, k).distance(target)
+    };
+    let nearest = (0..grid.len()).filter(|&at| is_ventricle(at)).map(distance).fold(f64::INFINITY, f64::min);
+    let half = 0.5 * grid.spacing().into_iter().fold(0.0, f64::max);
+    (!end.is_ventricle() && nearest - half > BESIDE_MM).then(|| {
+        format!(
+            "the path goes through a ventricle, but ends in {}, {nearest:.1} mm from the nearest place in one: no fluid would drip \
+             there; look at the pictures, or give a path with --plan FILE.mrk.json",
+            end.words()
+        )
+    })
 }
 
 /// The name of a side, Kocher's point and the foramen of Monro there.
@@ -197,6 +231,38 @@ mod tests {
         assert!(said.contains("in no ventricle but in brain, 40 mm from the left foramen"), "{said}");
         // Deep in the ventricle, and beside the foramen.
         assert_eq!((told(80.0), told(36.0)), (None, None));
+    }
+
+    #[test]
+    fn a_path_through_the_ventricle_into_brain_and_one_through_a_hole_in_the_skull_drew_no_remark() {
+        let mut labels = labels();
+        let told = |x: f64, labels: &Volume<u8>| {
+            let plan = Plan::new(Side::Left, Point::new(99.0, 10.0, 10.0), Point::new(x, 10.0, 10.0)).expect("a plan");
+            (ends_beside(&plan, labels), crosses_skull(&plan, labels))
+        };
+        let (said, _) = told(37.0, &labels);
+        assert!(said.is_some_and(|s| s.contains("ends in brain, 3.0 mm from the nearest")));
+        assert_eq!((told(39.0, &labels).0, told(41.0, &labels).0), (None, None));
+        // Skin up to 95 mm, then skull; and a hole in that.
+        let grid = *labels.grid();
+        for at in 0..grid.len() {
+            let [i, j, k] = grid.voxel(at);
+            let label = if i > 95 {
+                Structure::Scalp
+            } else if i > 90 {
+                Structure::Skull
+            } else {
+                continue;
+            };
+            let is_hole = label == Structure::Skull && j.abs_diff(10) + k.abs_diff(10) < 4;
+            labels.data_mut()[at] = if is_hole { Structure::Scalp.label() } else { label.label() };
+        }
+        assert!(!told(41.0, &labels).1);
+        labels
+            .data_mut()
+            .iter_mut()
+            .for_each(|l| *l = if *l == Structure::Scalp.label() { Structure::Skull.label() } else { *l });
+        assert!(told(41.0, &labels).1);
     }
 
     #[test]

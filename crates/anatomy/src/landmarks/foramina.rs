@@ -12,13 +12,23 @@ const LEAST: usize = 4;
 /// A foramen lies this far from the septum, or beside the third ventricle's wall where that is wider, mm.
 const OFF: f64 = 3.0;
 const BESIDE_WALL: f64 = 1.5;
+/// A midline shift is told from here on, mm.
+const SHIFT: f64 = 5.0;
 /// Fewest samples at which left and right must touch to show the septum.
 const LEAST_SEPTUM: usize = 10;
 
 /// Left and right foramen.
 pub(crate) fn find(surroundings: &Surroundings<'_>, findings: &mut Vec<String>) -> [Point<Patient>; 2] {
     let sides = [(1.0, Structure::LeftLateralVentricle, "left"), (-1.0, Structure::RightLateralVentricle, "right")];
-    let shift = surroundings.midsagittal.normal * septum(surroundings);
+    let aside = septum(surroundings);
+    if aside.abs() > SHIFT {
+        findings.push(format!(
+            "midline shift: the septum between the ventricles stands {:.0} mm to the {} of the head's own plane of symmetry",
+            aside.abs(),
+            if aside > 0.0 { "left" } else { "right" }
+        ));
+    }
+    let shift = surroundings.midsagittal.normal * aside;
     let off = OFF.max(third_width(surroundings) / 2.0 + BESIDE_WALL);
     sides.map(|(side, structure, name)| {
         let expected = surroundings.pose.place([0.0; 3]) + shift + surroundings.midsagittal.normal * (side * off);

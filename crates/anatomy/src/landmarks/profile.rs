@@ -20,6 +20,8 @@ const SURE_PART: f64 = 0.4;
 const FAINT_DIP: f64 = 0.15;
 /// So far from the usual place, degrees, a dip counts half a millimetre less, and with the square of the distance.
 const UNUSUAL: f64 = 12.0;
+/// Skin must be seen above the nasion for so many degrees: 15 mm.
+const GOES_ON: f64 = 10.0;
 /// Longest ray, mm, and the step along it.
 const FAR: f64 = 190.0;
 const FINE: f64 = 0.25;
@@ -135,24 +137,31 @@ impl Profile {
     pub(crate) fn nasion(&self, findings: &mut Vec<String>) -> Result<f64, LandmarkError> {
         let index = |angle: f64| ((angle - FIRST) / STEP) as usize;
         let (least, faint) = (SURE_DIP.max(SURE_PART * self.coarse), FAINT_DIP * self.coarse);
-        let dips = (index(NASION[0])..=index(NASION[2])).map(|n| (n, self.dip(n))).filter(|(_, dip)| *dip >= faint);
+        // At the rim of what the scan shows there are dips that are none, and no way up from them.
+        let window = || (index(NASION[0])..=index(NASION[2])).filter(|&n| self.goes_on(n));
+        let dips = window().map(|n| (n, self.dip(n))).filter(|(_, dip)| *dip >= faint);
         let best = dips.map(|(n, dip)| (worth(dip, n), n, dip)).max_by(|a, b| a.0.total_cmp(&b.0));
         if let Some((worth, at, _)) = best
             && worth >= least
         {
             return Ok(at as f64);
         }
-        let usual = index(NASION[1]);
-        let (at, place) = best.map_or((usual, "its usual place"), |(_, at, _)| (at, "that dip"));
         let depth_mm = best.map_or(0.0, |(_, _, dip)| dip);
-        if self.radius[at].is_none() {
+        let usual = window().min_by_key(|n| n.abs_diff(index(NASION[1])));
+        let Some((at, place)) = best.map(|(_, at, _)| (at, "that dip")).or(usual.map(|at| (at, "its usual place")))
+        else {
             return Err(LandmarkError::NoNasion { depth_mm, needed_mm: least });
-        }
+        };
         findings.push(format!(
             "nasion uncertain (the midline skin dips by only {depth_mm:.1} mm where it should lie): {place} was taken, so entry \
              points may be off by 20 mm along the skin; look at the path, or give one with --plan FILE.mrk.json"
         ));
         Ok(at as f64)
+    }
+
+    /// Whether there is skin at sample `n` and for a while above it.
+    fn goes_on(&self, n: usize) -> bool {
+        (n..=n + (GOES_ON / STEP) as usize).all(|m| self.radius.get(m).is_some_and(Option::is_some))
     }
 
     /// How far sample `n` lies below the highest chord between its two sides, mm; 0 where it does not dip.
@@ -307,6 +316,21 @@ mod tests {
         let (forward, up) = (Vector::new(0.0, -1.0, 0.0), Vector::new(0.0, 0.0, 1.0));
         let origin = Point::new(0.0, 0.0, 0.0);
         Profile { origin, forward, up, coarse, radius: (0..count).map(radius).collect() }
+    }
+
+    #[test]
+    fn the_rim_at_which_a_scan_cuts_the_nose_was_the_nasion_and_led_nowhere() {
+        let mut cut = profile(0.0, -26.0, 1.0);
+        // The nose is cut between -30 and -20 degrees, and what is left of it below stands back at the rim.
+        let gone = |n: usize| (-30.0..-20.0).contains(&Profile::angle(n as f64));
+        let rim = |n: usize| (-31.0..-30.0).contains(&Profile::angle(n as f64));
+        (0..cut.radius.len()).filter(|&n| rim(n)).for_each(|n| cut.radius[n] = cut.radius[n].map(|r| r - 6.0));
+        (0..cut.radius.len()).filter(|&n| gone(n)).for_each(|n| cut.radius[n] = None);
+        let mut findings = Vec::new();
+        let at = cut.nasion(&mut findings).expect("skin");
+        assert!((-20.0..-7.0).contains(&Profile::angle(at)), "{}", Profile::angle(at));
+        assert!(findings.iter().any(|f| f.contains("nasion uncertain")), "{findings:?}");
+        assert!(cut.along(at, 60.0).is_ok());
     }
 
     #[test]

@@ -32,6 +32,8 @@ pub(crate) struct Bearings {
     /// The brain's mode, HU.
     pub(crate) brain: f32,
     pub(crate) blood: Option<Blood>,
+    /// What may be blood between bone and brain, mL.
+    pub(crate) layer_ml: Option<f64>,
 }
 
 /// Takes bearings. `open` are the columns of the working raster that the scan cuts.
@@ -52,12 +54,15 @@ pub(crate) fn bearings(
     let plane = midplane(&hu, &space, lattice).ok_or_else(none)?;
     let brain = brain_mode(smooth, |n| cavity.data[n]);
     let coarse = Coarse { hu: &hu, space: &space, open: open.as_deref(), lattice, brain };
+    let longest = working.binned.spacing().into_iter().fold(0.0, f64::max);
+    let depth = cut::depths(&space, open.as_deref(), lattice).0;
+    let layer_ml = blood::layer(&hu, &depth, (lattice, longest), brain);
     let (pose, blood, turned) = coarse.pose(&plane).ok_or_else(none)?;
     upright(pose, turned, WELL)?;
     if pose.score < POOR {
         upright(pose, coarse.by_quarters(&plane), WELL_BY_QUARTERS)?;
     }
-    Ok(Bearings { plane, pose, brain, blood })
+    Ok(Bearings { plane, pose, brain, blood, layer_ml })
 }
 
 /// The scan on a coarse raster.

@@ -2,7 +2,7 @@
 
 use super::lattice::Lattice;
 use super::tissue::median;
-use crate::image::{Mask, Raster, open};
+use crate::image::{Mask, Raster, label, open};
 
 /// Clotted blood over brain, HU: grey nuclei stay below, calcium lies above.
 const OVER_BRAIN: core::ops::Range<f32> = 15.0..75.0;
@@ -43,6 +43,28 @@ pub(crate) fn deep(hu: &Raster<f32>, depth: &Raster<f32>, lattice: Lattice, brai
     // Plexus, veins and vessels are thinner than two voxels of 2 mm.
     let ml = open(&dense, 1.0).count() as f64 * lattice.step.powi(3) / 1000.0;
     (ml >= LEAST_ML).then_some(ml)
+}
+
+/// Less of it between bone and brain may be sinuses and what bone brightens, mL.
+const LEAST_LAYER_ML: f64 = 25.0;
+/// So near to the bone, beyond the length of a voxel, its brightness may be bone's, mm: the vault's slope runs through several
+/// voxels of thick slices. And half the thickness of a layer that is no sinus wall or dura, mm.
+const RIM: f32 = 1.0;
+const HALF_LAYER: f32 = 2.0;
+
+/// Volume (mL) of the largest piece between bone and brain that may be blood, when it is enough to be told; `depth` and the
+/// longest side of the scan's voxels in mm.
+pub(crate) fn layer(
+    hu: &Raster<f32>,
+    depth: &Raster<f32>,
+    (lattice, longest): (Lattice, f64),
+    brain: f32,
+) -> Option<f64> {
+    let rim = RIM + longest as f32;
+    let dense = hu.zip(depth, |v, d| d > rim && d <= DEEP && like(v, brain) > 0.0);
+    let parts = label(&open(&dense, HALF_LAYER / lattice.step as f32));
+    let ml = parts.sizes.iter().skip(1).max().map_or(0.0, |&n| n as f64 * lattice.step.powi(3) / 1000.0);
+    (ml >= LEAST_LAYER_ML).then_some(ml)
 }
 
 /// Whether the model's score with blood is worth more than that without.

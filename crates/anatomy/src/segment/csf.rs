@@ -10,16 +10,18 @@ const DIMMED: f32 = 1.0;
 const SMOOTHING: f64 = 0.7;
 /// Depth below the bone at which the cortex lies, mm.
 const CORTEX: core::ops::Range<f32> = 3.0..8.0;
+/// It is brighter than the brain's mode by no more than this, HU: what is lies on the brain and is blood.
+const MOST_OVER_BRAIN: f32 = 8.0;
 /// Islands smaller than this (voxels of 1 mm) are noise or sulci too narrow to be told from it.
 const LEAST_ISLAND: usize = 60;
 
 /// A field whose inside (positive) is fluid: what is nearer in HU to fluid than to the cortex, which is brighter than the
-/// brain's mode; `edge` is half way to that. Right under the bone the
+/// brain's mode `brain`; `edge` is half way to that. Right under the bone the
 /// nearest voxels that bone does not dim decide; what bone brightens to the level of brain is lost. Scraps of brain that fluid cuts off are counted to it.
-pub(crate) fn csf(hu: &Raster<f32>, cavity: &Mask, (fluid, edge): (f32, f32)) -> Raster<f32> {
+pub(crate) fn csf(hu: &Raster<f32>, cavity: &Mask, (fluid, edge, brain): (f32, f32, f32)) -> Raster<f32> {
     let depth = distance_to_false(cavity);
     let cortex = brain_mode(&gaussian(hu, 1.0), |n| cavity.data[n] && CORTEX.contains(&depth.data[n]));
-    let edge = edge.max((fluid + cortex) / 2.0);
+    let edge = edge.max((fluid + cortex.min(brain + MOST_OVER_BRAIN)) / 2.0);
     let value = undimmed(hu, cavity, &depth);
     let dark = value.zip(cavity, |v, c| c && v < edge);
     let parts = label(&dark);
@@ -81,11 +83,28 @@ mod tests {
     #[test]
     fn a_wide_space_under_the_skull_is_found_and_none_where_there_is_none() {
         let (hu, cavity) = head(6.0);
-        let found = csf(&hu, &cavity, (6.0, 18.0)).map(|f| f > 0.0).and(&cavity).count() as f64;
+        let found = csf(&hu, &cavity, (6.0, 18.0, 30.0)).map(|f| f > 0.0).and(&cavity).count() as f64;
         let truth = 4.0 / 3.0 * core::f64::consts::PI * (25f64.powi(3) - 19f64.powi(3));
         // The film next to the bone is as bright as brain and is lost; nothing is made up.
         assert!((0.6..1.02).contains(&(found / truth)), "{found} of {truth}");
         let (hu, cavity) = head(0.0);
-        assert_eq!(csf(&hu, &cavity, (6.0, 18.0)).map(|f| f > 0.0).count(), 0);
+        assert_eq!(csf(&hu, &cavity, (6.0, 18.0, 30.0)).map(|f| f > 0.0).count(), 0);
+    }
+
+    #[test]
+    fn blood_under_the_skull_was_taken_for_cortex_and_the_brain_for_fluid() {
+        let (mut hu, cavity) = head(8.0);
+        // Blood of 65 HU where the fluid was, and brain of 24 to 36 HU.
+        for n in 0..hu.data.len() {
+            let v = &mut hu.data[n];
+            *v = if *v < 18.0 {
+                65.0
+            } else if *v < 100.0 {
+                24.0 + (n % 13) as f32
+            } else {
+                *v
+            };
+        }
+        assert_eq!(csf(&hu, &cavity, (6.0, 18.0, 30.0)).map(|f| f > 0.0).and(&cavity).count(), 0);
     }
 }

@@ -24,6 +24,7 @@ pub(crate) mod model;
 mod noise;
 mod paint;
 mod part;
+mod pocket;
 mod quarter;
 mod regrid;
 mod remarks;
@@ -85,7 +86,8 @@ pub fn segment_by_parts(ct: &Volume<i16>, done: &mut dyn FnMut(Part)) -> Result<
     done(Part::Resampling);
     let walls = tissue::wall(&working, &sharp, tissue);
     let bone = |n: usize| sharp.data[n] > tissue.bone || sharp.data[n] < 0.0;
-    let cavity = cavity::cavity(&walls, &working.nodata, bone)?;
+    let mut cavity = cavity::cavity(&walls, &working.nodata, bone)?;
+    let pocket_ml = pocket::take_in(&sharp, &mut cavity.mask, &working.nodata, tissue.bone);
     let size = Size::of(&cavity.mask, working.lattice.step);
     size.check()?;
     let ends = Ends::of(&working, (&cavity, size), tissue.bone);
@@ -100,7 +102,7 @@ pub fn segment_by_parts(ct: &Volume<i16>, done: &mut dyn FnMut(Part)) -> Result<
     let calmed = noise.before().map(|s| gaussian(&working.hu, s));
     let calm = calmed.as_ref().unwrap_or(&working.hu);
     let smooth = if calmed.is_some() { gaussian(calm, 1.0) } else { smooth };
-    let Bearings { plane, pose, brain, blood } = bearings(&working, &smooth, &cavity.mask, open.as_deref())?;
+    let Bearings { plane, pose, brain, blood, layer_ml } = bearings(&working, &smooth, &cavity.mask, open.as_deref())?;
     let ventricles = ventricles(&Scene {
         lattice: working.lattice,
         raw: calm,
@@ -114,7 +116,7 @@ pub fn segment_by_parts(ct: &Volume<i16>, done: &mut dyn FnMut(Part)) -> Result<
         blood: blood.is_some_and(|b| b.on_course),
     })?;
     done(Part::Ventricles);
-    let csf = csf::csf(calm, &cavity.mask, (ventricles.fluid, ventricles.edge));
+    let csf = csf::csf(calm, &cavity.mask, (ventricles.fluid, ventricles.edge, brain));
     done(Part::Fluid);
     let labels = paint::paint(
         ct.grid(),
@@ -141,6 +143,8 @@ pub fn segment_by_parts(ct: &Volume<i16>, done: &mut dyn FnMut(Part)) -> Result<
         pose,
         noise,
         blood,
+        layer_ml,
+        pocket_ml,
         ventricles: &ventricles,
     };
     let (findings, confidence) = remarks::remarks(&evidence, &labels);

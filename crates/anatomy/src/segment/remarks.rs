@@ -8,7 +8,7 @@ use super::noise::Noise;
 use super::size::Size;
 use super::ventricles::{LEFT, RIGHT, Ventricles};
 use super::working::Working;
-use monro_geometry::{Patient, Plane, Point, Structure, Volume};
+use monro_geometry::{Patient, Plane, Point, Structure, Vector, Volume};
 
 /// A midline shift brings this part of a ventricle across the midplane seldom; more is told.
 const ACROSS: f64 = 0.4;
@@ -35,6 +35,10 @@ pub(crate) struct Evidence<'a> {
     pub(crate) noise: Noise,
     pub(crate) plane: &'a Plane<Patient>,
     pub(crate) blood: Option<Blood>,
+    /// What may be blood between bone and brain, mL.
+    pub(crate) layer_ml: Option<f64>,
+    /// Air between bone and brain, mL.
+    pub(crate) pocket_ml: f64,
     pub(crate) ventricles: &'a Ventricles,
 }
 
@@ -72,9 +76,14 @@ fn findings(evidence: &Evidence<'_>, across: [f64; 2], size: impl Fn(Structure) 
     out.extend(evidence.noise.finding());
     let longest = evidence.working.binned.spacing().into_iter().fold(0.0, f64::max);
     if longest >= THICK_MM {
+        let sides = if is_sagittal(evidence) {
+            "; lying from left to right as they do, they part the ventricles badly: one of 10 mL may be a third too large, and the third ventricle is not to be relied on"
+        } else {
+            ""
+        };
         out.push(format!(
             "slices of {longest:.1} mm: bone and small ventricles come out too large (ventricles of 10 mL by about a tenth with \
-             5 mm, by up to four tenths with 7 mm); take a series of 2 mm or less if there is one"
+             5 mm, by up to four tenths with 7 mm){sides}; take a series of 2 mm or less if there is one"
         ));
     }
     let third = size(Structure::ThirdVentricle);
@@ -86,11 +95,23 @@ fn findings(evidence: &Evidence<'_>, across: [f64; 2], size: impl Fn(Structure) 
         out.push(format!("lateral ventricles of unlike size: left {left:.1} mL, right {right:.1} mL"));
     }
     out.extend(blood_in(evidence));
+    out.extend(evidence.layer_ml.map(|ml| {
+        format!(
+            "hyperdense ({ml:.0} mL in one piece under the skull): a haematoma on the brain? It is counted to the brain; does the \
+             path go through it?"
+        )
+    }));
     if evidence.ventricles.air_ml > LEAST_AIR_ML {
         out.push(format!(
             "{:.1} mL of air in the ventricles, as after an operation: it is counted to them, and their surface beside it is \
              not fitted to the scan",
             evidence.ventricles.air_ml
+        ));
+    }
+    if evidence.pocket_ml > 0.0 {
+        out.push(format!(
+            "{:.1} mL of air on the brain, under the skull, as after an operation: it is counted to the cerebrospinal fluid",
+            evidence.pocket_ml
         ));
     }
     for (side, share) in [("left", across[0]), ("right", across[1])] {
@@ -108,6 +129,15 @@ fn findings(evidence: &Evidence<'_>, across: [f64; 2], size: impl Fn(Structure) 
         ));
     }
     out
+}
+
+/// Whether the slices lie from left to right: the thickest direction of a voxel is across the midplane.
+fn is_sagittal(evidence: &Evidence<'_>) -> bool {
+    let grid = &evidence.working.binned.grid;
+    let spacing = grid.spacing();
+    let thickest = (0..3).fold(0, |a, b| if spacing[b] > spacing[a] { b } else { a });
+    let along = Vector::<Patient>::from_array(grid.patient_from_voxel().linear.column(thickest));
+    (along.dot(evidence.plane.normal) / along.norm()).abs() > 0.7
 }
 
 /// Area over which bone or brain is the top of the head, or of what the scan shows of it, mm2. Thin skin over a bump of the

@@ -44,7 +44,7 @@ pub(crate) fn working(ct: &Volume<i16>) -> Working {
 pub(crate) struct Binned {
     pub(super) raster: Raster<f32>,
     factor: [usize; 3],
-    grid: Grid,
+    pub(crate) grid: Grid,
 }
 
 impl Binned {

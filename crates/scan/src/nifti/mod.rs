@@ -240,8 +240,12 @@ impl<'a> Fields<'a> {
             (0..8).map(|c| s.point(corner(c)).distance(q.point(corner(c)))).fold(0.0, f64::max)
         };
         let worst = q.iter().map(apart).fold(f64::INFINITY, f64::min);
+        let hand = |a: &Affine<Patient, Voxel>| a.linear.determinant() > 0.0;
+        let mirrored = q.iter().all(|q| hand(q) != hand(s));
+        let mirrored =
+            if mirrored { ", and one is the mirror image of the other: left and right may be exchanged" } else { "" };
         if worst > 0.1 {
-            warnings.push(format!("sform and qform disagree by up to {worst:.1} mm; the sform is used"));
+            warnings.push(format!("sform and qform disagree by up to {worst:.1} mm{mirrored}; the sform is used"));
         }
     }
 
