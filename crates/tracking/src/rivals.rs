@@ -15,14 +15,12 @@ pub struct Rivals {
     seen: BTreeMap<String, BTreeMap<String, f64>>,
     /// Tools that came twice under one name in one frame, and when last, s.
     twice: BTreeMap<String, f64>,
-    now: f64,
 }
 
 impl Rivals {
     /// Takes a frame, and the poses off all tools in it that have another source.
     pub fn settle(&mut self, batch: &mut Batch) {
         let Some(now) = batch.poses.iter().map(|p| p.arrival_time).reduce(f64::max) else { return };
-        self.now = now;
         self.twice.retain(|_, at| now - *at < GONE_S);
         self.seen.retain(|_, names| {
             names.retain(|_, at| now - *at < GONE_S);

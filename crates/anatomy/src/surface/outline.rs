@@ -3,6 +3,8 @@
 //! Between two slices that are on the same side of their outlines, by half a cell or more, there is nothing to interpolate. That
 //! is so nearly everywhere; elsewhere the way to the outline is short, and looking for it takes less than a transform of all.
 
+use super::runs::runs;
+
 /// Distances are limited to this many slice thicknesses.
 const FARTHEST: f32 = 4.0;
 
@@ -87,15 +89,12 @@ impl Outline {
     fn along_rows(&self) -> Vec<u32> {
         let mut out = vec![NONE; self.inside.len()];
         for (row, out) in self.inside.chunks(self.dims[0]).zip(out.chunks_mut(self.dims[0])) {
-            let mut from = 0;
-            for run in row.chunk_by(|a, b| a == b) {
-                let end = from + run.len();
-                let [first, last] = [from > 0, end < row.len()];
-                for (i, out) in (0..).zip(&mut out[from..end]) {
-                    let (up, down) = (i + 1, run.len() as u32 - i);
+            for (run, _) in runs(row) {
+                let (length, first, last) = (run.len() as u32, run.start > 0, run.end < row.len());
+                for (i, out) in (0..).zip(&mut out[run]) {
+                    let (up, down) = (i + 1, length - i);
                     *out = (if first { up } else { NONE }).min(if last { down } else { NONE });
                 }
-                from = end;
             }
         }
         out

@@ -5,6 +5,7 @@
 
 use super::even::Tap;
 use super::outline::Outline;
+use super::runs::kept;
 use monro_geometry::DisjointSets;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -77,16 +78,12 @@ fn parts(inside: &[bool], dims: [usize; 2]) -> Vec<Run> {
     // All runs, and where those of the row before begin.
     let (mut all, mut before) = (Vec::<Run>::new(), 0);
     for (j, row) in inside.chunks(dims[0]).enumerate() {
-        let (here, mut at) = (all.len(), j * dims[0]);
-        for run in row.chunk_by(|a, b| a == b) {
-            let cells = at..at + run.len();
-            at = cells.end;
-            if run[0] {
-                let own = sets.add();
-                let meets = |b: &&Run| b.0.start <= cells.end - dims[0] && cells.start <= b.0.end + dims[0];
-                all[before..here].iter().filter(meets).for_each(|b| sets.join(b.1 as u32, own));
-                all.push((cells, own as usize));
-            }
+        let (here, first) = (all.len(), j * dims[0]);
+        for run in kept(row, |inside| inside) {
+            let (cells, own) = (first + run.start..first + run.end, sets.add());
+            let meets = |b: &&Run| b.0.start <= cells.end - dims[0] && cells.start <= b.0.end + dims[0];
+            all[before..here].iter().filter(meets).for_each(|b| sets.join(b.1 as u32, own));
+            all.push((cells, own as usize));
         }
         before = here;
     }

@@ -2,6 +2,7 @@
 
 use super::fields::LabelFields;
 use crate::surface::even::Extent;
+use crate::surface::runs::kept;
 use monro_geometry::{Grid, Patient, Point, Volume};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -64,7 +65,7 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
     }
 }
 
-impl<T: Copy + Into<u16> + Sync> Voxels<'_, T> {
+impl<T: Copy + PartialEq + Into<u16> + Sync> Voxels<'_, T> {
     /// Takes pieces that the fields have lost from the volumes that labels should have: what is left of a label is not to
     /// be blown up in their stead.
     pub(super) fn leave_out_missing(&self, fields: &mut LabelFields) {
@@ -105,13 +106,10 @@ impl<T: Copy + Into<u16> + Sync> Voxels<'_, T> {
         let of_slice = |k: usize| {
             let mut absent = Vec::new();
             for j in low[1]..=high[1] {
-                let mut at = grid.index(low[0], j, k);
-                let row = &data[at..=grid.index(high[0], j, k)];
-                for run in row.chunk_by(|&a, &b| (a.into() == label) == (b.into() == label)) {
-                    if run[0].into() == label && run.len() <= longest {
-                        absent.extend((at..at + run.len()).filter(|&at| !is_there(centre(grid, at))));
-                    }
-                    at += run.len();
+                let first = grid.index(low[0], j, k);
+                let row = &data[first..=grid.index(high[0], j, k)];
+                for run in kept(row, |l| l.into() == label).filter(|run| run.len() <= longest) {
+                    absent.extend(run.map(|i| first + i).filter(|&at| !is_there(centre(grid, at))));
                 }
             }
             absent

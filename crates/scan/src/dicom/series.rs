@@ -82,10 +82,10 @@ fn same_place(a: &Image, b: &Image) -> bool {
     }
 }
 
-/// Splits slices that lie at the same places by acquisition, or else by image type, when that explains them: each part
-/// is a volume with every place once.
+/// Splits different slices that lie at the same places by acquisition, or else by image type, when that explains them: each part
+/// is a volume with every place once. Acquisitions that share the same few slices go on in each other, and are one volume.
 fn apart(group: Vec<Image>) -> Vec<Vec<Image>> {
-    let doubled = |g: &[Image]| g.windows(2).any(|w| same_place(&w[0], &w[1]));
+    let doubled = |g: &[Image]| g.windows(2).any(|w| same_place(&w[0], &w[1]) && !copies(&w[0], &w[1]));
     if !doubled(&group) {
         return vec![group];
     }
