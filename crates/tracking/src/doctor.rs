@@ -1,6 +1,7 @@
 //! Why there is no data.
 
-use crate::{Health, Rivals, Source, Stillness, TrackingError, tool_name};
+use crate::igtl::is_tool;
+use crate::{Health, Rivals, Source, Stillness, TrackingError};
 use monro_guidance::clock::{Expiry, age};
 use monro_wire::{Missing, Quality, TimedPose};
 use std::collections::BTreeMap;
@@ -92,7 +93,7 @@ fn with_poses(health: Health, tools: &BTreeMap<String, Seen>) -> Health {
 
 /// A tool that is wanted, or any when none is, whose poses are old when they arrive.
 fn old(tools: &BTreeMap<String, Seen>, wanted: &[&str]) -> Option<Health> {
-    let asked = |name: &String| wanted.is_empty() || wanted.iter().any(|w| name == w || tool_name(name) == *w);
+    let asked = |name: &String| wanted.is_empty() || wanted.iter().any(|w| is_tool(name, w));
     let (name, tool) = tools.iter().find(|(name, t)| asked(name) && t.age() > Expiry::default().lost)?;
     Some(Health::ill(format!(
         "'{name}' is {:.1} s old when it arrives, by the server's own clock, and counts as lost: does the server play a recording or work with a delay?",
@@ -103,7 +104,7 @@ fn old(tools: &BTreeMap<String, Seen>, wanted: &[&str]) -> Option<Health> {
 /// A tool that is wanted, or, when none is, every tool, that was told of and never seen.
 fn unseen(tools: &BTreeMap<String, Seen>, wanted: &[&str]) -> Option<Health> {
     let dark: Vec<_> = tools.iter().filter(|(_, t)| t.seen == 0).collect();
-    let wanted_dark = dark.iter().find(|(name, _)| wanted.iter().any(|w| name == w || tool_name(name) == *w));
+    let wanted_dark = dark.iter().find(|(name, _)| wanted.iter().any(|w| is_tool(name, w)));
     let all_dark = dark.first().filter(|_| dark.len() == tools.len());
     let (name, tool) = wanted_dark.or(all_dark)?;
     let more = if wanted_dark.is_none() && tools.len() > 1 { ", nor were the others" } else { "" };

@@ -71,9 +71,7 @@ impl IgtlSource {
 
     /// What is wrong with a tool, if something is.
     fn missing(&self, wanted: &str, now: f64) -> Option<String> {
-        // Also without the "ToTracker" that PLUS puts behind a tool's name.
-        let is_it = |name: &str| name == wanted || tool_name(name) == wanted;
-        let told = self.decoder.tools.iter().filter(|(name, _)| is_it(name)).map(|(_, told)| told);
+        let told = self.decoder.tools.iter().filter(|(name, _)| is_tool(name, wanted)).map(|(_, told)| told);
         match told.max_by(|a, b| a.at.total_cmp(&b.at)) {
             Some(told) if now - told.anew <= SILENT_S => None,
             Some(told) if now - told.at <= SILENT_S => Some(format!(
@@ -167,6 +165,11 @@ impl Source for IgtlSource {
 /// The tool of a device that is named as PLUS does: the `Stylus` of `StylusToTracker`; other names are tools themselves.
 pub fn tool_name(device: &str) -> &str {
     device.strip_suffix("ToTracker").filter(|t| !t.is_empty()).unwrap_or(device)
+}
+
+/// Whether what is sent under a name is this tool: also without the `ToTracker` that PLUS puts behind.
+pub fn is_tool(name: &str, tool: &str) -> bool {
+    name == tool || tool_name(name) == tool
 }
 
 /// The thread that holds the connection.

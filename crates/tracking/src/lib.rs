@@ -26,7 +26,7 @@ pub use doctor::{Findings, doctor, never_seen};
 pub use error::{TrackerUrlError, TrackingError};
 pub use fake_igtl::{IgtlFake, run_fake_igtl};
 pub use fake_natnet::{NatNetFake, run_fake_natnet};
-pub use igtl::tool_name;
+pub use igtl::{is_tool, tool_name};
 pub use latency::{Latencies, latencies};
 pub use record::Recorder;
 pub use rivals::Rivals;

@@ -9,12 +9,14 @@ use std::collections::BTreeSet;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
 /// How often the client is asked whether it has something to say.
 const TICK: Duration = Duration::from_millis(20);
 
+/// Datagrams that wait at most: ten seconds of a quick camera system.
+const MOST_WAITING: usize = 4096;
 /// A sender of frames that has been silent for this long may be replaced by another, ns.
 const SILENCE: u64 = 1_000_000_000;
 /// Foreign senders that are remembered at most.
@@ -34,7 +36,7 @@ pub(crate) struct NatNetSource {
     interface: Ipv4Addr,
     data: Option<(Ipv4Addr, u16)>,
     arrivals: Receiver<Arrived>,
-    sender: Sender<Arrived>,
+    sender: SyncSender<Arrived>,
     stop: Arc<AtomicBool>,
     recorder: Option<Recorder>,
     notes: Vec<String>,
@@ -59,7 +61,7 @@ impl NatNetSource {
         let bind = address.interface.unwrap_or(Ipv4Addr::UNSPECIFIED);
         let refused = |error| TrackingError::Listen { address: bind.to_string(), error };
         let command = UdpSocket::bind((bind, 0)).map_err(refused)?;
-        let (sender, arrivals) = channel();
+        let (sender, arrivals) = sync_channel(MOST_WAITING);
         let stop = Arc::new(AtomicBool::new(false));
         listen(command.try_clone()?, clock, sender.clone(), Arc::clone(&stop))?;
         let options = ClientOptions { force_version: address.version, up: address.up, bitstream: address.bitstream };
@@ -281,16 +283,16 @@ fn shared_socket(port: u16, group: Option<(Ipv4Addr, Ipv4Addr)>) -> std::io::Res
 fn listen(
     socket: UdpSocket,
     clock: Clock,
-    sender: Sender<Arrived>,
+    sender: SyncSender<Arrived>,
     stop: Arc<AtomicBool>,
 ) -> Result<(), TrackingError> {
     socket.set_read_timeout(Some(Duration::from_millis(100)))?;
     let read = move || {
         let mut buffer = vec![0u8; 65_536];
         while !stop.load(Ordering::Relaxed) {
-            if let Ok((n, from)) = socket.recv_from(&mut buffer)
-                && sender.send((clock.nanos(), from, buffer[..n].to_vec())).is_err()
-            {
+            let Ok((n, from)) = socket.recv_from(&mut buffer) else { continue };
+            // Where nobody takes them any more in time they are lost, as datagrams are: those that wait keep their times.
+            if let Err(TrySendError::Disconnected(_)) = sender.try_send((clock.nanos(), from, buffer[..n].to_vec())) {
                 return;
             }
         }

@@ -1,6 +1,7 @@
 //! Poses that never change: measured ones tremble in their last digits, those of a server that hangs do not.
 
-use crate::{Batch, tool_name};
+use crate::Batch;
+use crate::igtl::is_tool;
 use monro_geometry::{Rigid, Tool, Tracker};
 use std::collections::BTreeMap;
 
@@ -49,7 +50,7 @@ impl Stillness {
 
     /// The same of the first of some tools that does not.
     pub fn words(&self, wanted: &[&str]) -> Option<String> {
-        let names = self.0.keys().filter(|name| wanted.iter().any(|w| *name == w || tool_name(name) == *w));
+        let names = self.0.keys().filter(|name| wanted.iter().any(|w| is_tool(name, w)));
         names.filter_map(|name| Some(format!("'{name}' has {}", self.of(name)?))).next()
     }
 }

@@ -10,7 +10,7 @@ use monro_cli::track::TrackOptions;
 use monro_geometry::{Point, Rigid, Tool, Tracker};
 use monro_guidance::calibration::{PivotOptions, calibrate_axis, calibrate_pivot, distinct};
 use monro_guidance::optics::{CameraOptions, Correspondence, calibrate_camera, calibrate_display};
-use monro_tracking::{Clock, TrackerUrl, never_seen, open, tool_name};
+use monro_tracking::{Clock, TrackerUrl, is_tool, never_seen, open};
 use monro_wire::Quality;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -63,7 +63,7 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
             bail!("{}", source.diagnosis(&[args.tool.as_str()]));
         }
         for pose in batch.poses {
-            let is_it = pose.name == args.tool || tool_name(&pose.name) == args.tool;
+            let is_it = is_tool(&pose.name, &args.tool);
             match (pose.tracker_from_tool, pose.quality) {
                 (Some(p), _) if is_it => all.push(p),
                 (_, Quality::Missing(why)) if is_it => missing = Some(why),

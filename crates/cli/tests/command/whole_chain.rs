@@ -135,8 +135,22 @@ fn registrations_by_wrong_tables_and_marks(case: &Path, dir: &Path) {
     let register = ["register", text(case), "--landmarks", text(&table), "--marked", text(&marked)];
     let turned = json(&register)["quaternion_wxyz"][0].as_f64().expect("w");
     assert!(turned.abs() > 0.999, "{turned}");
-    let said = String::from_utf8_lossy(&monro(&register).stdout).into_owned();
-    assert!(said.contains("touch a fourth"), "{said}");
+    let said = String::from_utf8_lossy(&monro(&register).stderr).into_owned();
+    assert!(said.contains("touch another landmark"), "{said}");
+    // A landmark that was not touched can be checked at.
+    let fourth = &points[3];
+    let check = format!("{},{},{},{}", fourth.label, fourth.position.x, fourth.position.y, fourth.position.z);
+    let checked = json(&[&register[..], &["--check", &check]].concat());
+    assert_eq!(checked["check"]["holds"], true, "{checked}");
+    // Nasion and both of Kocher's points, left for right.
+    let [nasion, left, right] = ["nasion", "Kocher left", "Kocher right"]
+        .map(|label| points.iter().find(|p| p.label == label).expect("a landmark").clone());
+    let exchanged = [(&nasion, &nasion), (&left, &right), (&right, &left)]
+        .map(|(name, place)| row(&monro_case::markups::NamedPoint { label: name.label.clone(), ..place.clone() }));
+    fs::write(&table, exchanged.concat()).expect("write");
+    let told = json(&register);
+    assert!(told["remarks"].to_string().contains("'Kocher left' and 'Kocher right' exchanged"), "{told}");
+    fs::write(&table, points.iter().take(3).map(row).collect::<String>()).expect("write");
     let moved = |by: f64, count: usize| {
         let shift = |(i, mut p): (usize, monro_case::markups::NamedPoint)| {
             p.position.x += if i < count { by } else { 0.0 };

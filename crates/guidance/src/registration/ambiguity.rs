@@ -29,7 +29,7 @@ impl fmt::Display for Ambiguity {
         let [a, b] = &self.names;
         write!(
             f,
-            "these landmarks fit about as well with '{a}' and '{b}' exchanged (is left the patient's left?), with the target {:.0} mm from there; touch another landmark, off the plane between the two, or check at one that was not touched",
+            "these landmarks fit about as well with '{a}' and '{b}' exchanged (left and right are the patient's), with the target {:.0} mm from there; touch another landmark, off the plane between the two, or check at one that was not touched",
             self.apart_mm
         )
     }
