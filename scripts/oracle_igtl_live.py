@@ -89,12 +89,12 @@ def check_bytes(ready):
 
 
 def tracked(port, frames, query=""):
-    """Poses that `monro track` prints, by name."""
+    """The first pose of each name that `monro track` prints: what comes again with the same time is none any more."""
     command = [MONRO, "track", f"igtl://127.0.0.1:{port}{query}", "--frames", str(frames), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     poses = [json.loads(line) for line in done.stdout.splitlines()]
     check("tracking ends well", done.returncode == 0, done.stderr[-300:])
-    return {p["name"]: p for p in poses}
+    return {p["name"]: p for p in reversed(poses)}
 
 
 def check_tracked_pyigtl():

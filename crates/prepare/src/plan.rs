@@ -46,10 +46,8 @@ pub(crate) fn plan(
         .filter(|_| crosses_skull(&plan, &segmentation.labels))
         .and_then(|normal| skull_angle(&plan, normal))
         .map(|from_normal| 90.0 - from_normal.to_degrees());
-    let mut findings: Vec<String> = doubts(&plan, &segmentation.labels).into_iter().collect();
-    if request.path.is_none() && findings.is_empty() {
-        findings.extend(ends_beside(&plan, &segmentation.labels));
-    }
+    let beside = || ends_beside(&plan, &segmentation.labels).filter(|_| request.path.is_none());
+    let mut findings: Vec<String> = doubts(&plan, &segmentation.labels).or_else(beside).into_iter().collect();
     if skull_angle_deg.is_none() {
         findings.push(
             "the path crosses no skull, so its angle is unknown: is the head cut open where it goes in (a burr hole, a flap of \
@@ -132,7 +130,7 @@ fn crosses_skull(plan: &Plan, labels: &Volume<u8>) -> bool {
 /// A remark when a path that was found by itself goes through a ventricle but ends beside it.
 fn ends_beside(plan: &Plan, labels: &Volume<u8>) -> Option<String> {
     let (target, grid) = (plan.target(), labels.grid());
-    let end = labels.nearest(target).and_then(Structure::from_label)?;
+    let end = labels.nearest(target).and_then(Structure::from_label).filter(|s| !s.is_ventricle())?;
     let is_ventricle = |at: usize| Structure::from_label(labels.data()[at]).is_some_and(Structure::is_ventricle);
     let distance = |at: usize| {
         let [i, j, k] = grid.voxel(at);
@@ -140,7 +138,7 @@ fn ends_beside(plan: &Plan, labels: &Volume<u8>) -> Option<String> {
     };
     let nearest = (0..grid.len()).filter(|&at| is_ventricle(at)).map(distance).fold(f64::INFINITY, f64::min);
     let half = 0.5 * grid.spacing().into_iter().fold(0.0, f64::max);
-    (!end.is_ventricle() && nearest - half > BESIDE_MM).then(|| {
+    (nearest - half > BESIDE_MM).then(|| {
         format!(
             "the path goes through a ventricle, but ends in {}, {nearest:.1} mm from the nearest place in one: no fluid would drip \
              there; look at the pictures, or give a path with --plan FILE.mrk.json",
