@@ -12,8 +12,8 @@ use monro_case::markups::NamedPoint;
 use monro_geometry::{Patient, Point, Rigid, Tool};
 use monro_guidance::Covariance;
 use monro_guidance::registration::{
-    Agreement, Landmark, LandmarkRegistration, LandmarkResidual, RefineOptions, Refined, Surface, SurfaceSample,
-    recheck, refine_on_surface, register_landmarks,
+    Agreement, Ambiguity, Landmark, LandmarkRegistration, LandmarkResidual, RefineOptions, Refined, Surface,
+    SurfaceSample, recheck, refine_on_surface, register_landmarks,
 };
 use serde_json::{Value, json};
 use std::path::Path;
@@ -120,10 +120,12 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
         bail!("{}: {contradiction}\n{}", args.landmarks.display(), residual_lines(&by_landmarks, None));
     }
     let found = refine(args, &case, &landmarks, by_landmarks)?;
-    let check = args.check.as_deref().map(|c| check(c, args, &marked, &found)).transpose()?;
-    let pose = found.patient_from_reference();
     let (target, entry) = (case.plan.target(), case.plan.entry());
-    let remarks = remarks(&found, &landmarks, target);
+    // Traced skin tells left from right.
+    let exchanged = found.surface.is_none().then(|| found.landmarks.ambiguity(&landmarks, target)).flatten();
+    let check = args.check.as_deref().map(|c| check(c, args, &marked, (&found, exchanged.as_ref()))).transpose()?;
+    let pose = found.patient_from_reference();
+    let remarks = remarks(&found, exchanged.as_ref());
     remarks.iter().for_each(|remark| console.warn(remark));
     // All that a live session takes, and nothing else: it refuses what it does not know.
     let session_event = json!({
@@ -176,13 +178,14 @@ fn words(result: &Value, found: &Found, target: Point<Patient>) -> String {
     )
 }
 
+/// A naming of the landmarks that fits about as well.
+type Exchanged = Ambiguity<Patient, Tool>;
+
 /// What of the landmarks is doubtful where no skin was traced, which tells.
-fn remarks(found: &Found, landmarks: &[Landmark<Patient, Tool>], target: Point<Patient>) -> Vec<String> {
-    if found.surface.is_some() {
-        return Vec::new();
-    }
-    let exchanged = found.landmarks.ambiguity(landmarks, target).map(|a| format!("{a} (--check)"));
-    let few = (landmarks.len() == 3 && exchanged.is_none()).then(|| {
+fn remarks(found: &Found, exchanged: Option<&Exchanged>) -> Vec<String> {
+    let is_few = found.landmarks.residuals.len() == 3 && found.surface.is_none() && exchanged.is_none();
+    let exchanged = exchanged.map(|a| format!("{a} (--check)"));
+    let few = is_few.then(|| {
         "three landmarks nearly always fit, mirrored ones and those of another frame too: touch a fourth, or check at another one (--check)".to_owned()
     });
     exchanged.into_iter().chain(few).collect()
@@ -271,14 +274,26 @@ fn span(points: &[[f64; 3]]) -> f64 {
 }
 
 /// `NAME,X,Y,Z`: a landmark touched again, or one that was marked and not touched yet.
-fn check(text: &str, args: &RegisterArgs, marked: &[NamedPoint], found: &Found) -> Result<Value> {
+fn check(
+    text: &str,
+    args: &RegisterArgs,
+    marked: &[NamedPoint],
+    (found, exchanged): (&Found, Option<&Exchanged>),
+) -> Result<Value> {
     let (name, place) = text.split_once(',').with_context(|| format!("--check {text} is not NAME,X,Y,Z"))?;
     let known = marked.iter().find(|l| l.label.eq_ignore_ascii_case(name.trim()));
     let listed = || marked.iter().map(|m| m.label.as_str()).collect::<Vec<_>>().join(", ");
     let Some(mark) = known else { bail!("--check {name}: no landmark of this name is marked (marked: {})", listed()) };
-    let touched = found.patient_from_reference().point(point(place)?);
+    let place: Point<Tool> = point(place)?;
+    let touched = found.patient_from_reference().point(place);
     let noise = Covariance::isotropic(args.touch_sigma);
     let checked = recheck(mark.position, touched, &found.tre(mark.position), &noise);
+    let is_used = found.landmarks.residuals.iter().any(|r| r.name.eq_ignore_ascii_case(&mark.label));
+    if let Some(other) = exchanged
+        && (is_used || checked.holds() && other.to_from.point(place).distance(mark.position) <= checked.limit)
+    {
+        bail!("--check at '{}' proves nothing: {other}", mark.label);
+    }
     Ok(
         json!({ "name": mark.label, "distance_mm": checked.distance, "limit_mm": checked.limit, "holds": checked.holds() }),
     )

@@ -10,6 +10,12 @@ use std::io::{BufWriter, Write};
 use std::iter;
 use std::path::{Path, PathBuf};
 
+/// An empty file of our own would only be in the way of the next try.
+fn remove_empty(args: &ReplayArgs) {
+    let is_empty = |out: &&PathBuf| out.symlink_metadata().is_ok_and(|file| file.is_file() && file.len() == 0);
+    let _ = args.out.as_ref().filter(|_| !args.force).filter(is_empty).map(std::fs::remove_file);
+}
+
 /// Runs the command. A snapshot that comes out differently is a failure.
 pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
     let inputs: Vec<&Path> = iter::once(&args.recording).chain(&args.case).map(PathBuf::as_path).collect();
@@ -38,11 +44,12 @@ pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
         }
     };
     let play = || monro_server::replay(&args.recording, args.case.as_deref(), soft_body::known, each, progress);
-    let done = console.stage("replay", play).inspect_err(|_| {
-        // An empty file would only be in the way of the next try.
-        let empty = args.out.as_deref().filter(|out| out.metadata().is_ok_and(|file| file.len() == 0));
-        let _ = empty.map(std::fs::remove_file);
-    })?;
+    let played = console.stage("replay", play);
+    if played.is_err() {
+        drop(out.take());
+        remove_empty(args);
+    }
+    let done = played?;
     written.context("cannot write the numbers (disk full?)")?;
     out.map_or(Ok(()), |mut out| out.flush()).context("cannot write the numbers (disk full?)")?;
     let result = json!({
@@ -58,7 +65,7 @@ pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
     if let Some(damage) = &done.damage {
         console.warn(&format!("{damage}; it and all that follows, {} bytes, were left out", done.cut_off));
     } else if done.cut_off > 0 {
-        console.warn(&format!("the last {} bytes of the recording are no whole entry: it was cut off", done.cut_off));
+        console.warn(&format!("the last {} bytes of the recording are no whole entry: it was cut off, or the length of an entry is damaged", done.cut_off));
     }
     if let Some(at) = done.differs_at_s {
         if !at.is_finite() {

@@ -108,10 +108,11 @@ async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
         }
         Action::Check { name } => {
             let touch = watch(shared).await?;
-            let used = shared.live.registration();
-            let found = lock(shared).check(&name, &touch, used.as_ref())?;
+            let (used, mut tried) = (shared.live.registration(), lock(shared).clone());
+            let found = tried.check(&name, &touch, used.as_ref())?;
             let event = if found.holds() { PlainEvent::CheckPassed } else { PlainEvent::CheckFailed };
             shared.live.apply(SessionEvent::Plain(event))?;
+            *lock(shared) = tried;
             return Ok(Some(json!({
                 "name": name, "distance_mm": found.distance, "limit_mm": found.limit, "holds": found.holds(),
             })));

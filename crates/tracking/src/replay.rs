@@ -77,8 +77,15 @@ impl Replay {
     }
 }
 
-/// Records came one after the other: one with a time beyond the next one's has a damaged time, and came with that at the latest.
+/// Records came one after the other: one with a time before both of the last ones' has a damaged time, and came with the last one
+/// at the earliest; one beyond the next one's came with that at the latest.
 fn in_order(mut records: VecDeque<(u64, Vec<u8>)>) -> VecDeque<(u64, Vec<u8>)> {
+    for i in 2..records.len() {
+        let [before, last, own] = [i - 2, i - 1, i].map(|k| records[k].0);
+        if own < before && own < last {
+            records[i].0 = last;
+        }
+    }
     let mut next = u64::MAX;
     for (since, _) in records.iter_mut().rev() {
         *since = next.min(*since);
@@ -156,5 +163,22 @@ impl Source for Replay {
             Decoder::OpenIgtLink(_) => Protocol::OpenIgtLink,
         };
         vec![format!("{protocol:?} recording, {} records left{cut}", self.records.len())]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_damaged_time_early_or_late_pulled_others_along() {
+        let times = |given: &[u64]| -> Vec<u64> {
+            in_order(given.iter().map(|&t| (t, Vec::new())).collect()).into_iter().map(|r| r.0).collect()
+        };
+        assert_eq!(times(&[1, 2, 3, 4]), [1, 2, 3, 4]);
+        assert_eq!(times(&[1, 2, 0, 4]), [1, 2, 2, 4]);
+        assert_eq!(times(&[1, 2, 900, 4]), [1, 2, 4, 4]);
+        assert_eq!(times(&[1, 2, 3, 0]), [1, 2, 3, 3]);
+        assert_eq!(times(&[900, 2, 3, 4]), [2, 2, 3, 4]);
     }
 }

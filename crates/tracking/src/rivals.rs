@@ -48,7 +48,9 @@ impl Rivals {
     /// What is contested, in words; among tools that are wanted, or all if none are.
     pub fn words(&self, wanted: &[&str]) -> Option<String> {
         let tools = self.seen.keys().map(String::as_str);
-        let tool = tools.filter(|t| wanted.is_empty() || wanted.contains(t)).find(|t| self.is_contested(t))?;
+        let tool = tools
+            .filter(|t| wanted.is_empty() || wanted.iter().any(|w| tool_name(w) == *t))
+            .find(|t| self.is_contested(t))?;
         let names: Vec<String> = self.seen[tool].keys().map(|n| format!("'{n}'")).collect();
         Some(match names.len() {
             1 => format!("{} is sent twice in one frame: which of the two is the tool? Rename one", names[0]),

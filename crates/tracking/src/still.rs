@@ -12,7 +12,10 @@ const MOST: usize = 256;
 
 /// Since when each tool has been where it is to the last bit.
 #[derive(Debug, Clone, Default)]
-pub struct Stillness(BTreeMap<String, Still>);
+pub struct Stillness {
+    tools: BTreeMap<String, Still>,
+    now: f64,
+}
 
 #[derive(Debug, Clone)]
 struct Still {
@@ -25,14 +28,15 @@ impl Stillness {
     /// Takes a frame.
     pub fn take(&mut self, batch: &Batch) {
         for told in &batch.poses {
+            self.now = self.now.max(told.arrival_time);
             let (Some(pose), now) = (told.tracker_from_tool, told.arrival_time) else { continue };
             let new = Still { pose, since: now, until: now };
-            match self.0.get_mut(&told.name) {
+            match self.tools.get_mut(&told.name) {
                 Some(still) if still.pose == pose => still.until = now,
                 Some(still) => *still = new,
                 None => {
-                    if self.0.len() < MOST {
-                        self.0.insert(told.name.clone(), new);
+                    if self.tools.len() < MOST {
+                        self.tools.insert(told.name.clone(), new);
                     }
                 }
             }
@@ -41,16 +45,17 @@ impl Stillness {
 
     /// That a tool does not move at all, where it does not; by the name that is sent.
     pub fn of(&self, name: &str) -> Option<String> {
-        let still = self.0.get(name)?;
+        let still = self.tools.get(name)?;
         let time = still.until - still.since;
-        (time > STILL_S).then(|| {
+        // One that is not seen any more is told as that.
+        (time > STILL_S && self.now - still.until < STILL_S).then(|| {
             format!("not moved to the last digit for {time:.0} s: measured poses tremble, so it is frozen, or made up")
         })
     }
 
     /// The same of the first of some tools that does not.
     pub fn words(&self, wanted: &[&str]) -> Option<String> {
-        let names = self.0.keys().filter(|name| wanted.iter().any(|w| is_tool(name, w)));
+        let names = self.tools.keys().filter(|name| wanted.iter().any(|w| is_tool(name, w)));
         names.filter_map(|name| Some(format!("'{name}' has {}", self.of(name)?))).next()
     }
 }

@@ -53,11 +53,11 @@ pub(crate) fn bearings(
     let none = || SegmentError::NoCavity { found_ml: cavity.count() as f64 / 1000.0, needed_ml: 300.0 };
     let plane = midplane(&hu, &space, lattice).ok_or_else(none)?;
     let brain = brain_mode(smooth, |n| cavity.data[n]);
-    let coarse = Coarse { hu: &hu, space: &space, open: open.as_deref(), lattice, brain };
+    let coarse = Coarse { hu: &hu, space: &space, lattice, brain };
     let longest = working.binned.spacing().into_iter().fold(0.0, f64::max);
-    let depth = cut::depths(&space, open.as_deref(), lattice).0;
-    let layer_ml = blood::layer(&hu, &depth, (lattice, longest), brain);
-    let (pose, blood, turned) = coarse.pose(&plane).ok_or_else(none)?;
+    let depths = cut::depths(&space, open.as_deref(), lattice);
+    let layer_ml = blood::layer(&hu, &depths.0, (lattice, longest), brain);
+    let (pose, blood, turned) = coarse.pose(&plane, &depths).ok_or_else(none)?;
     upright(pose, turned, WELL)?;
     if pose.score < POOR {
         upright(pose, coarse.by_quarters(&plane), WELL_BY_QUARTERS)?;
@@ -69,25 +69,27 @@ pub(crate) fn bearings(
 struct Coarse<'a> {
     hu: &'a Raster<f32>,
     space: &'a Mask,
-    open: Option<&'a [bool]>,
     lattice: Lattice,
     brain: f32,
 }
 
 impl Coarse<'_> {
     /// The pose by the fluid; with much blood deep in the brain by fluid and blood, where the model fits better so. With it,
-    /// how the head lies if the fluid lies as in one turned about.
-    fn pose(&self, plane: &Plane<Patient>) -> Option<(Pose, Option<Blood>, Option<Turned>)> {
+    /// how the head lies if the fluid lies as in one turned about. Given depths as [`cut::depths`] gives them.
+    fn pose(
+        &self,
+        plane: &Plane<Patient>,
+        (depth, vaults): &(Raster<f32>, Vec<Raster<f32>>),
+    ) -> Option<(Pose, Option<Blood>, Option<Turned>)> {
         let brain = self.brain;
-        let (depth, vaults) = cut::depths(self.space, self.open, self.lattice);
         let axes: Vec<Axes> = vaults.iter().filter_map(|d| Axes::new(d, self.lattice, plane)).collect();
-        let like = |of: &dyn Fn(usize) -> f32| model::likeness(self.space, (&depth, self.lattice), of);
+        let like = |of: &dyn Fn(usize) -> f32| model::likeness(self.space, (depth, self.lattice), of);
         let fit = |like: &Raster<f32>| model::best(like, self.lattice, axes.iter().copied());
         let fluidlike = self.fluidlike();
         let as_fluid = like(&fluidlike);
         let by_fluid = fit(&as_fluid)?;
         let (mut pose, mut blood) = (by_fluid, None);
-        if let Some(deep_ml) = blood::deep(self.hu, &depth, self.lattice, brain) {
+        if let Some(deep_ml) = blood::deep(self.hu, depth, self.lattice, brain) {
             let by_both = fit(&like(&|n| fluidlike(n).max(blood::like(self.hu.data[n], brain))))?;
             let on_course = blood::better(by_both.score, by_fluid.score);
             pose = if on_course { by_both } else { by_fluid };

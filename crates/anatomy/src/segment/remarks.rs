@@ -137,7 +137,8 @@ fn is_sagittal(evidence: &Evidence<'_>) -> bool {
     let spacing = grid.spacing();
     let thickest = (0..3).fold(0, |a, b| if spacing[b] > spacing[a] { b } else { a });
     let along = Vector::<Patient>::from_array(grid.patient_from_voxel().linear.column(thickest));
-    (along.dot(evidence.plane.normal) / along.norm()).abs() > 0.7
+    let is_slice = (0..3).all(|a| a == thickest || spacing[a] < 0.7 * spacing[thickest]);
+    is_slice && (along.dot(evidence.plane.normal) / along.norm()).abs() > 0.7
 }
 
 /// Area over which bone or brain is the top of the head, or of what the scan shows of it, mm2. Thin skin over a bump of the

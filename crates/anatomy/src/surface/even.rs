@@ -48,7 +48,7 @@ impl Extent {
 }
 
 /// The extents of several labels in one pass: `index` holds for each label its number among them plus one, or 0.
-pub(crate) fn extents<T: Copy + PartialEq + Into<u16> + Sync>(
+pub(crate) fn extents<T: Copy + Eq + Into<u16> + Sync>(
     labels: &Volume<T>,
     index: &[u8],
     count: usize,
@@ -63,7 +63,7 @@ pub(crate) fn extents<T: Copy + PartialEq + Into<u16> + Sync>(
     (0..count).map(|l| parts.iter().fold(None, |sum, part| join(sum, part[l]))).collect()
 }
 
-fn slice_extents<T: Copy + PartialEq + Into<u16>>(
+fn slice_extents<T: Copy + Eq + Into<u16>>(
     slice: &[T],
     nx: usize,
     k: usize,
@@ -168,7 +168,7 @@ fn between(i: isize, ratio: f64) -> Tap {
 
 /// Resamples the voxels that `keep` accepts to cells of edge `step` (mm) along the index axes, on a lattice that
 /// depends only on the grid and the step (fields of several labels line up), with `margin` cells around.
-pub(crate) fn even<T: Copy + PartialEq + Sync>(
+pub(crate) fn even<T: Copy + Eq + Sync>(
     labels: &Volume<T>,
     keep: &(impl Fn(T) -> bool + Sync),
     extent: &Extent,
@@ -210,7 +210,7 @@ struct Part {
 
 impl Part {
     /// The voxels of a box that `keep` accepts, resampled along the first axis if `along` is given.
-    fn crop<T: Copy + PartialEq + Sync>(
+    fn crop<T: Copy + Eq + Sync>(
         labels: &Volume<T>,
         keep: &(impl Fn(T) -> bool + Sync),
         e: &Extent,

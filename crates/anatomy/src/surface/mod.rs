@@ -81,7 +81,7 @@ pub enum SurfaceError {
 ///
 /// # Errors
 /// No voxel is kept, or nothing of it survives on the even grid.
-pub fn label_surface<T: Copy + PartialEq + Sync>(
+pub fn label_surface<T: Copy + Eq + Sync>(
     labels: &Volume<T>,
     keep: impl Fn(T) -> bool + Sync,
     options: &SurfaceOptions,

@@ -6,7 +6,7 @@ use std::ops::Range;
 const PIECE: usize = 32;
 
 /// The runs of equal voxels of a row, one after the other.
-pub(crate) fn runs<T: Copy + PartialEq>(row: &[T]) -> impl Iterator<Item = (Range<usize>, T)> {
+pub(crate) fn runs<T: Copy + Eq>(row: &[T]) -> impl Iterator<Item = (Range<usize>, T)> {
     let mut from = 0;
     std::iter::from_fn(move || {
         let start = from;
@@ -20,7 +20,7 @@ pub(crate) fn runs<T: Copy + PartialEq>(row: &[T]) -> impl Iterator<Item = (Rang
 }
 
 /// The runs of voxels that `keep` accepts.
-pub(crate) fn kept<T: Copy + PartialEq>(row: &[T], keep: impl Fn(T) -> bool) -> impl Iterator<Item = Range<usize>> {
+pub(crate) fn kept<T: Copy + Eq>(row: &[T], keep: impl Fn(T) -> bool) -> impl Iterator<Item = Range<usize>> {
     let mut all = runs(row).peekable();
     std::iter::from_fn(move || {
         let (mut own, _) = all.find(|run| keep(run.1))?;

@@ -139,7 +139,7 @@ pub(super) struct LabelFields {
 
 impl LabelFields {
     /// Fields of the labels in `keep` that occur; `None` when none does. The label with most voxels is the remainder.
-    pub(super) fn new<T: Copy + PartialEq + Into<u16> + Sync>(labels: &Volume<T>, keep: &[u16]) -> Option<Self> {
+    pub(super) fn new<T: Copy + Eq + Into<u16> + Sync>(labels: &Volume<T>, keep: &[u16]) -> Option<Self> {
         let mut index = vec![0u8; 1 << 16];
         keep.iter().zip(1..).for_each(|(&k, i)| index[usize::from(k)] = i);
         let all = |l: T| index[usize::from(l.into())] != 0;

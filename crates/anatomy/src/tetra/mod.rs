@@ -139,7 +139,7 @@ impl MeshOptions {
 /// # Errors
 /// Nothing to mesh, options out of range, or a count that cannot be met within 5 % (2 % is aimed at); with
 /// [`MeshOptions::strict`] what that refuses.
-pub fn mesh<T: Copy + PartialEq + Into<u16> + Sync>(
+pub fn mesh<T: Copy + Eq + Into<u16> + Sync>(
     labels: &Volume<T>,
     options: &MeshOptions,
 ) -> Result<(TetMesh, MeshReport), MeshError> {
@@ -181,7 +181,7 @@ impl Stage {
 ///
 /// # Errors
 /// As [`mesh`].
-pub fn mesh_observed<T: Copy + PartialEq + Into<u16> + Sync>(
+pub fn mesh_observed<T: Copy + Eq + Into<u16> + Sync>(
     labels: &Volume<T>,
     options: &MeshOptions,
     mut done: impl FnMut(Stage),

@@ -21,10 +21,7 @@ const DENSITY: Range<f64> = 0.75..1.33;
 /// Places along a path are so far apart, mm.
 const ALONG: f64 = 0.5;
 
-pub(super) fn remarks<T: Copy + PartialEq + Into<u16> + Sync>(
-    report: &MeshReport,
-    source: &Source<'_, T>,
-) -> Vec<String> {
+pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(report: &MeshReport, source: &Source<'_, T>) -> Vec<String> {
     let mut all = of_options(source);
     all.extend(of_path(source));
     all.extend(of_idle_path(source));
@@ -72,7 +69,7 @@ fn of_count(found: usize, wanted: usize) -> Option<String> {
 }
 
 /// Labels that were asked for and are not there.
-fn of_options<T: Copy + PartialEq + Into<u16> + Sync>(source: &Source<'_, T>) -> Vec<String> {
+fn of_options<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>) -> Vec<String> {
     let options = source.options;
     let dense: Vec<u16> = options.density.iter().map(|d| d.0).collect();
     let asked = [("to mesh", &options.keep), ("to be fine around", &options.fine), ("to be dense", &dense)];
@@ -129,7 +126,7 @@ fn of_density<T>(report: &MeshReport, source: &Source<'_, T>) -> Vec<String> {
 }
 
 /// A path that passes by all that is meshed.
-fn of_path<T: Copy + PartialEq + Into<u16> + Sync>(source: &Source<'_, T>) -> Option<String> {
+fn of_path<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>) -> Option<String> {
     let [from, to] = source.options.path?;
     let steps = (from.distance(to) / (ALONG * source.fields.unit)).ceil().clamp(1.0, 1e4) as usize;
     let union = &source.fields.union;
@@ -168,7 +165,7 @@ fn of_crumbs<T>(source: &Source<'_, T>, label: usize) -> Option<String> {
     ))
 }
 
-fn missing<T: Copy + PartialEq + Into<u16> + Sync>(source: &Source<'_, T>, label: usize) -> Missing {
+fn missing<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>, label: usize) -> Missing {
     let fields = source.fields;
     let solid = Solid::new(fields, label);
     let is_there = |p| solid.holds(p) || fields.label_at(p) == Some(label);
@@ -176,7 +173,7 @@ fn missing<T: Copy + PartialEq + Into<u16> + Sync>(source: &Source<'_, T>, label
 }
 
 /// Pieces so small or flat that nothing of them is left in the smooth fields.
-fn of_missing<T: Copy + PartialEq + Into<u16> + Sync>(
+fn of_missing<T: Copy + Eq + Into<u16> + Sync>(
     source: &Source<'_, T>,
     label: usize,
     missing: &Missing,

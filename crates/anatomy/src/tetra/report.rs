@@ -189,7 +189,7 @@ pub(super) struct Source<'a, T> {
     pub(super) coarse_regions: bool,
 }
 
-pub(super) fn report<T: Copy + PartialEq + Into<u16> + Sync>(mesh: &TetMesh, source: &Source<'_, T>) -> MeshReport {
+pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &Source<'_, T>) -> MeshReport {
     let fields = source.fields;
     let shapes = ShapeSummary::of(mesh);
     let (edge_bands, core_edge_mean) = spacing(mesh, source.size);
@@ -253,11 +253,7 @@ fn spacing(mesh: &TetMesh, size: &SizeField) -> (Vec<EdgeBand>, f64) {
     ((0..sums.len()).map(band).collect(), mean(core))
 }
 
-fn label_report<T: Copy + PartialEq + Into<u16> + Sync>(
-    mesh: &TetMesh,
-    source: &Source<'_, T>,
-    l: usize,
-) -> LabelReport {
+fn label_report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &Source<'_, T>, l: usize) -> LabelReport {
     let (fields, voxels) = (source.fields, &source.voxels);
     let label = fields.labels[l];
     let surface = mesh.surface(|x| x == label);

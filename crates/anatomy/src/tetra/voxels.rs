@@ -65,7 +65,7 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
     }
 }
 
-impl<T: Copy + PartialEq + Into<u16> + Sync> Voxels<'_, T> {
+impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
     /// Takes pieces that the fields have lost from the volumes that labels should have: what is left of a label is not to
     /// be blown up in their stead.
     pub(super) fn leave_out_missing(&self, fields: &mut LabelFields) {

@@ -10,7 +10,7 @@ use monro_cli::track::TrackOptions;
 use monro_geometry::{Point, Rigid, Tool, Tracker};
 use monro_guidance::calibration::{PivotOptions, calibrate_axis, calibrate_pivot, distinct};
 use monro_guidance::optics::{CameraOptions, Correspondence, calibrate_camera, calibrate_display};
-use monro_tracking::{Clock, TrackerUrl, is_tool, never_seen, open};
+use monro_tracking::{Clock, Rivals, TrackerUrl, is_tool, never_seen, open};
 use monro_wire::Quality;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -49,14 +49,18 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
     let url: TrackerUrl = args.url.parse()?;
     let mut source = open(&url, Clock::new(), None)?;
     let (begun, mut all, mut others) = (Instant::now(), Vec::new(), std::collections::BTreeSet::new());
-    let mut missing = None;
+    let (mut missing, mut rivals) = (None, Rivals::default());
     let patience = TrackOptions::default().patience;
     let mut last = Instant::now();
     let replayed = matches!(url, TrackerUrl::Replay(_));
     let span = if replayed { "the whole recording".to_owned() } else { format!("{} s", args.seconds) };
     console.note(&format!("collecting poses of {} for {span}", args.tool));
     while replayed || begun.elapsed().as_secs_f64() < args.seconds {
-        let Some(batch) = source.next(Duration::from_millis(100))? else { break };
+        let Some(mut batch) = source.next(Duration::from_millis(100))? else { break };
+        rivals.settle(&mut batch);
+        if let Some(words) = rivals.words(&[&args.tool]) {
+            bail!("{words}");
+        }
         if !batch.poses.is_empty() {
             last = Instant::now();
         } else if !replayed && last.elapsed() > patience {

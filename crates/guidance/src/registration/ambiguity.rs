@@ -17,14 +17,16 @@ const MATTERS_MM: f64 = 3.0;
 
 /// A naming of the landmarks that the touches do not exclude.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Ambiguity {
+pub struct Ambiguity<To: Frame, From: Frame> {
     /// The two that may be exchanged.
     pub names: [String; 2],
     /// How far the target would be from where it is taken to be, mm.
     pub apart_mm: f64,
+    /// The registration with the names exchanged.
+    pub to_from: Rigid<To, From>,
 }
 
-impl fmt::Display for Ambiguity {
+impl<To: Frame, From: Frame> fmt::Display for Ambiguity<To, From> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [a, b] = &self.names;
         write!(
@@ -38,7 +40,7 @@ impl fmt::Display for Ambiguity {
 impl<To: Frame, From: Frame> LandmarkRegistration<To, From> {
     /// Whether two of `landmarks`, of which this is the registration, may be exchanged, so that `target` would be elsewhere: of
     /// several such namings the one that fits best.
-    pub fn ambiguity(&self, landmarks: &[Landmark<To, From>], target: Point<To>) -> Option<Ambiguity> {
+    pub fn ambiguity(&self, landmarks: &[Landmark<To, From>], target: Point<To>) -> Option<Ambiguity<To, From>> {
         let own = chi_square(landmarks, &self.to_from);
         let freedom = (3 * landmarks.len()).saturating_sub(6).max(1) as f64;
         let at = self.to_from.inverse().point(target);
@@ -57,6 +59,7 @@ impl<To: Frame, From: Frame> LandmarkRegistration<To, From> {
             let found = Ambiguity {
                 names: [i, j].map(|k| landmarks[k].name.clone()),
                 apart_mm: pose.point(at).distance(target),
+                to_from: pose,
             };
             Some((chi_square(&others, &pose), found))
         };

@@ -163,7 +163,8 @@ pub fn framed(entry: &[u8]) -> Vec<u8> {
 pub struct Log {
     /// Its entries, up to the first that cannot be read.
     pub entries: Vec<Entry>,
-    /// Bytes that are left at its end: of an unfinished entry, or zeros, as a crash leaves them; or from a damaged one on.
+    /// Bytes that are left at its end: of an unfinished entry, or zeros, as a crash leaves them (one whose length is damaged looks
+    /// the same); or from a damaged one on.
     pub left: usize,
     /// Why what is left cannot be read, where it is damaged.
     pub damage: Option<LogError>,

@@ -57,13 +57,14 @@ pub enum TouchError {
     /// Nothing to check against.
     #[error("there is no registration to check: touch three landmarks and accept")]
     NotRegistered,
-    /// The registration fits as well with two names exchanged, and a landmark that it was made of was to be checked.
-    #[error("a check at \"{name}\", which was touched for it, proves nothing: {ambiguity}")]
+    /// The registration fits as well with two names exchanged, and a landmark was to be checked that it was made of, or that fits
+    /// either way.
+    #[error("a check at \"{name}\" proves nothing: {ambiguity}")]
     SameMistake {
         /// The landmark.
         name: String,
         /// What may be exchanged.
-        ambiguity: Box<Ambiguity>,
+        ambiguity: Box<Ambiguity<Patient, Tool>>,
     },
     /// The landmarks touched contradict each other.
     #[error("{0}")]
@@ -132,7 +133,7 @@ pub struct Registering {
     target: Point<Patient>,
     accepted: Option<LandmarkRegistration<Patient, Tool>>,
     /// Names of what was accepted that may be exchanged, until a check elsewhere has held.
-    ambiguity: Option<Ambiguity>,
+    ambiguity: Option<Ambiguity<Patient, Tool>>,
     round: u64,
 }
 
@@ -212,7 +213,7 @@ impl Registering {
     }
 
     /// Names that may be exchanged in a solution.
-    pub fn ambiguity(&self, solved: &LandmarkRegistration<Patient, Tool>) -> Option<Ambiguity> {
+    pub fn ambiguity(&self, solved: &LandmarkRegistration<Patient, Tool>) -> Option<Ambiguity<Patient, Tool>> {
         solved.ambiguity(&self.touched(), self.target)
     }
 
@@ -261,20 +262,21 @@ impl Registering {
     /// one that was not accepted here is what it says of the target, none where it says nothing.
     ///
     /// # Errors
-    /// No such landmark, no registration, or one in which two names may be exchanged and a landmark that was touched for it: that
-    /// would be the same mistake once more. After a check elsewhere has held, any will do.
+    /// No such landmark, no registration, or one in which two names may be exchanged and a landmark that was touched for it (that
+    /// would be the same mistake once more) or that fits either way. After a check elsewhere has held, any will do.
     pub fn check(&mut self, name: &str, touch: &Touch, used: Option<&Registration>) -> Result<Recheck, TouchError> {
         let mark = &self.marks[self.index(name)?];
         let used = used.ok_or(TouchError::NotRegistered)?;
         let accepted = self.accepted.as_ref().filter(|a| is_same(&a.to_from, &used.patient_from_reference));
-        if let (Some(accepted), Some(ambiguity)) = (accepted, &self.ambiguity)
-            && accepted.residuals.iter().any(|r| r.name == name)
-        {
-            return Err(TouchError::SameMistake { name: name.to_owned(), ambiguity: Box::new(ambiguity.clone()) });
-        }
         let said = || Covariance::isotropic(used.predicted_tre_mm.unwrap_or(0.0) / 3f64.sqrt());
         let tre = accepted.map_or_else(said, |a| a.tre(mark.marked));
         let found = recheck(mark.marked, used.patient_from_reference.point(touch.at), &tre, &touch.noise());
+        if let (Some(accepted), Some(ambiguity)) = (accepted, &self.ambiguity)
+            && (accepted.residuals.iter().any(|r| r.name == name)
+                || found.holds() && ambiguity.to_from.point(touch.at).distance(mark.marked) <= found.limit)
+        {
+            return Err(TouchError::SameMistake { name: name.to_owned(), ambiguity: Box::new(ambiguity.clone()) });
+        }
         if found.holds() && accepted.is_some() {
             self.ambiguity = None;
         }
@@ -373,6 +375,12 @@ mod tests {
         assert!(again.to_string().contains("exchanged"), "{again}");
         let vertex = r.check("vertex", &at(3), Some(&used)).expect("another place");
         assert!(!vertex.holds() && vertex.distance > 100.0, "{vertex:?}");
+        // At the back of the head, where the head is turned about, both fit.
+        let back = Point::new(0.0, 95.0, -9.0);
+        r.mark("inion", back).expect("new");
+        let touch = Touch::new(&resting(back, 0.0)).expect("resting");
+        let both = r.check("inion", &touch, Some(&used));
+        assert!(matches!(both, Err(TouchError::SameMistake { .. })), "{both:?}");
         // Rightly named, one check elsewhere is enough for all that come.
         (1..3).for_each(|i| r.touch(PLACES[i].0, at(i)).expect("known"));
         let used = r.accept().expect("registered");
