@@ -20,6 +20,7 @@ use monro_wire::recording::Recording;
 use monro_wire::{Missing, Quality, TimedPose};
 use std::io::Write;
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, TcpListener};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::channel;
@@ -403,17 +404,20 @@ fn a_restarted_server_is_followed_at_once_with_its_own_clock_and_version() {
     assert!(source.facts().iter().any(|f| f.contains("NatNet 3.0")), "{:?}", source.facts());
 }
 
+/// Records 60 frames of a fake server.
+fn record(path: &Path) {
+    let fake = Fake::igtl(HeaderVersion::V2, SceneOptions::default());
+    let clock = Clock::new();
+    let recorder = Recorder::create(path, clock).expect("recorder");
+    frames(open(&fake.url("igtl", ""), clock, Some(recorder)).expect("source").as_mut(), 60);
+}
+
 /// A damaged recording used to be played to the damage, and to end there like a whole one.
 #[test]
 fn damage_of_a_recording_is_told() {
     let folder = tempfile::tempdir().expect("folder");
     let path = folder.path().join("session.mnr");
-    {
-        let fake = Fake::igtl(HeaderVersion::V2, SceneOptions::default());
-        let clock = Clock::new();
-        let recorder = Recorder::create(&path, clock).expect("recorder");
-        frames(open(&fake.url("igtl", ""), clock, Some(recorder)).expect("source").as_mut(), 60);
-    }
+    record(&path);
     let whole = std::fs::read(&path).expect("recording");
     let play = |bytes: &[u8]| {
         std::fs::write(&path, bytes).expect("write");
@@ -496,12 +500,7 @@ fn one_pose_sent_again_with_its_time_was_news_each_time() {
 fn a_record_whose_time_is_damaged_was_waited_for_for_years() {
     let folder = tempfile::tempdir().expect("folder");
     let path = folder.path().join("session.mnr");
-    {
-        let fake = Fake::igtl(HeaderVersion::V2, SceneOptions::default());
-        let clock = Clock::new();
-        let recorder = Recorder::create(&path, clock).expect("recorder");
-        frames(open(&fake.url("igtl", ""), clock, Some(recorder)).expect("source").as_mut(), 60);
-    }
+    record(&path);
     let file = std::fs::read(&path).expect("recording");
     let times: Vec<u64> = Recording::read(&file).expect("recording").records().iter().map(|r| r.since_start).collect();
     let late = times[times.len() / 2].to_le_bytes();
