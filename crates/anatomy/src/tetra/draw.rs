@@ -6,8 +6,6 @@ use super::quality::quality;
 use super::thickness::Thin;
 use super::vec3::{V3, distance, volume6};
 
-/// Elements whose boxes are longer than this, mm, lie away from what is fine.
-const LARGE: f64 = 16.0;
 /// A middle is reached where a point in its part is within this many cells of the fields.
 const REACHED: f64 = 0.75;
 /// Drawing may not leave an element worse than this.
@@ -17,7 +15,7 @@ const WORST: f64 = 0.2;
 /// points were moved: they should stay there.
 pub(super) fn draw(points: &mut [V3], tets: &[[u32; 4]], thin: &Thin, fields: &LabelFields) -> Vec<bool> {
     let mut stays = vec![false; points.len()];
-    let held = held(points, tets, thin, LARGE * fields.unit);
+    let held = held(points, tets, thin);
     if held.is_empty() {
         return stays;
     }
@@ -47,15 +45,12 @@ pub(super) fn draw(points: &mut [V3], tets: &[[u32; 4]], thin: &Thin, fields: &L
 }
 
 /// The middles with their labels and the first element that holds each.
-fn held(points: &[V3], tets: &[[u32; 4]], thin: &Thin, large: f64) -> Vec<(u8, V3, u32)> {
+fn held(points: &[V3], tets: &[[u32; 4]], thin: &Thin) -> Vec<(u8, V3, u32)> {
     let mut found = Vec::new();
     for (t, tet) in (0u32..).zip(tets) {
         let c = tet.map(|v| points[v as usize]);
         let low: V3 = std::array::from_fn(|a| c.iter().map(|p| p[a]).fold(f64::INFINITY, f64::min));
         let high: V3 = std::array::from_fn(|a| c.iter().map(|p| p[a]).fold(f64::NEG_INFINITY, f64::max));
-        if (0..3).any(|a| high[a] - low[a] > large) {
-            continue;
-        }
         let holds = |p: V3| {
             (0..4).all(|i| {
                 let mut d = c;

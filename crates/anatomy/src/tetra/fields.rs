@@ -56,19 +56,24 @@ impl Field {
 
     /// Applies `change` to each cell that this field shares with `other`, a field on the same lattice, and its value there.
     fn combine(&mut self, other: &Self, change: impl Fn(&mut f32, f32)) {
-        let (d, e, offset) = (self.volume.grid().dims(), other.volume.grid().dims(), self.offset_of(other));
-        let low = offset.map(|o| o.max(0) as usize);
-        let high: [usize; 3] = std::array::from_fn(|a| (offset[a] + e[a] as isize).clamp(0, d[a] as isize) as usize);
-        let there = |v: [usize; 3]| [0, 1, 2].map(|a| (v[a] as isize - offset[a]) as usize);
-        for k in low[2]..high[2] {
-            for j in low[1]..if low[0] < high[0] { high[1] } else { 0 } {
-                let [x, y, z] = there([low[0], j, k]);
-                let from = &other.volume.data()[other.volume.grid().index(x, y, z)..];
-                let first = self.volume.grid().index(low[0], j, k);
-                let row = &mut self.volume.data_mut()[first..first + high[0] - low[0]];
+        let (offset, [nx, ny, nz]) = (self.offset_of(other), self.volume.grid().dims());
+        for [j, k] in (0..nz).flat_map(|k| (0..ny).map(move |j| [j, k])) {
+            if let Some((first, from)) = self.row_over(other, offset, [j, k]) {
+                let row = &mut self.volume.data_mut()[(k * ny + j) * nx + first..][..from.len()];
                 row.iter_mut().zip(from).for_each(|(v, &o)| change(v, o));
             }
         }
+    }
+
+    /// Where row `j`, `k` of this field and one of `other`, a field on the same lattice, lie over each other: the first cell
+    /// of this row, and what `other` holds from there on.
+    fn row_over<'a>(&self, other: &'a Self, offset: [isize; 3], [j, k]: [usize; 2]) -> Option<(usize, &'a [f32])> {
+        let (d, e) = (self.volume.grid().dims(), other.volume.grid().dims());
+        let there = |x: usize, a: usize| usize::try_from(x as isize - offset[a]).ok().filter(|&x| x < e[a]);
+        let (y, z) = (there(j, 1)?, there(k, 2)?);
+        let (low, high) = (offset[0].max(0), (offset[0] + e[0] as isize).min(d[0] as isize));
+        let first = other.volume.grid().index((low - offset[0]) as usize, y, z);
+        (low < high).then(|| (low as usize, &other.volume.data()[first..first + (high - low) as usize]))
     }
 
     /// A field of one value on the same lattice and box.
@@ -157,7 +162,7 @@ impl LabelFields {
             Some(Field::new(smoothed(even(labels, &|l: T| l.into() == *k, e, step, MARGIN)?.field, true)))
         });
         let parts: Vec<Field> = parts.collect::<Option<_>>()?;
-        let fronts = parts.iter().map(|own| front(own, &rest_on(own, &union, &parts))).collect();
+        let fronts = parts.iter().map(|own| front(own, &union, &parts)).collect();
         Some(Self {
             union,
             parts,
@@ -279,11 +284,25 @@ fn rest_on(like: &Field, union: &Field, parts: &[Field]) -> Field {
     rest
 }
 
-/// `own - rest`. Far from a label the rest is all there is.
-fn front(own: &Field, rest: &Field) -> Field {
-    let mut front = own.clone();
-    front.combine(rest, |value, rest| *value -= rest);
-    Field { outside: -1.0, ..front }
+/// How far a part exceeds what [`rest_on`] its lattice gives, row by row. Far from a label the rest is all there is.
+fn front(own: &Field, union: &Field, parts: &[Field]) -> Field {
+    let [nx, ny, _] = own.volume.grid().dims();
+    let others: Vec<(&Field, [isize; 3])> = parts.iter().map(|part| (part, own.offset_of(part))).collect();
+    let whole = own.offset_of(union);
+    let mut front = own.volume.clone();
+    let mut rest = vec![0f32; nx];
+    for (row, values) in front.data_mut().chunks_mut(nx).enumerate() {
+        let at = [row % ny, row / ny];
+        rest.fill(0.0);
+        if let Some((first, from)) = own.row_over(union, whole, at) {
+            rest[first..first + from.len()].copy_from_slice(from);
+        }
+        for (first, from) in others.iter().filter_map(|(part, offset)| own.row_over(part, *offset, at)) {
+            rest[first..].iter_mut().zip(from).for_each(|(r, &v)| *r -= v);
+        }
+        values.iter_mut().zip(&rest).for_each(|(v, rest)| *v -= rest);
+    }
+    Field { volume: front, outside: -1.0, ..*own }
 }
 
 #[cfg(test)]

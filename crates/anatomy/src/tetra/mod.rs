@@ -43,6 +43,7 @@ mod report;
 mod size;
 mod smooth;
 mod solid;
+mod start;
 mod thickness;
 mod vec3;
 mod voxels;
@@ -53,33 +54,16 @@ pub use report::{
     LabelReport, MOST_VOLUME_ERROR, MeshReport, SurfaceReport,
 };
 
-use cut::{RawMesh, cut_all};
+use cut::RawMesh;
 use error::{listed, place};
 use fields::LabelFields;
 use improve::{Bounds, Coarse, MOST_LABELS, Work};
 use monro_geometry::{Patient, Point, TetMesh, Volume};
-use octree::Octree;
 use repair::Crumb;
 use report::Source;
 use size::SizeField;
-use std::cell::RefCell;
-use thickness::Thin;
-use vec3::V3;
+use start::{Start, USUAL_GROWTH, to_count};
 use voxels::Voxels;
-
-/// Cell edge of a body-centred lattice over its mean tetrahedron edge (six long edges and eight of sqrt(3)/2 at a point).
-const CELL_PER_EDGE: f64 = 1.083;
-/// A cell is split when longer than this many wanted edges.
-const SPLIT: f64 = 1.41;
-/// So is one that may hold some of what is fine, when it is longer than so many times that: with strong growth the edge wanted
-/// in its middle does not tell. With the usual growth of 0.7 mm a mm it does: cells become no longer than 7 of the finest edges.
-const STEPS_OVER: [f64; 2] = [2.0, 8.0];
-/// Growth of edges when none is asked for, mm a mm.
-const USUAL_GROWTH: f64 = 0.7;
-/// Half the diagonal of a cell over its edge.
-const HALF_DIAGONAL: f64 = 0.867;
-/// Levels of the octree at most: coordinates are packed into 21 bits.
-const MOST_LEVELS: u32 = 18;
 
 /// Numbers of elements that can be asked for.
 pub const ELEMENTS: std::ops::RangeInclusive<usize> = 500..=20_000_000;
@@ -339,26 +323,6 @@ fn check(options: &MeshOptions) -> Result<(), MeshError> {
     rule("coarsest", options.coarsest, *COARSEST.start(), *COARSEST.end(), "between 1 and 64 times the finest")
 }
 
-/// Coarsening takes back this part of the elements that the powers of two waste.
-const SURPLUS: f64 = 1.22;
-/// The count of the lattice may fall short of its aim by this part, and exceed it by that: coarsening does the rest.
-const SHORT: f64 = 0.06;
-const OVER: f64 = 0.16;
-const MOST_TRIES: usize = 8;
-/// Where thin parts take more than this times the elements, all is thin: a lattice that sees it could only be coarsened
-/// until it is lost again, after minutes.
-const MOST_SPLIT: f64 = 4.0;
-/// There may be no lattice between two whose counts miss the aim by more than this, as logarithms, on either side.
-const JUMP: f64 = 0.7;
-/// The part more that a lattice of the least size has than estimated, because of its grading, and the power of the size
-/// with which that falls (measured on phantoms and heads).
-const GRADING: f64 = 0.55;
-const GRADING_POWER: f64 = 0.85;
-/// Elements a lattice should have at least so that it does not miss thin parts; below, surfaces are coarsened too,
-const LEAST_LATTICE: f64 = 80_000.0;
-/// but not by more than this factor, or that one where there is no inner label.
-const MOST_COARSER: f64 = 14.0;
-const MOST_COARSER_OUTSIDE: f64 = 8.0;
 /// The count should be met within this part; a mesh that misses it is made again,
 const COUNT: f64 = 0.02;
 /// and refused where it still misses by this part.
@@ -368,81 +332,6 @@ const LATER: f64 = 0.011;
 /// A small mesh that misses its count is made again so often: one element more or less at its surface moves many.
 const FEW: usize = 10_000;
 const MORE_TRIES: usize = 4;
-
-/// A cut lattice and the finest edges wanted in it and in the mesh to be made of it.
-struct Start {
-    raw: RawMesh,
-    /// Where its cells are smaller than wanted elsewhere because of thin parts, and the edges there.
-    bounds: Vec<(V3, f64)>,
-    lattice_edge: f64,
-    finest: f64,
-}
-
-/// Elements that the cut lattice for so many should have.
-fn lattice_aim(wanted: usize, fields: &LabelFields) -> f64 {
-    let coarser = if fields.parts.is_empty() { MOST_COARSER_OUTSIDE } else { MOST_COARSER };
-    (wanted as f64 * SURPLUS).max(LEAST_LATTICE.min(coarser * wanted as f64))
-}
-
-/// How many times as many elements a lattice has as estimated: grading takes more the coarser it is.
-fn underestimate(aim: f64) -> f64 {
-    1.0 + GRADING * (LEAST_LATTICE / aim).powf(GRADING_POWER)
-}
-
-/// What to ask the estimate for at first.
-fn first_guess(wanted: usize, fields: &LabelFields) -> f64 {
-    let aim = lattice_aim(wanted, fields);
-    aim / underestimate(aim)
-}
-
-/// Finds the finest edge that gives the count with its surplus; a mesh that cannot have it is left as near as it comes.
-fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Option<Start> {
-    let aim = lattice_aim(wanted, fields);
-    let mut ratio = underestimate(aim);
-    let mut best: Option<Start> = None;
-    let mut last: Option<(f64, f64)> = None;
-    let miss = |n: usize| (n as f64 / aim).ln();
-    let (none, mut thin) = (Thin::none(), &size.thin);
-    for _ in 0..MOST_TRIES {
-        let lattice_edge = finest_for(size, aim / ratio);
-        let (raw, bounds) = build(fields, size, thin, lattice_edge);
-        if !bounds.is_empty() && raw.tets.len() as f64 > MOST_SPLIT * aim {
-            thin = &none;
-            continue;
-        }
-        let now = miss(raw.tets.len());
-        let (nearer, has_thin) =
-            (best.as_ref().is_none_or(|b| now.abs() < miss(b.raw.tets.len()).abs()), !bounds.is_empty());
-        if nearer {
-            best = Some(Start { raw, bounds, lattice_edge, finest: lattice_edge });
-        }
-        // Cells of thin parts come and go by themselves: a step that led no nearer is followed by others that do not.
-        if now.is_infinite() || (-SHORT..OVER).contains(&now) || (has_thin && !nearer) {
-            break;
-        }
-        // Far too many and far too few: a lattice sees thin parts or does not.
-        if last.is_some_and(|(_, m)| m * now < -JUMP * JUMP) {
-            break;
-        }
-        // A secant in the logarithms, with bounded slopes and steps: where a lattice sees next to nothing, neither means
-        // much. What is too many at first is of thin parts, whose cells are no fewer the next time: the others are to make
-        // room for them.
-        let at = ratio.ln();
-        let thin_first = if has_thin && now > 0.0 { now / -(2.0 - now.exp()).max(0.4).ln() } else { 1.0 };
-        let slope = last.map_or(thin_first, |(a, m)| ((m - now) / (at - a)).clamp(0.7, 2.0));
-        last = Some((at, now));
-        ratio *= (now / slope).clamp(-1.5, 1.5).exp();
-    }
-    match best {
-        Some(mut start) if !start.raw.tets.is_empty() => {
-            if (wanted as f64) * SURPLUS < aim {
-                start.finest = finest_for(size, wanted as f64 * SURPLUS / ratio).max(start.lattice_edge);
-            }
-            Some(start)
-        }
-        _ => None,
-    }
-}
 
 /// Coarsens to the count and improves the shapes.
 fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize, done: &mut impl FnMut(Stage)) -> Made {
@@ -492,69 +381,6 @@ fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize,
     // Changes of surfaces are checked one by one above, but not everything where three labels meet.
     repair::repair(&mut raw, fields.labels.len() as u8, 0.0, |corners, l| coarse::holds(corners, l, fields));
     Made { raw, crumbs, lost, regions: false }
-}
-
-/// The finest edge of the lattice whose estimated count is `count`.
-fn finest_for(size: &SizeField, count: f64) -> f64 {
-    edge_for(size, count, |finest, edge| {
-        let finest = CELL_PER_EDGE * finest;
-        finest * (SPLIT * edge / finest).log2().floor().max(0.0).exp2()
-    })
-}
-
-/// The finest edge where all edges are as long as wanted and the estimated count is `count`.
-fn even_edge_for(size: &SizeField, count: f64) -> f64 {
-    edge_for(size, count, |_, edge| CELL_PER_EDGE * edge)
-}
-
-/// Bisects for the finest edge whose estimated count is `count`, with cells that follow from it and the wanted edge.
-fn edge_for(size: &SizeField, count: f64, cell: impl Fn(f64, f64) -> f64) -> f64 {
-    let (mut low, mut high) = (0.05 * size.unit, 100.0 * size.unit);
-    for _ in 0..40 {
-        let middle = (low * high).sqrt();
-        if size.estimate(middle, |edge| cell(middle, edge)) > count { low = middle } else { high = middle }
-    }
-    (low * high).sqrt()
-}
-
-/// Octree, lattice and cuts for one finest edge, smaller where `thin_parts` would not be seen.
-fn build(fields: &LabelFields, size: &SizeField, thin_parts: &Thin, finest: f64) -> (RawMesh, Vec<(V3, f64)>) {
-    let cell = CELL_PER_EDGE * finest;
-    let (low, high) = size.bounds();
-    let extent = (0..3).map(|a| high[a] - low[a]).fold(0.0, f64::max) + 2.0 * cell;
-    let levels = (extent / cell).log2().ceil().clamp(1.0, f64::from(MOST_LEVELS)) as u32;
-    // Levels below the finest cell, for thin places and dense labels.
-    let thin = (cell / fields.step).log2().ceil().clamp(1.0, f64::from(MOST_LEVELS + 1 - levels)) as u32;
-    let levels = levels + thin;
-    let unit = 0.5 * cell / f64::from(1u32 << thin);
-    let span = f64::from(2u32 << levels) * unit;
-    let origin: [f64; 3] = std::array::from_fn(|a| 0.5 * (low[a] + high[a] - span));
-    let place = |p: [f64; 3]| -> [f64; 3] { std::array::from_fn(|a| origin[a] + p[a] * unit) };
-    let bounds = RefCell::new(Vec::new());
-    let [least, most] = STEPS_OVER;
-    let steps_over = SPLIT * finest * (most * (USUAL_GROWTH / size.growth()).powi(2)).clamp(least, most);
-    let tree = Octree::new(levels, |corner, edge| {
-        let (from, to) = (place(corner.map(f64::from)), place(corner.map(|c| f64::from(c + edge))));
-        // As far again as the cell is large: neighbours share elements.
-        if !size.is_near(from, to, f64::from(edge) * unit + 2.0 * fields.step) {
-            return false;
-        }
-        let centre = place(corner.map(|c| f64::from(c) + 0.5 * f64::from(edge)));
-        let length = f64::from(edge) * unit;
-        let steps_over = length > steps_over && size.distance(centre) < HALF_DIAGONAL * length;
-        if length > SPLIT * size.edge(centre, finest) || steps_over {
-            return true;
-        }
-        let unseen = thin_parts.is_unseen(fields, centre, length);
-        if unseen {
-            bounds.borrow_mut().push((centre, length / CELL_PER_EDGE));
-        }
-        unseen
-    });
-    let lattice = lattice::lattice(&tree);
-    let mut points: Vec<V3> = lattice.points.iter().map(|p| place(p.map(f64::from))).collect();
-    let stay = draw::draw(&mut points, &lattice.tets, thin_parts, fields);
-    (cut_all(points, lattice.tets, stay, fields), bounds.into_inner())
 }
 
 fn finish(raw: RawMesh, fields: &LabelFields) -> TetMesh {

@@ -6,8 +6,9 @@ use super::report::{
     Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR, Source, SurfaceReport,
 };
 use super::solid::Solid;
+use super::start::even_edge_for;
 use super::voxels::Missing;
-use super::{COUNT, LabelReport, MeshReport, even_edge_for, listed, place};
+use super::{COUNT, LabelReport, MeshReport, listed, place};
 use monro_geometry::Point;
 use std::ops::Range;
 

@@ -71,6 +71,8 @@ struct Repair<'a> {
     volumes: Vec<f64>,
     /// Elements relabelled since the last look.
     changed: Vec<u32>,
+    /// Place of each element around the point that is looked at; [`OUT`] for all others.
+    place: Vec<u32>,
 }
 
 /// For each element the first one of its connected piece, and for each of these the piece's volume, mm3.
@@ -84,7 +86,8 @@ impl<'a> Repair<'a> {
         let around = Incidence::new(&mesh.tets, mesh.points.len());
         let behind = neighbours(&mesh.tets, mesh.points.len());
         let volumes = mesh.tets.iter().map(|&t| volume6(mesh.corners(t)) / 6.0).collect();
-        Self { mesh, around, behind, volumes, changed: Vec::new() }
+        let place = vec![OUT; mesh.tets.len()];
+        Self { mesh, around, behind, volumes, changed: Vec::new(), place }
     }
 
     fn label(&self, t: u32) -> u8 {
@@ -211,7 +214,9 @@ impl<'a> Repair<'a> {
             let Some(&first) = star.first() else { continue };
             let outside = self.outside_pieces(v, &star);
             if !outside.is_empty() || star.iter().any(|&t| self.label(t) != self.label(first)) {
+                (0u32..).zip(&star).for_each(|(a, &t)| self.place[t as usize] = a);
                 self.unpinch(&star, &outside, firmly);
+                star.iter().for_each(|&t| self.place[t as usize] = OUT);
             }
         }
     }
@@ -299,12 +304,9 @@ impl<'a> Repair<'a> {
     fn pieces(&self, star: &[u32], inside: impl Fn(u32) -> bool, outside: &[Vec<u32>]) -> DisjointSets {
         let n = star.len();
         let mut sets = DisjointSets::new(n + outside.len());
-        for (a, &t) in star.iter().enumerate() {
-            for (b, &u) in star.iter().enumerate().skip(a + 1) {
-                if inside(a as u32) == inside(b as u32) && self.behind[t as usize].contains(&u) {
-                    sets.join(a as u32, b as u32);
-                }
-            }
+        for (a, &t) in (0u32..).zip(star) {
+            let places = self.behind[t as usize].into_iter().filter(|&u| u != OUT).map(|u| self.place[u as usize]);
+            places.filter(|&b| b != OUT && b > a && inside(a) == inside(b)).for_each(|b| sets.join(a, b));
         }
         for (k, touched) in outside.iter().enumerate() {
             touched.iter().filter(|&&a| !inside(a)).for_each(|&a| sets.join(a, (n + k) as u32));

@@ -4,8 +4,8 @@ use super::MeshOptions;
 use super::census::{Census, blocks};
 use super::fields::LabelFields;
 use super::region::Region;
+use super::start::{finest_for, first_guess};
 use super::thickness::{Thin, spread};
-use super::{finest_for, first_guess};
 use crate::surface::distance::squared_distance;
 use monro_geometry::{Grid, Patient, Point, Volume};
 use rayon::prelude::*;
@@ -131,8 +131,13 @@ impl SizeField {
 
     /// Wanted edge length at `p` when the finest is `finest`, but for thin places.
     pub(super) fn edge(&self, p: [f64; 3], finest: f64) -> f64 {
+        self.edge_off(self.distance(p), p, finest)
+    }
+
+    /// The same, given the [`distance`](Self::distance) there.
+    pub(super) fn edge_off(&self, distance: f64, p: [f64; 3], finest: f64) -> f64 {
         let p = self.clamped(p);
-        let free = self.edge_at(self.distance.at(p), finest) * self.scale.as_ref().map_or(1.0, |s| s.at(p));
+        let free = self.edge_at(distance, finest) * self.scale.as_ref().map_or(1.0, |s| s.at(p));
         self.cap.as_ref().map_or(free, |cap| free.min(cap.at(p)))
     }
 

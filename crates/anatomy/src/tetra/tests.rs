@@ -1,4 +1,6 @@
+use super::start::Grown;
 use super::test_head::head;
+use super::thickness::Thin;
 use super::*;
 use monro_geometry::Grid;
 use proptest::prelude::*;
@@ -108,7 +110,7 @@ fn strong_growth_of_edges_stepped_over_what_is_fine() {
     let of = fields.labels.iter().position(|&l| l == 2).expect("there");
     let size = SizeField::new(&fields, &[of], &options).expect("size");
     for finest in [1.0, 2.0, 3.0] {
-        let (raw, _) = build(&fields, &size, &Thin::none(), finest);
+        let raw = Grown::new(&fields, &size, &Thin::none(), finest).tree.cut(&Thin::none(), &fields);
         let volume = |t: &[u32; 4]| vec3::volume6(t.map(|v| raw.points[v as usize])) / 6.0;
         let own = raw.tets.iter().zip(&raw.labels).filter(|(_, l)| usize::from(**l) == of);
         let found: f64 = own.map(|(t, _)| volume(t)).sum();

@@ -24,10 +24,12 @@ impl Ring {
     pub(super) fn new(work: &Work<'_>, a: u32, b: u32) -> Option<Self> {
         let mut parts = [(0u32, 0u32, 0u32); LONGEST];
         let mut len = 0;
-        let stars = [a, b].map(|v| &work.stars[v as usize]);
-        for &t in if stars[1].len() < stars[0].len() { stars[1] } else { stars[0] } {
+        let star = |v: u32| &work.stars[v as usize];
+        let (star, other) = if star(b).len() < star(a).len() { (star(b), a) } else { (star(a), b) };
+        for &t in star {
             let tet = work.tets[t as usize];
-            if let Some((u, v)) = across(tet, a, b) {
+            // Of an element around one end it is the other one that counts.
+            if let Some((u, v)) = corner(tet, other).and_then(|_| across(tet, a, b)) {
                 if len == LONGEST {
                     return None;
                 }
@@ -83,15 +85,24 @@ pub(super) struct Sectors {
     pub(super) label: [u8; 2],
 }
 
+/// The other two corners of an element, by those of an edge, such that all four are in a positive order.
+const OTHERS: [[[usize; 2]; 4]; 4] = [
+    [[0, 0], [2, 3], [3, 1], [1, 2]],
+    [[3, 2], [0, 0], [0, 3], [2, 0]],
+    [[1, 3], [3, 0], [0, 0], [0, 1]],
+    [[2, 1], [0, 2], [1, 0], [0, 0]],
+];
+
 /// The other two points of an element with the edge `a b`, such that `(a, b, u, v)` is positive.
 fn across(tet: [u32; 4], a: u32, b: u32) -> Option<(u32, u32)> {
-    let i = tet.iter().position(|&v| v == a)?;
-    let j = tet.iter().position(|&v| v == b)?;
-    let mut rest = (0..4).filter(|&k| k != i && k != j);
-    let (k, l) = (rest.next()?, rest.next()?);
-    let order = [i, j, k, l];
-    let inversions = (0..4).flat_map(|x| (x + 1..4).map(move |y| (x, y))).filter(|&(x, y)| order[x] > order[y]).count();
-    Some(if inversions % 2 == 0 { (tet[k], tet[l]) } else { (tet[l], tet[k]) })
+    let [k, l] = OTHERS[corner(tet, a)?][corner(tet, b)?];
+    Some((tet[k], tet[l]))
+}
+
+/// Which corner of an element a point is. All four are compared: with ways out in between it takes longer.
+fn corner(tet: [u32; 4], v: u32) -> Option<usize> {
+    let [a, b, c, d] = tet.map(|x| usize::from(x == v));
+    (a | b | c | d == 1).then_some(b + 2 * c + 3 * d)
 }
 
 /// New elements of a ring.
@@ -235,5 +246,23 @@ impl Work<'_> {
             self.insert(n, label);
         }
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_edge_and_the_other_two_corners_are_in_a_positive_order() {
+        let tet = [7, 3, 9, 5];
+        for (i, j) in (0..4).flat_map(|i| (0..4).map(move |j| (i, j))).filter(|(i, j)| i != j) {
+            let (u, v) = across(tet, tet[i], tet[j]).expect("an edge of it");
+            let order = [tet[i], tet[j], u, v].map(|x| corner(tet, x).expect("a corner of it"));
+            let pairs = (0..4).flat_map(|x| (x + 1..4).map(move |y| (x, y)));
+            assert_eq!(pairs.filter(|&(x, y)| order[x] > order[y]).count() % 2, 0, "{order:?}");
+            assert_eq!(order.iter().map(|o| 1 << o).sum::<u32>(), 15, "{order:?}");
+        }
+        assert_eq!(across(tet, 7, 4), None);
     }
 }
