@@ -2,6 +2,7 @@
 
 use monro_geometry::Volume;
 use rayon::prelude::*;
+use std::collections::VecDeque;
 use std::ops::Range;
 
 /// Width of the smoothing in cells.
@@ -9,6 +10,8 @@ const SIGMA: f64 = 0.85;
 /// Cells to either side that count: three times the width.
 const REACH: usize = 3;
 const TAPS: usize = 2 * REACH + 1;
+/// Planes of a slab at least: those beyond its ends are gone through twice.
+const LEAST_SLAB: usize = 4 * REACH;
 
 /// `2 G - G G`: a Gaussian made to keep second moments, so that it takes the steps off without shrinking the round. With
 /// `thin`, thin parts stay as the voxels have them. Zero outside.
@@ -16,11 +19,9 @@ pub(super) fn smoothed(field: Volume<f32>, thin: bool) -> Volume<f32> {
     let grid = *field.grid();
     let mut data = field.into_data();
     let raw = if thin { data.clone() } else { Vec::new() };
-    let mut gauss = Gauss::new(grid.dims());
-    gauss.across_planes(&data);
-    gauss.along_z(&mut data, |once, _| once);
-    gauss.across_planes(&data);
-    gauss.along_z(&mut data, |twice, once| 2.0 * once - twice);
+    let gauss = Gauss::new(grid.dims());
+    gauss.over(&mut data, |once, _| once);
+    gauss.over(&mut data, |twice, once| 2.0 * once - twice);
     if !raw.is_empty() {
         keep_thin(&raw, &mut data, grid.dims());
     }
@@ -31,44 +32,89 @@ pub(super) fn smoothed(field: Volume<f32>, thin: bool) -> Volume<f32> {
 struct Gauss {
     dims: [usize; 3],
     weights: [f32; TAPS],
-    /// What came of it along x and y, and which part of each row is not zero.
-    flat: Vec<f32>,
+}
+
+/// What came of a plane along x and y, and which part of each row is not zero.
+#[derive(Debug, Clone, Default)]
+struct Flat {
+    values: Vec<f32>,
     used: Vec<Range<usize>>,
+}
+
+impl Flat {
+    fn row(&self, j: usize, nx: usize) -> (&[f32], &Range<usize>) {
+        (&self.values[j * nx..][..nx], &self.used[j])
+    }
 }
 
 impl Gauss {
     fn new(dims: [usize; 3]) -> Self {
         let raw: [f64; TAPS] = std::array::from_fn(|i| (-0.5 * ((i as f64 - REACH as f64) / SIGMA).powi(2)).exp());
         let sum: f64 = raw.iter().sum();
-        let weights = raw.map(|w| (w / sum) as f32);
-        Self { dims, weights, flat: vec![0.0; dims.iter().product()], used: vec![0..0; dims[1] * dims[2]] }
+        Self { dims, weights: raw.map(|w| (w / sum) as f32) }
     }
 
-    /// Along x and y, a plane at a time.
-    fn across_planes(&mut self, data: &[f32]) {
+    /// Sets each cell from what the Gaussian makes of it and its value before.
+    ///
+    /// Threads go through slabs of planes, each with what came of the planes around the one that is set: those do not leave
+    /// the caches, and nothing of the size of the box is written in between.
+    fn over(&self, data: &mut [f32], set: impl Fn(f32, f32) -> f32 + Sync) {
+        let ([nx, ny, nz], threads) = (self.dims, rayon::current_num_threads());
+        let (size, thick) = (nx * ny, nz.div_ceil(threads).max(LEAST_SLAB));
+        // Of planes beyond the ends of slabs, before any is set.
+        let beyond = |planes: Range<usize>| -> Vec<Flat> {
+            planes.map(|k| self.flat(&data[k * size..][..size], Flat::default(), &mut Vec::new())).collect()
+        };
+        let ends = |first: usize| {
+            let end = (first + thick).min(nz);
+            (beyond(first.saturating_sub(REACH)..first), beyond(end..(end + REACH).min(nz)))
+        };
+        let ends: Vec<(Vec<Flat>, Vec<Flat>)> = (0..nz).into_par_iter().step_by(thick).map(ends).collect();
+        let slabs = data.par_chunks_mut(size * thick).zip(ends);
+        slabs.for_each(|(slab, (before, after))| self.over_slab(slab, (before, after), &set));
+    }
+
+    /// Over a slab, given what came of the planes before its first one and behind its last, as far as they count.
+    fn over_slab(&self, slab: &mut [f32], (before, after): (Vec<Flat>, Vec<Flat>), set: &impl Fn(f32, f32) -> f32) {
+        let [nx, ny, _] = self.dims;
+        let (size, own) = (nx * ny, slab.len() / (nx * ny));
+        let mut after = after.into_iter();
+        // Around the plane to be set, which is in the middle.
+        let mut window: VecDeque<Option<Flat>> = (before.len()..REACH).map(|_| None).collect();
+        window.extend(before.into_iter().map(Some));
+        let (mut spare, mut rows) = (Flat::default(), Vec::new());
+        for k in 0..own + REACH {
+            window.push_back(match k < own {
+                true => Some(self.flat(&slab[k * size..][..size], std::mem::take(&mut spare), &mut rows)),
+                false => after.next(),
+            });
+            let Some(plane) = k.checked_sub(REACH) else { continue };
+            for (j, to) in slab[plane * size..][..size].chunks_mut(nx).enumerate() {
+                add_up(
+                    Around(std::array::from_fn(|i| window[i].as_ref().map(|flat| flat.row(j, nx)))),
+                    &self.weights,
+                    to,
+                    set,
+                );
+            }
+            spare = window.pop_front().flatten().unwrap_or_default();
+        }
+    }
+
+    /// Along x and y over a plane, into `out`, whatever that was; `rows` is room for what comes in between.
+    fn flat(&self, plane: &[f32], mut out: Flat, rows: &mut Vec<f32>) -> Flat {
         let ([nx, ny, _], w) = (self.dims, &self.weights);
-        let planes = data.par_chunks(nx * ny).zip(self.flat.par_chunks_mut(nx * ny)).zip(self.used.par_chunks_mut(ny));
-        planes.for_each_init(Vec::new, |rows: &mut Vec<f32>, ((plane, out), used)| {
-            rows.clear();
-            rows.resize(nx * ny, 0.0);
-            let parts: Vec<Range<usize>> =
-                plane.chunks(nx).zip(rows.chunks_mut(nx)).map(|(from, to)| along_row(from, w, to)).collect();
-            for (j, (to, used)) in out.chunks_mut(nx).zip(used).enumerate() {
-                let around = |j: usize| (&rows[j * nx..][..nx], &parts[j]);
-                *used = add_up(Around::new(j, ny, around), w, to, |sum, _| sum);
-            }
-        });
-    }
-
-    /// Along z what came of x and y; sets each cell from the result and its value before.
-    fn along_z(&self, out: &mut [f32], set: impl Fn(f32, f32) -> f32 + Sync) {
-        let [nx, ny, nz] = self.dims;
-        out.par_chunks_mut(nx * ny).enumerate().for_each(|(k, out)| {
-            for (j, to) in out.chunks_mut(nx).enumerate() {
-                let around = |k: usize| (&self.flat[(k * ny + j) * nx..][..nx], &self.used[k * ny + j]);
-                add_up(Around::new(k, nz, around), &self.weights, to, &set);
-            }
-        });
+        rows.clear();
+        rows.resize(nx * ny, 0.0);
+        let parts: Vec<Range<usize>> =
+            plane.chunks(nx).zip(rows.chunks_mut(nx)).map(|(from, to)| along_row(from, w, to)).collect();
+        out.values.resize(nx * ny, 0.0);
+        out.used.clear();
+        for (j, to) in out.values.chunks_mut(nx).enumerate() {
+            let around = |j: usize| (&rows[j * nx..][..nx], &parts[j]);
+            out.used.push(add_up(Around::new(j, ny, around), w, to, |sum, _| sum));
+        }
+        out
     }
 }
 
