@@ -2,7 +2,7 @@
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use monro_prepare::{Observer, Stage};
-use serde_json::Value;
+use serde_json::{Map, Value};
 use std::cell::{Cell, RefCell};
 use std::io::Write;
 use std::time::{Duration, Instant};
@@ -104,8 +104,12 @@ impl Observer for Console {
     }
 }
 
-/// Stage seconds as a JSON object.
+/// Stage seconds as a JSON object; those of a stage that was gone through several times are added up.
 pub(crate) fn seconds_json(stages: &[(String, f64)]) -> Value {
-    let entry = |(name, s): &(String, f64)| (name.clone(), Value::from((s * 1000.0).round() / 1000.0));
-    Value::Object(stages.iter().map(entry).collect())
+    let mut sums = Map::new();
+    for (name, _) in stages {
+        let sum: f64 = stages.iter().filter(|s| s.0 == *name).map(|s| s.1).sum();
+        sums.insert(name.clone(), Value::from((sum * 1000.0).round() / 1000.0));
+    }
+    Value::Object(sums)
 }

@@ -265,6 +265,7 @@ fn as_json(report: &MeshReport, out: &Path, stages: &[(String, f64)], parts: &Pa
         "edge_bands": report.edge_bands.iter().map(|b| json!({ "from_mm": b.from, "to_mm": b.to, "mean_mm": b.mean, "edges": b.edges, "elements": b.elements })).collect::<Vec<_>>(),
         "open_at_border": report.open_at_border,
         "coarse_regions": report.coarse_regions,
+        "closed_gaps": report.closed_gaps.map(|g| json!({ "voxels": g.voxels, "at_mm": g.at })),
         "remarks": report.all_remarks(),
         "labels": report.labels.iter().map(label_json).collect::<Vec<_>>(),
         "outer": surface_json(&report.outer),

@@ -8,7 +8,7 @@ use super::adjacency::Incidence;
 use super::fields::LabelFields;
 use super::lattice::PackedMap;
 use super::quality::quality;
-use super::vec3::{V3, distance, lerp};
+use super::vec3::{V3, add, distance, lerp, scale};
 
 /// A point moves onto a cut within this fraction of the edge. Beyond 0.3 whole elements come to lie on the surface.
 const WARP: f64 = 0.25;
@@ -17,6 +17,8 @@ const WARP: f64 = 0.25;
 const SNAP: f64 = 0.02;
 /// A warp may not leave an element worse than this.
 const WORST: f64 = 0.08;
+/// Where the field of the last label is not above this, it is not there: at its surface it is a sixth at least.
+const ABSENT: f64 = 0.1;
 /// Label of elements not yet given away.
 pub(super) const PENDING: u8 = u8::MAX;
 /// Label of elements outside.
@@ -48,9 +50,20 @@ pub(super) fn cut_all(points: Vec<V3>, tets: Vec<[u32; 4]>, mut pinned: Vec<bool
             pinned = order.iter().map(|&v| pinned[v as usize]).collect();
         }
     }
-    let rest = (fields.surfaces() - 1) as u8;
-    mesh.labels.iter_mut().filter(|l| **l == PENDING).for_each(|l| *l = rest);
+    give_rest(&mut mesh, fields);
     mesh
+}
+
+/// The last label has what no other has taken. Where three others meet, rounding may leave an element to none of them: far from
+/// the last one it is of the label that is there.
+fn give_rest(mesh: &mut RawMesh, fields: &LabelFields) {
+    let rest = (fields.surfaces() - 1) as u8;
+    for t in (0..mesh.tets.len()).filter(|&t| mesh.labels[t] == PENDING).collect::<Vec<_>>() {
+        let corners = mesh.corners(mesh.tets[t]);
+        let is_near = rest < 2 || corners.iter().any(|&p| fields.rest(p) > ABSENT);
+        let there = if is_near { None } else { fields.label_at(scale(corners.into_iter().fold([0.0; 3], add), 0.25)) };
+        mesh.labels[t] = there.map_or(rest, |l| l as u8);
+    }
 }
 
 /// Removes elements labelled [`OUTSIDE`] and points no longer used; returns the old number of each point.
@@ -255,8 +268,8 @@ impl<'a> Cut<'a> {
             let sum: i8 = t.iter().map(|&v| self.side[v as usize]).sum();
             let inner = match sum {
                 0 => {
-                    let p = t.iter().fold([0.0; 3], |s, &v| super::vec3::add(s, self.mesh.points[v as usize]));
-                    self.fields.side(self.surface, super::vec3::scale(p, 0.25)) >= 0.0
+                    let p = t.iter().fold([0.0; 3], |s, &v| add(s, self.mesh.points[v as usize]));
+                    self.fields.side(self.surface, scale(p, 0.25)) >= 0.0
                 }
                 s => s > 0,
             };

@@ -54,12 +54,32 @@ pub enum MeshError {
         /// Edge of the cells, mm.
         step: f64,
     },
+    /// Everything to mesh is thinner than the cells that so few elements have.
+    #[error("{wanted} elements are too few: nothing is left of the {voxels} voxel(s) to mesh, one at {}, in cells of up to {cell:.1} mm; ask for {} or more", place(*at), 4 * wanted)]
+    TooFew {
+        /// Elements asked for.
+        wanted: usize,
+        /// Voxels to mesh.
+        voxels: usize,
+        /// One of them, LPS mm.
+        at: [f64; 3],
+        /// Edge of the finest cells, mm.
+        cell: f64,
+    },
     /// A label has no element.
     #[error("label {label} has no element: its {voxels} voxel(s), one at {}, are too thin or too small for this mesh; {FINER}, ask for more elements around it, or leave it out", place(*at))]
     Lost {
         /// The label.
         label: u16,
         /// Its voxels.
+        voxels: usize,
+        /// One of them, LPS mm.
+        at: [f64; 3],
+    },
+    /// Holes, tunnels or slits in what is meshed are too thin for smooth surfaces.
+    #[error("{voxels} voxel(s) of none of the labels, one at {}, lie in the mesh: holes, tunnels or slits no wider than a voxel or two close in smooth fields; {FINER}, or label them", place(*at))]
+    ClosedGaps {
+        /// Voxels of them.
         voxels: usize,
         /// One of them, LPS mm.
         at: [f64; 3],

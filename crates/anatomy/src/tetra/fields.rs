@@ -252,6 +252,11 @@ impl LabelFields {
         found
     }
 
+    /// What the parts leave of everything kept for the last label at a point.
+    pub(super) fn rest(&self, p: V3) -> f64 {
+        self.parts.iter().fold(self.union.at(p), |rest, part| rest - part.at(p))
+    }
+
     /// Index of the label at a point; `None` outside of all.
     pub(super) fn label_at(&self, p: [f64; 3]) -> Option<usize> {
         let mut rest = self.union.at(p);

@@ -50,7 +50,7 @@ mod voxels;
 
 pub use error::MeshError;
 pub use report::{
-    BadShapes, Boundary, EdgeBand, InterfaceDistance, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO,
+    BadShapes, Boundary, ClosedGaps, EdgeBand, InterfaceDistance, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO,
     LabelReport, MOST_VOLUME_ERROR, MeshReport, SurfaceReport,
 };
 
@@ -62,7 +62,7 @@ use monro_geometry::{Patient, Point, TetMesh, Volume};
 use repair::Crumb;
 use report::Source;
 use size::SizeField;
-use start::{Start, USUAL_GROWTH, to_count};
+use start::{Start, USUAL_GROWTH, first_cell, to_count};
 use voxels::Voxels;
 
 /// Numbers of elements that can be asked for.
@@ -181,10 +181,12 @@ pub fn mesh_observed<T: Copy + Eq + Into<u16> + Sync>(
     let size = SizeField::new(&fields, &fine, options).ok_or_else(empty)?;
     done(Stage::Size);
     let kept = |l: u16| options.keep.contains(&l);
-    let too_thin = || MeshError::TooThin {
-        voxels: fields.extents.iter().map(|e| e.count).sum(),
-        at: voxels.one(kept),
-        step: fields.step,
+    let too_thin = || {
+        let (voxels, at) = (fields.extents.iter().map(|e| e.count).sum(), voxels.one(kept));
+        match first_cell(&size, options.elements, &fields) {
+            cell if cell > 2.0 * fields.step => MeshError::TooFew { wanted: options.elements, voxels, at, cell },
+            _ => MeshError::TooThin { voxels, at, step: fields.step },
+        }
     };
     let made = Made::conforming(&fields, &size, options.elements, &mut done).ok_or_else(too_thin)?;
     let made = match made.is_good(&fields, options.elements) {
@@ -279,8 +281,8 @@ fn not_inverted(mesh: &TetMesh) -> Result<(), MeshError> {
     bad().next().map_or(Ok(()), |first| Err(MeshError::Inverted { count: bad().count(), at: corners(first)[0] }))
 }
 
-/// Refuses labels without elements, surfaces that are not two-manifold or of another topology than the labels, wrong
-/// volumes and bad shapes.
+/// Refuses labels without elements, surfaces that are not two-manifold or of another topology than the labels, gaps that
+/// were closed, wrong volumes and bad shapes.
 fn strictly(report: &MeshReport) -> Result<(), MeshError> {
     let lost = |l: &LabelReport| Some(MeshError::Lost { label: l.label, voxels: l.voxels, at: l.lost_at? });
     if let Some(error) = report.labels.iter().find_map(lost) {
@@ -294,6 +296,9 @@ fn strictly(report: &MeshReport) -> Result<(), MeshError> {
         if let Some(at) = found.differs_at {
             return Err(MeshError::Euler { surface, report: Box::new(*found), at });
         }
+    }
+    if let Some(ClosedGaps { voxels, at }) = report.closed_gaps {
+        return Err(MeshError::ClosedGaps { voxels, at });
     }
     if let Some(l) = report.labels.iter().find(|l| l.volume_error.abs() > MOST_VOLUME_ERROR) {
         return Err(MeshError::Volume { label: l.label, error: l.volume_error });

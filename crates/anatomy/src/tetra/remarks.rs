@@ -49,13 +49,14 @@ pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(report: &MeshReport, sour
     all
 }
 
-/// Where surfaces have other handles and pieces than those of the labels.
-pub(super) fn topology(report: &MeshReport) -> Vec<String> {
+/// Where surfaces have other handles and pieces than those of the labels, and gaps that they lack.
+pub(super) fn topology<T>(report: &MeshReport, source: &Source<'_, T>) -> Vec<String> {
     let of_labels = report.labels.iter().filter(|l| l.lost_at.is_none());
     let mut all: Vec<String> = of_labels.filter_map(|l| of_topology(Boundary::Label(l.label), &l.surface)).collect();
     if has_outer(report) {
         all.extend(of_topology(Boundary::Outer, &report.outer));
     }
+    all.extend(of_gaps(report, source));
     all
 }
 
@@ -197,11 +198,26 @@ fn of_missing<T: Copy + Eq + Into<u16> + Sync>(
     })
 }
 
+fn of_gaps<T>(report: &MeshReport, source: &Source<'_, T>) -> Option<String> {
+    let gaps = report.closed_gaps?;
+    Some(format!(
+        "{} voxel(s) of none of the labels, one at {}, lie in the mesh: holes, tunnels or slits no wider than a voxel or two close in smooth fields with cells of {:.2} mm; resample the labels to voxels of half the size, or label them",
+        gaps.voxels,
+        place(gaps.at),
+        source.fields.step
+    ))
+}
+
 /// A label that is not where its voxels are, although its volume may be theirs: the mesh is made thicker for what it lacks.
 fn of_thin(l: &LabelReport, missing: &Missing) -> String {
     let share = 100.0 * missing.absent as f64 / l.voxels as f64;
+    let why = if 2 * missing.thin > missing.absent {
+        "it is thinner than two voxels there"
+    } else {
+        "it is so small or rough that they are of its corners and edges"
+    };
     format!(
-        "label {}: the centres of {share:.0} % of its voxels lie outside of its smooth surface: it is thinner than two voxels there; {THICKER}",
+        "label {}: the centres of {share:.0} % of its voxels lie outside of its smooth surface: {why}; {THICKER}",
         l.label
     )
 }

@@ -2,10 +2,12 @@
 
 use super::fields::LabelFields;
 use super::size::SizeField;
+use super::solid::Solid;
 use super::vec3::{V3, add, scale};
-use super::voxels::Voxels;
+use super::voxels::{Voxels, centre};
 use super::{Crumb, MeshOptions, difference, remarks};
 use crate::shapes::ShapeSummary;
+use crate::surface::even::Extent;
 use crate::surface::isosurface;
 use monro_geometry::{Bvh, Patient, Point, TetMesh, TriangleMesh};
 use rayon::prelude::*;
@@ -40,6 +42,15 @@ pub struct InterfaceDistance {
     pub max: f64,
     /// Where it is, LPS mm.
     pub max_at: [f64; 3],
+}
+
+/// Holes, tunnels and slits that are no wider than a voxel or two: the smooth fields do not keep them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClosedGaps {
+    /// Voxels of none of the labels that lie within.
+    pub voxels: usize,
+    /// The centre of one of them, LPS mm.
+    pub at: [f64; 3],
 }
 
 /// Which surface of a mesh.
@@ -172,10 +183,12 @@ pub struct MeshReport {
     pub open_at_border: bool,
     /// There were too few elements for surfaces of the inner labels: they are regions of about their volume.
     pub coarse_regions: bool,
+    /// What was closed although the labels leave it open.
+    pub closed_gaps: Option<ClosedGaps>,
     /// What a user should know: labels asked for that are not there, a count or volumes missed, bad shapes, pieces given
     /// away, labels that lost their shape or topology.
     pub remarks: Vec<String>,
-    /// Where surfaces have other handles or pieces than those of the labels, in words.
+    /// Where surfaces have other handles or pieces than those of the labels, and gaps that they lack, in words.
     pub topology: Vec<String>,
 }
 
@@ -208,6 +221,7 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
         edge_bands,
         bad_shapes: shapes.bad,
         coarse_regions: source.coarse_regions,
+        closed_gaps: closed_gaps(source),
         labels: (0..fields.labels.len()).map(|l| label_report(mesh, source, l)).collect(),
         outer: SurfaceReport::new(&mesh.surface(|_| true), &outer, fields.unit),
         remarks: Vec::new(),
@@ -215,8 +229,20 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
         open_at_border: fields.at_border,
     };
     report.remarks = remarks::remarks(&report, source);
-    report.topology = remarks::topology(&report);
+    report.topology = remarks::topology(&report, source);
     report
+}
+
+fn closed_gaps<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>) -> Option<ClosedGaps> {
+    let (fields, grid) = (source.fields, source.voxels.0.grid());
+    let whole = fields.extents.iter().copied().reduce(Extent::joined)?;
+    let mut kept = vec![false; 1 << 16];
+    fields.labels.iter().for_each(|&l| kept[usize::from(l)] = true);
+    let outside = Solid::outside(fields);
+    let is_filled = |p| !outside.holds(p) && fields.union.at(p) >= 0.5;
+    let filled = source.voxels.filled(&whole, |l| kept[usize::from(l)], is_filled);
+    let &one = filled.get(filled.len() / 2)?;
+    Some(ClosedGaps { voxels: filled.len(), at: centre(grid, one) })
 }
 
 impl MeshReport {

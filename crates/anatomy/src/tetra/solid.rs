@@ -1,34 +1,42 @@
-//! Where a label is for sure: most places can be told without a look at the fields.
+//! Where a label is, or nothing, for sure: most places can be told without a look at the fields.
 
 use super::fields::{Field, LabelFields};
 use super::vec3::V3;
 
-/// The cells of the lattice in all of which there is one label.
+/// The cells of a field's lattice at all eight corners of which its values are of one kind, and so everywhere between.
 pub(super) struct Solid {
-    margins: Field,
+    field: Field,
     /// By the cell's first corner.
     cells: Vec<bool>,
 }
 
 impl Solid {
-    /// Of label `l`. Its margins are the least of fields that are mixed from the corners in each cell: where they are positive
-    /// at all eight, all these fields are so everywhere between.
+    /// Those in which there is nothing but label `l`. Its margins are the least of fields that are mixed from the corners in
+    /// each cell: where they are positive at all eight, all these fields are so everywhere between.
     pub(super) fn new(fields: &LabelFields, l: usize) -> Self {
-        let margins = Field::new(fields.margins(l));
-        let (dims, data) = (margins.volume().grid().dims(), margins.volume().data());
-        let mut cells: Vec<bool> = data.iter().map(|&v| v > 0.0).collect();
+        Self::of(Field::new(fields.margins(l)), |v| v > 0.0)
+    }
+
+    /// Those in which there is none of the labels.
+    pub(super) fn outside(fields: &LabelFields) -> Self {
+        Self::of(fields.union.clone(), |v| v < 0.5)
+    }
+
+    fn of(field: Field, is: impl Fn(f32) -> bool) -> Self {
+        let (dims, data) = (field.volume().grid().dims(), field.volume().data());
+        let mut cells: Vec<bool> = data.iter().map(|&v| is(v)).collect();
         // What follows a row's or a slice's end is no neighbour, but no cell begins there either.
         for step in [1, dims[0], dims[0] * dims[1]] {
             for at in 0..cells.len() {
                 cells[at] &= cells.get(at + step).is_some_and(|&next| next);
             }
         }
-        Self { margins, cells }
+        Self { field, cells }
     }
 
-    /// Whether `p` is in such a cell; elsewhere the label may be too.
+    /// Whether `p` is in such a cell; elsewhere it may be alike.
     pub(super) fn holds(&self, p: V3) -> bool {
-        self.margins.cell(p).is_some_and(|(at, _)| self.cells[at])
+        self.field.cell(p).is_some_and(|(at, _)| self.cells[at])
     }
 }
 

@@ -76,6 +76,11 @@ pub(super) fn first_guess(wanted: usize, fields: &LabelFields) -> f64 {
     aim / underestimate(aim)
 }
 
+/// Edge of the finest cells that are tried at first, mm.
+pub(super) fn first_cell(size: &SizeField, wanted: usize, fields: &LabelFields) -> f64 {
+    CELL_PER_EDGE * finest_for(size, first_guess(wanted, fields))
+}
+
 /// Finds the finest edge that gives the count with its surplus; a mesh that cannot have it is left as near as it comes.
 pub(super) fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Option<Start> {
     let aim = lattice_aim(wanted, fields);

@@ -94,6 +94,32 @@ fn a_head_with_folds_was_meshed_twice() {
 }
 
 #[test]
+fn the_largest_label_turned_up_where_others_meet_far_from_it() {
+    // Cells around points: where three or four of them met, rounding left elements to the largest, up to its whole distance off.
+    let (n, sites) = (54, 20);
+    let site = |i: usize| [0.819_173, 0.671_044, 0.549_700].map(|g| (0.31 + g * i as f64).fract() * n as f64);
+    let grid = Grid::axis_aligned([n; 3], [1.0; 3], [0.5; 3]).expect("grid");
+    let nearest = |p: [f64; 3]| {
+        (0..sites).min_by(|&a, &b| vec3::distance(site(a), p).total_cmp(&vec3::distance(site(b), p))).unwrap_or(0)
+    };
+    let label = |at| {
+        let [i, j, k] = grid.voxel(at);
+        nearest(grid.centre(i, j, k).to_array()) as u16 + 1
+    };
+    let labels = Volume::new(grid, (0..grid.len()).map(label).collect()).expect("count");
+    let keep: Vec<u16> = (1..=sites as u16).collect();
+    let (mesh, _) = mesh(&labels, &MeshOptions::new(&keep, &[1], 20_677)).expect("mesh");
+    let middle = |t: usize| mesh.corners(t).iter().fold([0.0; 3], |s, p| vec3::add(s, vec3::scale(p.to_array(), 0.25)));
+    // How much nearer to another point than to its own.
+    let off = |t: usize| {
+        let (p, own) = (middle(t), usize::from(mesh.labels[t]) - 1);
+        vec3::distance(site(own), p) - vec3::distance(site(nearest(p)), p)
+    };
+    let most = (0..mesh.tets.len()).map(off).fold(0.0, f64::max);
+    assert!(most < 4.0, "{most}");
+}
+
+#[test]
 fn strong_growth_of_edges_stepped_over_what_is_fine() {
     // The first cells of the lattice are as large as the whole: edges as long were wanted in their middles, and they were not
     // split. "Too thin or too small", or half a minute for lattices of millions of elements.
@@ -191,10 +217,10 @@ proptest! {
                 sound(&mesh, &report);
             }
             Err(e) => {
-                use MeshError::{Count, Empty, Euler, Lost, Shape, TooThin, Topology, Volume};
+                use MeshError::{ClosedGaps, Count, Empty, Euler, Lost, Shape, TooFew, TooThin, Topology, Volume};
                 let named = matches!(
                     e,
-                    Count { .. } | Empty { .. } | Euler { .. } | Lost { .. } | Shape { .. } | TooThin { .. }
+                    Count { .. } | Empty { .. } | Euler { .. } | Lost { .. } | Shape { .. } | TooThin { .. } | TooFew { .. } | ClosedGaps { .. }
                         | Topology { .. } | Volume { .. }
                 );
                 prop_assert!(named, "{e}");

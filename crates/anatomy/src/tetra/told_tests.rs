@@ -95,6 +95,51 @@ fn single_voxels_count_in_the_topology_that_the_mesh_is_held_against() {
 }
 
 #[test]
+fn a_tunnel_of_one_voxel_was_filled_without_a_word_strict_or_not() {
+    let mut labels = ball_with([1.0; 3], &[]);
+    let dims = labels.grid().dims();
+    for k in 0..dims[2] {
+        let at = labels.grid().index(21, 20, k);
+        labels.data_mut()[at] = 0;
+    }
+    let options = MeshOptions::new(&[4], &[], 20_000);
+    let (_, report) = mesh(&labels, &options).expect("a mesh");
+    let gaps = report.closed_gaps.expect("told");
+    // Through the ball of 18 mm, but for its mouths.
+    assert!((30..=36).contains(&gaps.voxels), "{gaps:?}");
+    let words = format!("{} voxel(s) of none of the labels", gaps.voxels);
+    assert!(report.topology.iter().any(|r| r.contains(&words)), "{:?}", report.topology);
+    let refused = mesh(&labels, &MeshOptions { strict: true, ..options.clone() }).expect_err("refused");
+    assert!(matches!(refused, MeshError::ClosedGaps { .. }), "{refused}");
+    // Dents of a voxel are no gaps.
+    let mut rough = ball_with([1.0; 3], &[]);
+    for at in (0..rough.grid().len()).step_by(7) {
+        let [i, j, k] = rough.grid().voxel(at);
+        if (rough.grid().centre(i, j, k) - Point::ORIGIN).norm() > 17.2 {
+            rough.data_mut()[at] = 0;
+        }
+    }
+    assert_eq!(mesh(&rough, &options).expect("a mesh").1.closed_gaps, None);
+}
+
+#[test]
+fn too_few_elements_for_a_slab_were_told_as_voxels_that_are_too_thin() {
+    let slab = labelled([1.0; 3], |v| {
+        u8::from((2..42).contains(&v[0]) && (2..42).contains(&v[1]) && (20..22).contains(&v[2]))
+    });
+    let refused = mesh(&slab, &MeshOptions::new(&[1], &[], 500)).expect_err("refused");
+    assert!(matches!(refused, MeshError::TooFew { wanted: 500, voxels: 3200, .. }), "{refused}");
+    assert!(refused.to_string().contains("ask for 2000 or more"), "{refused}");
+}
+
+#[test]
+fn corners_of_a_small_cube_are_not_told_as_thinner_than_two_voxels() {
+    let cube = labelled([1.0; 3], |v| u8::from(v.iter().all(|i| (20..24).contains(i))));
+    let (_, report) = mesh(&cube, &MeshOptions::new(&[1], &[1], 5_000)).expect("a mesh");
+    assert!(!told(&report, &["thinner than two voxels"]), "{:?}", report.remarks);
+}
+
+#[test]
 fn a_lone_voxel_is_refused_with_its_place_and_a_way_out() {
     let labels = labelled([1.0; 3], |v| u8::from(v == [30, 20, 22]) * 5);
     let refused = mesh(&labels, &MeshOptions::new(&[5], &[], 5_000)).expect_err("refused");

@@ -92,7 +92,43 @@ impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
         step: f64,
         is_there: impl Fn([f64; 3]) -> bool + Sync,
     ) -> Missing {
-        self.lost(&self.absent(label, usize::MAX, is_there), label.0, step)
+        let absent = self.absent(label, usize::MAX, is_there);
+        let thin = absent.iter().filter(|&&at| self.is_thin(at, label.0)).count();
+        Missing { thin, ..self.lost(&absent, label.0, step) }
+    }
+
+    /// Whether a voxel is of no block of two by two by two of its label.
+    fn is_thin(&self, at: usize, label: u16) -> bool {
+        let (grid, v) = (self.0.grid(), self.0.grid().voxel(at));
+        let is_own = |[i, j, k]: [usize; 3]| self.0.data()[grid.index(i, j, k)].into() == label;
+        let own: Vec<[usize; 3]> = around(v, grid.dims()).filter(|&n| is_own(n)).collect();
+        // Of the corners of a block around the voxel each is on the same side of it, or in its plane, along every axis.
+        let is_of = |n: &[usize; 3], side: usize| (0..3).all(|a| n[a] == v[a] || (n[a] > v[a]) == (side >> a & 1 == 1));
+        (0..8).all(|side| own.iter().filter(|n| is_of(n, side)).count() < 8)
+    }
+
+    /// The voxels in a box of none of the labels that `of` accepts that `is_filled` by their centres, they and all those of
+    /// none that share a corner with them: holes, tunnels and slits. A dent only becomes shallower, and one beside it is left.
+    pub(super) fn filled(
+        &self,
+        &Extent { low, high, .. }: &Extent,
+        of: impl Fn(u16) -> bool + Sync,
+        is_filled: impl Fn([f64; 3]) -> bool + Sync,
+    ) -> Vec<usize> {
+        let (grid, data) = (self.0.grid(), self.0.data());
+        let is_gone = |at: usize| of(data[at].into()) || is_filled(centre(grid, at));
+        let is_inside = |at: usize| around(grid.voxel(at), grid.dims()).all(|[i, j, k]| is_gone(grid.index(i, j, k)));
+        let of_slice = |k: usize| {
+            let mut filled = Vec::new();
+            for j in low[1]..=high[1] {
+                let first = grid.index(low[0], j, k);
+                for run in kept(&data[first..=grid.index(high[0], j, k)], |l| !of(l.into())) {
+                    filled.extend(run.map(|i| first + i).filter(|&at| is_filled(centre(grid, at)) && is_inside(at)));
+                }
+            }
+            filled
+        };
+        (low[2]..=high[2]).into_par_iter().flat_map_iter(of_slice).collect()
     }
 
     /// The voxels of a label, in runs along the first axis of up to `longest`, that are not there.
@@ -143,11 +179,13 @@ pub(super) struct Missing {
     pub(super) voxels: usize,
     /// All voxels whose centres are lost, those of no small piece, too.
     pub(super) absent: usize,
+    /// Those of them that are of no block of two by two by two of the label.
+    pub(super) thin: usize,
     /// The centre of a voxel of one of them, LPS mm.
     pub(super) at: [f64; 3],
 }
 
-fn centre(grid: &Grid, at: usize) -> [f64; 3] {
+pub(super) fn centre(grid: &Grid, at: usize) -> [f64; 3] {
     let [i, j, k] = grid.voxel(at);
     grid.centre(i, j, k).to_array()
 }
