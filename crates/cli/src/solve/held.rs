@@ -1,40 +1,112 @@
 //! Rigid motions that supports leave free: the answer then stays where the solver began, one of many.
 
-use monro_geometry::{TetMesh, Vector};
-use monro_tissue::StaticProblem;
+use monro_geometry::{DisjointSets, Point, TetMesh, Vector};
+use monro_tissue::{EmbeddedRod, StaticProblem};
+use std::collections::BTreeMap;
 
 /// Share of the largest pivot below which a motion is free.
 const FREE: f64 = 1e-9;
 const NAMES: [&str; 6] =
     ["sliding along x", "sliding along y", "sliding along z", "turning about x", "turning about y", "turning about z"];
 
-/// Says which rigid motions nothing prescribes; `None` when all are. Rods hold a body.
+/// Says which rigid motions of which separate piece of the body nothing prescribes; `None` when all are. Rods hold what they
+/// are in.
 pub(super) fn free(mesh: &TetMesh, problem: &StaticProblem) -> Option<String> {
-    if !problem.rods.is_empty() || problem.supports.is_empty() {
+    if problem.supports.is_empty() {
         return None;
     }
-    let gram = gram(mesh, problem);
-    let count = 6 - rank(gram);
-    let largest = (0..6).map(|i| gram[i][i]).fold(0.0, f64::max);
-    let axes: Vec<&str> = (0..6).filter(|&i| gram[i][i] <= FREE * largest).map(|i| NAMES[i]).collect();
-    let which = if axes.is_empty() { String::new() } else { format!(" (among them {})", axes.join(", ")) };
+    let pieces = Pieces::new(mesh);
+    let loose: Vec<(&Piece, (usize, String))> =
+        pieces.0.iter().filter_map(|p| Some((p, p.free(mesh, problem)?))).collect();
+    let (piece, (count, which)) = loose.first()?;
     let so = if problem.contacts.is_empty() {
-        "where the body lies in these is chance, and loads along them are borne by nothing; hold a few nodes more"
+        "where it lies in these is chance, and loads along them are borne by nothing; hold a few nodes more"
     } else {
-        "only spheres that touch bear loads along them, and where these do not either, the body lies by chance; hold a few nodes more if it should not"
+        "only spheres that touch bear loads along them, and where these do not either, it lies by chance, and what pushes it meets no force; hold a few nodes more if it should not"
     };
-    (count > 0).then(|| format!("the supports leave {count} of the six rigid motions of the body free{which}: {so}"))
+    let of = match pieces.0.len() {
+        1 => "the body".to_owned(),
+        n => format!(
+            "the separate piece with tetrahedron {} ({} of {} tetrahedra; {} of {n} such pieces are loose)",
+            piece.first,
+            piece.tets,
+            mesh.tets.len(),
+            loose.len()
+        ),
+    };
+    Some(format!("the supports leave {count} of the six rigid motions of {of} free{which}: {so}"))
 }
 
-/// Sums of products of what the six motions (about the middle of the body) do to what is held.
-fn gram(mesh: &TetMesh, problem: &StaticProblem) -> [[f64; 6]; 6] {
-    let n = mesh.vertices.len() as f64;
-    let sum = mesh.vertices.iter().fold([0.0; 3], |s, p| [s[0] + p.x, s[1] + p.y, s[2] + p.z]);
-    let middle = monro_geometry::Point::from_array(sum.map(|v| v / n));
-    let size = mesh.vertices.iter().map(|p| p.distance(middle)).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
+/// What of a mesh hangs together.
+struct Piece {
+    first: usize,
+    tets: usize,
+    /// Of all vertices of the mesh, which are its own.
+    vertices: Vec<u32>,
+}
+
+/// The separate pieces of a mesh, in the order of their first elements.
+struct Pieces(Vec<Piece>);
+
+impl Pieces {
+    fn new(mesh: &TetMesh) -> Self {
+        let mut sets = DisjointSets::new(mesh.vertices.len());
+        mesh.tets.iter().for_each(|t| (1..4).for_each(|i| sets.join(t[0], t[i])));
+        let mut number = BTreeMap::<u32, usize>::new();
+        let mut pieces: Vec<Piece> = Vec::new();
+        for (t, tet) in mesh.tets.iter().enumerate() {
+            let at = *number.entry(sets.root(tet[0])).or_insert(pieces.len());
+            if at == pieces.len() {
+                pieces.push(Piece { first: t, tets: 0, vertices: Vec::new() });
+            }
+            pieces[at].tets += 1;
+        }
+        for v in 0..mesh.vertices.len() as u32 {
+            if let Some(&at) = number.get(&sets.root(v)) {
+                pieces[at].vertices.push(v);
+            }
+        }
+        Self(pieces)
+    }
+}
+
+impl Piece {
+    /// How many motions nothing prescribes, and which, in words.
+    fn free(&self, mesh: &TetMesh, problem: &StaticProblem) -> Option<(usize, String)> {
+        if problem.rods.iter().any(|rod| self.holds(mesh, rod)) {
+            return None;
+        }
+        let gram = gram(mesh, problem, &self.vertices);
+        let count = 6 - rank(gram);
+        let largest = (0..6).map(|i| gram[i][i]).fold(0.0, f64::max);
+        let axes: Vec<&str> = (0..6).filter(|&i| gram[i][i] <= FREE * largest).map(|i| NAMES[i]).collect();
+        let which = match axes.len() {
+            0 | 6 => String::new(),
+            _ => format!(" (among them {})", axes.join(", ")),
+        };
+        (count > 0).then_some((count, which))
+    }
+
+    /// Whether a rod may lie in the piece: in the box around it, at least.
+    fn holds(&self, mesh: &TetMesh, rod: &EmbeddedRod) -> bool {
+        let [p, q] = rod.ends.map(Point::to_array);
+        let of = |a: usize| self.vertices.iter().map(move |&v| mesh.vertices[v as usize].to_array()[a]);
+        (0..3).all(|a| {
+            of(a).fold(f64::INFINITY, f64::min) <= p[a].max(q[a])
+                && of(a).fold(f64::NEG_INFINITY, f64::max) >= p[a].min(q[a])
+        })
+    }
+}
+
+/// Sums of products of what the six motions (about the middle of some vertices, in order) do to what of them is held.
+fn gram(mesh: &TetMesh, problem: &StaticProblem, vertices: &[u32]) -> [[f64; 6]; 6] {
+    let own = || vertices.iter().map(|&v| mesh.vertices[v as usize]);
+    let sum = own().fold([0.0; 3], |s, p| [s[0] + p.x, s[1] + p.y, s[2] + p.z]);
+    let middle = Point::from_array(sum.map(|v| v / vertices.len() as f64));
+    let size = own().map(|p| p.distance(middle)).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
     let unit = |a: usize| Vector::from_array(core::array::from_fn(|i| f64::from(u8::from(i == a))));
     let mut gram = [[0.0; 6]; 6];
-    for s in &problem.supports {
+    for s in problem.supports.iter().filter(|s| vertices.binary_search(&s.node).is_ok()) {
         let arm = (mesh.vertices[s.node as usize] - middle) / size;
         for axis in (0..3).filter(|&a| s.displacement_mm[a].is_some()) {
             let row: [f64; 6] = core::array::from_fn(|m| {
@@ -68,7 +140,6 @@ fn rank(mut m: [[f64; 6]; 6]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use monro_geometry::Point;
     use monro_tissue::Support;
 
     fn told(held: &[(u32, [bool; 3])]) -> Option<String> {
@@ -90,5 +161,24 @@ mod tests {
         assert!(said.contains("leave 3 of") && said.contains("along x, sliding along y, turning about z"), "{said}");
         assert!(told(&[(0, [true; 3]), (1, [true; 3])]).expect("turns").contains("leave 1 of"));
         assert_eq!(told(&[(0, [true; 3]), (1, [true; 3]), (2, z)]), None);
+    }
+
+    /// A sphere went into a piece that nothing held: no force, and nothing but "does not touch it" said why.
+    #[test]
+    fn a_piece_that_nothing_holds_was_vouched_for_by_another() {
+        let corners = |x: f64| [[x, 0.0, 0.0], [x + 20.0, 0.0, 0.0], [x, 20.0, 0.0], [x, 0.0, 20.0]];
+        let vertices = [corners(0.0), corners(50.0)].concat().into_iter().map(Point::from_array).collect();
+        let mesh = TetMesh { vertices, tets: vec![[0, 1, 2, 3], [4, 5, 6, 7]], labels: vec![1; 2] };
+        let all = |node: u32| Support { node, set: 0, displacement_mm: [Some(0.0); 3] };
+        let problem = |nodes: &[u32]| StaticProblem {
+            supports: nodes.iter().map(|&n| all(n)).collect(),
+            ..StaticProblem::default()
+        };
+        let said = free(&mesh, &problem(&[0, 1, 2])).expect("loose");
+        assert!(said.contains("leave 6 of the six") && said.contains("tetrahedron 1 (1 of 2"), "{said}");
+        assert_eq!(free(&mesh, &problem(&[0, 1, 2, 4, 5, 6])), None);
+        let ends = [Point::new(52.0, 1.0, 1.0), Point::new(55.0, 2.0, 2.0)];
+        let rod = EmbeddedRod { radius_mm: 1.0, ends, displacement_mm: Vector::ZERO };
+        assert_eq!(free(&mesh, &StaticProblem { rods: vec![rod], ..problem(&[0, 1, 2]) }), None);
     }
 }

@@ -11,6 +11,13 @@ const BEARS: f64 = 1e-3;
 /// A change by this from one mesh to the next is told.
 const CHANGED: f64 = 0.05;
 
+/// A mesh of less elements has not more than two across anywhere, and is a trial.
+const FEW: usize = 1000;
+/// Where less than this part of the elements has no corner on the surface, there are two layers at most nearly everywhere.
+const INNER: f64 = 0.05;
+/// So many times as many elements have twice the layers, or nearly so.
+const REFINED: usize = 5;
+
 /// Poisson's ratio from which a material hardly changes its volume: with 0.45, half of it takes 4.5 shear moduli.
 const NEARLY_INCOMPRESSIBLE: f64 = 0.45;
 /// Volumes over those at rest that such elements do not get to: where answers are right, the worst have 0.83 and 1.2.
@@ -23,8 +30,42 @@ pub(super) fn all(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
     out.extend(solved.contested.iter().enumerate().filter(|c| *c.1 > 0).map(contested));
     out.extend(points(scene, solved));
     out.extend(changing(solved));
+    out.extend(thin(scene, solved));
     out.extend(swollen(scene, solved));
     out
+}
+
+/// A mesh that was not refined though nobody asked for that.
+pub(super) fn as_given(scene: &Scene, solved: &StaticSolution) -> Option<String> {
+    let untold =
+        solved.change.is_none() && solved.unfinished.is_none() && solved.stop.is_none() && !scene.problem.rubs();
+    untold.then(|| {
+        format!(
+            "the mesh of {} elements was solved as it is ({} elements with what tools need): how much a finer one would change \
+             the answer is not known; --refine 1 tells, and takes minutes",
+            scene.mesh.tets.len(),
+            solved.tets
+        )
+    })
+}
+
+/// A body across which there are so few elements that it hardly bends.
+fn thin(scene: &Scene, solved: &StaticSolution) -> Option<String> {
+    let mesh = &scene.mesh;
+    let mut outer = vec![false; mesh.vertices.len()];
+    mesh.boundary(|_| true).iter().flatten().for_each(|&v| outer[v as usize] = true);
+    let inner = mesh.tets.iter().filter(|t| t.iter().all(|&v| !outer[v as usize])).count();
+    let few = mesh.tets.len() >= FEW && (inner as f64) < INNER * mesh.tets.len() as f64;
+    (few && solved.tets < REFINED * mesh.tets.len()).then(|| {
+        format!(
+            "{:.0} % of the {} elements given reach the surface: there are hardly more than two of them across the body, and where \
+             that is thin and bends it is far too stiff (a clamped plate of two layers gave way half as far as it should, of one \
+             a ninth); a change from one mesh to the next does not show all of it; give four layers or more, or ask for --refine 1 \
+             or 2 and compare",
+            100.0 * (1.0 - inner as f64 / mesh.tets.len() as f64),
+            mesh.tets.len()
+        )
+    })
 }
 
 /// A rod with tissue in it that goes another way.

@@ -112,7 +112,10 @@ pub(crate) fn physical(scene: &Scene, finer: Finer, keep_going: &mut dyn FnMut()
     };
     let how = StaticOptions { finer, ..StaticOptions::default() };
     let solved = equilibrium(&scene.mesh, &options, &scene.problem, &how, keep_going)?;
-    let remarks = outcome::remarks(scene, &solved);
+    let mut remarks = outcome::remarks(scene, &solved);
+    if matches!(finer, Finer::UpTo(_)) {
+        remarks.extend(limits::as_given(scene, &solved));
+    }
     Ok(Found { json: forces(scene, &solved), displacement: solved.displacement, remarks })
 }
 

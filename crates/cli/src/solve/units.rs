@@ -3,7 +3,7 @@
 use anyhow::{Result, bail};
 use monro_geometry::{Patient, Point, TetMesh};
 use monro_tissue::{Material, StaticProblem};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// What is longer than this many diagonals of the body is odd.
 const ODD: f64 = 10.0;
@@ -27,7 +27,9 @@ pub(super) fn weighed(
     materials: &BTreeMap<u16, Material>,
 ) -> Result<Option<String>> {
     let force = problem.body_force_mn_mm3.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let softest = materials.values().map(|m| m.young_kpa).fold(f64::INFINITY, f64::min);
+    let regions: BTreeSet<u16> = mesh.labels.iter().copied().collect();
+    let there = materials.iter().filter(|m| regions.contains(m.0));
+    let softest = there.map(|(_, m)| m.young_kpa).fold(f64::INFINITY, f64::min);
     let (diagonal, pa) = (diagonal(mesh), 1e3 * softest);
     let share = force * diagonal / softest;
     if share.is_nan() || share <= HEAVY {

@@ -21,6 +21,8 @@ const NEARLY: f64 = 1e-3;
 
 /// Forces of a set that balance each other are counted with this share of what its vertices bear.
 const BALANCED: f64 = 0.1;
+/// Forces below this, mN, are what rounding leaves where nothing acts: a millimetre of 1 Pa, strained by 1e-5, bears as much.
+const NO_FORCE_MN: f64 = 1e-8;
 
 /// How levels are solved.
 pub(super) struct How<'a> {
@@ -137,11 +139,12 @@ impl Level {
         let most = |of: &mut dyn Iterator<Item = f64>| of.fold(0.0, f64::max);
         let force_apart = most(&mut before.iter().zip(&forces).map(|(a, b)| (*a - *b).norm()));
         let borne: f64 = next.solved.reaction.iter().map(|r| r.norm()).sum();
-        let share = |part: f64, all: f64| if all > 0.0 { part / all } else { 0.0 };
+        let share = |part: f64, all: f64, none: f64| if all > none { part / all } else { 0.0 };
+        let force = most(&mut forces.iter().map(|f| f.norm())).max(BALANCED * borne);
         MeshChange {
             tets: self.solved.tets,
-            displacement: share(apart.sqrt(), all.sqrt()),
-            force: share(force_apart, most(&mut forces.iter().map(|f| f.norm())).max(BALANCED * borne)),
+            displacement: share(apart.sqrt(), all.sqrt(), 0.0),
+            force: share(force_apart, force, NO_FORCE_MN),
         }
     }
 
