@@ -92,7 +92,7 @@ pub struct MeshOptions {
     /// Longest edge over the finest.
     pub coarsest: f64,
     /// Refuse a mesh in which the surface of a label, or of all together, is not two-manifold or has another Euler number or
-    /// number of pieces than the smoothed labels, a label has no element, its volume is off by more than
+    /// number of pieces than the smoothed labels, gaps are closed that these leave open, a label has no element, its volume is off by more than
     /// [`MOST_VOLUME_ERROR`], or an element is worse than [`LEAST_DIHEDRAL`], [`LARGEST_DIHEDRAL`] or
     /// [`LEAST_RADIUS_RATIO`]; otherwise the report's remarks say so.
     pub strict: bool,

@@ -174,7 +174,9 @@ mod tests {
             let mesh = TetMesh { vertices, tets: vec![[0, 1, 2, 3]], labels: vec![1] };
             let problem = StaticProblem { body_force_mn_mm3: [0.0, newton * 1e-6, 0.0], ..StaticProblem::default() };
             let material = Material { young_kpa: 3.0, ..Material::BRAIN };
-            weighed(&mesh, &problem, &BTreeMap::from([(1, material)]))
+            // A soft material of no element counts for nothing.
+            let soft = Material { young_kpa: 1e-6, ..Material::BRAIN };
+            weighed(&mesh, &problem, &BTreeMap::from([(1, material), (7, soft)]))
         };
         let refused = of(100_000.0, 1000.0).expect_err("100 m").to_string();
         assert!(refused.contains("173.2051 m") || refused.contains("141.4214 m"), "{refused}");
