@@ -2,7 +2,8 @@
 
 use super::improve::MOST_LABELS;
 use super::report::{
-    BadShapes, Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR, SurfaceReport,
+    BadShapes, Boundary, ClosedGaps, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR,
+    SurfaceReport,
 };
 use thiserror::Error;
 
@@ -55,7 +56,7 @@ pub enum MeshError {
         step: f64,
     },
     /// Everything to mesh is thinner than the cells that so few elements have.
-    #[error("{wanted} elements are too few: nothing is left of the {voxels} voxel(s) to mesh, one at {}, in cells of up to {cell:.1} mm; ask for {} or more", place(*at), 4 * wanted)]
+    #[error("{wanted} elements are too few: nothing is left of the {voxels} voxel(s) to mesh, one at {}, in cells from {cell:.1} mm on; ask for more", place(*at))]
     TooFew {
         /// Elements asked for.
         wanted: usize,
@@ -77,13 +78,8 @@ pub enum MeshError {
         at: [f64; 3],
     },
     /// Holes, tunnels or slits in what is meshed are too thin for smooth surfaces.
-    #[error("{voxels} voxel(s) of none of the labels, one at {}, lie in the mesh: holes, tunnels or slits no wider than a voxel or two close in smooth fields; {FINER}, or label them", place(*at))]
-    ClosedGaps {
-        /// Voxels of them.
-        voxels: usize,
-        /// One of them, LPS mm.
-        at: [f64; 3],
-    },
+    #[error("{0}")]
+    ClosedGaps(ClosedGaps),
     /// More labels than the mesher tells apart.
     #[error("{0} labels to mesh, but at most {MOST_LABELS} are told apart; name those to mesh, or merge some")]
     TooManyLabels(usize),

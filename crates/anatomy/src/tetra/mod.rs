@@ -232,7 +232,7 @@ impl Made {
             // What the last one is short of is asked for on top.
             aim *= wanted as f64 / last as f64;
             aim = aim.clamp(0.8 * wanted as f64, 1.25 * wanted as f64);
-            let other = Self::once(fields, size, aim as usize, done)?;
+            let Some(other) = Self::once(fields, size, aim as usize, done) else { break };
             last = other.raw.tets.len();
             if other.miss(wanted) < best.miss(wanted) {
                 best = other;
@@ -297,8 +297,8 @@ fn strictly(report: &MeshReport) -> Result<(), MeshError> {
             return Err(MeshError::Euler { surface, report: Box::new(*found), at });
         }
     }
-    if let Some(ClosedGaps { voxels, at }) = report.closed_gaps {
-        return Err(MeshError::ClosedGaps { voxels, at });
+    if let Some(gaps) = report.closed_gaps {
+        return Err(MeshError::ClosedGaps(gaps));
     }
     if let Some(l) = report.labels.iter().find(|l| l.volume_error.abs() > MOST_VOLUME_ERROR) {
         return Err(MeshError::Volume { label: l.label, error: l.volume_error });

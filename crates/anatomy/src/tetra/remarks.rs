@@ -50,13 +50,13 @@ pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(report: &MeshReport, sour
 }
 
 /// Where surfaces have other handles and pieces than those of the labels, and gaps that they lack.
-pub(super) fn topology<T>(report: &MeshReport, source: &Source<'_, T>) -> Vec<String> {
+pub(super) fn topology(report: &MeshReport) -> Vec<String> {
     let of_labels = report.labels.iter().filter(|l| l.lost_at.is_none());
     let mut all: Vec<String> = of_labels.filter_map(|l| of_topology(Boundary::Label(l.label), &l.surface)).collect();
     if has_outer(report) {
         all.extend(of_topology(Boundary::Outer, &report.outer));
     }
-    all.extend(of_gaps(report, source));
+    all.extend(report.closed_gaps.map(|gaps| gaps.to_string()));
     all
 }
 
@@ -196,16 +196,6 @@ fn of_missing<T: Copy + Eq + Into<u16> + Sync>(
             place(missing.at),
         )
     })
-}
-
-fn of_gaps<T>(report: &MeshReport, source: &Source<'_, T>) -> Option<String> {
-    let gaps = report.closed_gaps?;
-    Some(format!(
-        "{} voxel(s) of none of the labels, one at {}, lie in the mesh: holes, tunnels or slits no wider than a voxel or two close in smooth fields with cells of {:.2} mm; resample the labels to voxels of half the size, or label them",
-        gaps.voxels,
-        place(gaps.at),
-        source.fields.step
-    ))
 }
 
 /// A label that is not where its voxels are, although its volume may be theirs: the mesh is made thicker for what it lacks.

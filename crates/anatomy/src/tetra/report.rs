@@ -5,7 +5,7 @@ use super::size::SizeField;
 use super::solid::Solid;
 use super::vec3::{V3, add, scale};
 use super::voxels::{Voxels, centre};
-use super::{Crumb, MeshOptions, difference, remarks};
+use super::{Crumb, MeshOptions, difference, place, remarks};
 use crate::shapes::ShapeSummary;
 use crate::surface::even::Extent;
 use crate::surface::isosurface;
@@ -44,13 +44,26 @@ pub struct InterfaceDistance {
     pub max_at: [f64; 3],
 }
 
-/// Holes, tunnels and slits that are no wider than a voxel or two: the smooth fields do not keep them.
+/// Holes, tunnels and slits that are no wider than a voxel or two, or cells of the smooth fields: these do not keep them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClosedGaps {
     /// Voxels of none of the labels that lie within.
     pub voxels: usize,
     /// The centre of one of them, LPS mm.
     pub at: [f64; 3],
+    /// Edge of the fields' cells, mm.
+    pub step: f64,
+}
+
+impl fmt::Display for ClosedGaps {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { voxels, at, step } = *self;
+        write!(
+            f,
+            "{voxels} voxel(s) of none of the labels, one at {}, lie in the mesh: holes, tunnels or slits that are no wider than a cell or two of the smooth fields ({step:.2} mm) close in them; label them, or resample the labels to voxels of half the size if these are not smaller than such cells already (in what is large, cells are)",
+            place(at)
+        )
+    }
 }
 
 /// Which surface of a mesh.
@@ -229,7 +242,7 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
         open_at_border: fields.at_border,
     };
     report.remarks = remarks::remarks(&report, source);
-    report.topology = remarks::topology(&report, source);
+    report.topology = remarks::topology(&report);
     report
 }
 
@@ -242,7 +255,7 @@ fn closed_gaps<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>) -> Optio
     let is_filled = |p| !outside.holds(p) && fields.union.at(p) >= 0.5;
     let filled = source.voxels.filled(&whole, |l| kept[usize::from(l)], is_filled);
     let &one = filled.get(filled.len() / 2)?;
-    Some(ClosedGaps { voxels: filled.len(), at: centre(grid, one) })
+    Some(ClosedGaps { voxels: filled.len(), at: centre(grid, one), step: fields.step })
 }
 
 impl MeshReport {

@@ -103,12 +103,14 @@ pub(super) fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) ->
             thin = &none;
             continue;
         }
+        // What was only foreseen is none to fall back on.
+        let is_over = n == 0.0 || (best.is_some() && search.is_over(miss(n)));
         let nearer = best.as_ref().is_none_or(|b| miss(n).abs() < miss(b.raw.tets.len() as f64).abs());
         if nearer {
             best = Some(Start { raw, bounds, lattice_edge, finest: lattice_edge });
         }
         // Cells of thin parts come and go by themselves: a step that led no nearer is followed by others that do not.
-        if (-SHORT..OVER).contains(&miss(n)) || (has_thin && !nearer) || search.is_over(miss(n)) {
+        if (-SHORT..OVER).contains(&miss(n)) || (has_thin && !nearer) || is_over {
             break;
         }
         search.follow(miss(n), has_thin);
@@ -129,10 +131,10 @@ struct Search {
 }
 
 impl Search {
-    /// Whether there is nothing more to be found: no elements at all, or far too many and far too few in turn, where a lattice
-    /// sees thin parts or does not.
+    /// Whether there is nothing more to be found: far too many and far too few in turn, where a lattice sees thin parts or does
+    /// not.
     fn is_over(&self, now: f64) -> bool {
-        now.is_infinite() || self.last.is_some_and(|(_, m)| m * now < -JUMP * JUMP)
+        self.last.is_some_and(|(_, m)| m * now < -JUMP * JUMP)
     }
 
     /// The next step from a lattice that misses by `now`: a secant in the logarithms, with bounded slopes and steps, as where a

@@ -220,7 +220,7 @@ proptest! {
                 use MeshError::{ClosedGaps, Count, Empty, Euler, Lost, Shape, TooFew, TooThin, Topology, Volume};
                 let named = matches!(
                     e,
-                    Count { .. } | Empty { .. } | Euler { .. } | Lost { .. } | Shape { .. } | TooThin { .. } | TooFew { .. } | ClosedGaps { .. }
+                    Count { .. } | Empty { .. } | Euler { .. } | Lost { .. } | Shape { .. } | TooThin { .. } | TooFew { .. } | ClosedGaps(_)
                         | Topology { .. } | Volume { .. }
                 );
                 prop_assert!(named, "{e}");

@@ -1,6 +1,6 @@
 //! Rigid motions that supports leave free: the answer then stays where the solver began, one of many.
 
-use monro_geometry::{DisjointSets, Point, TetMesh, Vector};
+use monro_geometry::{DisjointSets, Patient, Point, TetMesh, Vector};
 use monro_tissue::{EmbeddedRod, StaticProblem};
 use std::collections::BTreeMap;
 
@@ -15,16 +15,16 @@ pub(super) fn free(mesh: &TetMesh, problem: &StaticProblem) -> Option<String> {
     if problem.supports.is_empty() {
         return None;
     }
-    let pieces = Pieces::new(mesh);
+    let pieces = pieces(mesh, problem);
     let loose: Vec<(&Piece, (usize, String))> =
-        pieces.0.iter().filter_map(|p| Some((p, p.free(mesh, problem)?))).collect();
+        pieces.iter().filter_map(|p| Some((p, p.free(mesh, problem)?))).collect();
     let (piece, (count, which)) = loose.first()?;
     let so = if problem.contacts.is_empty() {
         "where it lies in these is chance, and loads along them are borne by nothing; hold a few nodes more"
     } else {
         "only spheres that touch bear loads along them, and where these do not either, it lies by chance, and what pushes it meets no force; hold a few nodes more if it should not"
     };
-    let of = match pieces.0.len() {
+    let of = match pieces.len() {
         1 => "the body".to_owned(),
         n => format!(
             "the separate piece with tetrahedron {} ({} of {} tetrahedra; {} of {n} such pieces are loose)",
@@ -37,46 +37,61 @@ pub(super) fn free(mesh: &TetMesh, problem: &StaticProblem) -> Option<String> {
     Some(format!("the supports leave {count} of the six rigid motions of {of} free{which}: {so}"))
 }
 
-/// What of a mesh hangs together.
+/// What of a mesh hangs together, be it by a vertex.
+#[derive(Default)]
 struct Piece {
     first: usize,
     tets: usize,
-    /// Of all vertices of the mesh, which are its own.
     vertices: Vec<u32>,
+    /// Its supports, by number.
+    supports: Vec<usize>,
+    /// Whether a rod is in it.
+    has_rod: bool,
 }
 
 /// The separate pieces of a mesh, in the order of their first elements.
-struct Pieces(Vec<Piece>);
-
-impl Pieces {
-    fn new(mesh: &TetMesh) -> Self {
-        let mut sets = DisjointSets::new(mesh.vertices.len());
-        mesh.tets.iter().for_each(|t| (1..4).for_each(|i| sets.join(t[0], t[i])));
-        let mut number = BTreeMap::<u32, usize>::new();
-        let mut pieces: Vec<Piece> = Vec::new();
-        for (t, tet) in mesh.tets.iter().enumerate() {
-            let at = *number.entry(sets.root(tet[0])).or_insert(pieces.len());
-            if at == pieces.len() {
-                pieces.push(Piece { first: t, tets: 0, vertices: Vec::new() });
-            }
-            pieces[at].tets += 1;
+fn pieces(mesh: &TetMesh, problem: &StaticProblem) -> Vec<Piece> {
+    let mut sets = DisjointSets::new(mesh.vertices.len());
+    mesh.tets.iter().for_each(|t| (1..4).for_each(|i| sets.join(t[0], t[i])));
+    let mut number = BTreeMap::<u32, usize>::new();
+    let mut pieces: Vec<Piece> = Vec::new();
+    for (first, tet) in mesh.tets.iter().enumerate() {
+        let at = *number.entry(sets.root(tet[0])).or_insert(pieces.len());
+        if at == pieces.len() {
+            pieces.push(Piece { first, ..Piece::default() });
         }
-        for v in 0..mesh.vertices.len() as u32 {
-            if let Some(&at) = number.get(&sets.root(v)) {
-                pieces[at].vertices.push(v);
-            }
-        }
-        Self(pieces)
+        pieces[at].tets += 1;
     }
+    let mut of = |v: u32| number.get(&sets.root(v)).copied();
+    for v in 0..mesh.vertices.len() as u32 {
+        of(v).into_iter().for_each(|at| pieces[at].vertices.push(v));
+    }
+    for (i, s) in problem.supports.iter().enumerate() {
+        of(s.node).into_iter().for_each(|at| pieces[at].supports.push(i));
+    }
+    for v in problem.rods.iter().flat_map(|rod| beside(mesh, rod)) {
+        of(v).into_iter().for_each(|at| pieces[at].has_rod = true);
+    }
+    pieces
+}
+
+/// The vertices nearest to a rod's ends and to its middle.
+fn beside(mesh: &TetMesh, rod: &EmbeddedRod) -> Vec<u32> {
+    let [p, q] = rod.ends;
+    let nearest = |at: Point<Patient>| {
+        let off = |v: &u32| mesh.vertices[*v as usize].distance(at);
+        (0..mesh.vertices.len() as u32).min_by(|a, b| off(a).total_cmp(&off(b)))
+    };
+    [p, q, p.lerp(q, 0.5)].into_iter().filter_map(nearest).collect()
 }
 
 impl Piece {
     /// How many motions nothing prescribes, and which, in words.
     fn free(&self, mesh: &TetMesh, problem: &StaticProblem) -> Option<(usize, String)> {
-        if problem.rods.iter().any(|rod| self.holds(mesh, rod)) {
+        if self.has_rod {
             return None;
         }
-        let gram = gram(mesh, problem, &self.vertices);
+        let gram = gram(mesh, self, problem);
         let count = 6 - rank(gram);
         let largest = (0..6).map(|i| gram[i][i]).fold(0.0, f64::max);
         let axes: Vec<&str> = (0..6).filter(|&i| gram[i][i] <= FREE * largest).map(|i| NAMES[i]).collect();
@@ -86,27 +101,17 @@ impl Piece {
         };
         (count > 0).then_some((count, which))
     }
-
-    /// Whether a rod may lie in the piece: in the box around it, at least.
-    fn holds(&self, mesh: &TetMesh, rod: &EmbeddedRod) -> bool {
-        let [p, q] = rod.ends.map(Point::to_array);
-        let of = |a: usize| self.vertices.iter().map(move |&v| mesh.vertices[v as usize].to_array()[a]);
-        (0..3).all(|a| {
-            of(a).fold(f64::INFINITY, f64::min) <= p[a].max(q[a])
-                && of(a).fold(f64::NEG_INFINITY, f64::max) >= p[a].min(q[a])
-        })
-    }
 }
 
-/// Sums of products of what the six motions (about the middle of some vertices, in order) do to what of them is held.
-fn gram(mesh: &TetMesh, problem: &StaticProblem, vertices: &[u32]) -> [[f64; 6]; 6] {
-    let own = || vertices.iter().map(|&v| mesh.vertices[v as usize]);
+/// Sums of products of what the six motions (about the middle of a piece) do to what of it is held.
+fn gram(mesh: &TetMesh, piece: &Piece, problem: &StaticProblem) -> [[f64; 6]; 6] {
+    let own = || piece.vertices.iter().map(|&v| mesh.vertices[v as usize]);
     let sum = own().fold([0.0; 3], |s, p| [s[0] + p.x, s[1] + p.y, s[2] + p.z]);
-    let middle = Point::from_array(sum.map(|v| v / vertices.len() as f64));
+    let middle = Point::from_array(sum.map(|v| v / piece.vertices.len() as f64));
     let size = own().map(|p| p.distance(middle)).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
     let unit = |a: usize| Vector::from_array(core::array::from_fn(|i| f64::from(u8::from(i == a))));
     let mut gram = [[0.0; 6]; 6];
-    for s in problem.supports.iter().filter(|s| vertices.binary_search(&s.node).is_ok()) {
+    for s in piece.supports.iter().map(|&i| &problem.supports[i]) {
         let arm = (mesh.vertices[s.node as usize] - middle) / size;
         for axis in (0..3).filter(|&a| s.displacement_mm[a].is_some()) {
             let row: [f64; 6] = core::array::from_fn(|m| {

@@ -4,7 +4,7 @@ use super::refine::Refined;
 use super::uncertain;
 use super::{Finer, MeshChange, StaticError, StaticOptions, StaticProblem, StaticSolution, Stop, Unfinished};
 use crate::{Model, ModelOptions};
-use monro_geometry::{Patient, TetMesh, Vector};
+use monro_geometry::{Patient, Point, TetMesh, Vector};
 use std::collections::BTreeMap;
 
 /// Rounds of local refinement.
@@ -21,8 +21,8 @@ const NEARLY: f64 = 1e-3;
 
 /// Forces of a set that balance each other are counted with this share of what its vertices bear.
 const BALANCED: f64 = 0.1;
-/// Forces below this, mN, are what rounding leaves where nothing acts: a millimetre of 1 Pa, strained by 1e-5, bears as much.
-const NO_FORCE_MN: f64 = 1e-8;
+/// A body that moves by less than this part of its size everywhere is at rest, and its forces are what rounding leaves.
+const AT_REST: f64 = 1e-10;
 
 /// How levels are solved.
 pub(super) struct How<'a> {
@@ -139,12 +139,14 @@ impl Level {
         let most = |of: &mut dyn Iterator<Item = f64>| of.fold(0.0, f64::max);
         let force_apart = most(&mut before.iter().zip(&forces).map(|(a, b)| (*a - *b).norm()));
         let borne: f64 = next.solved.reaction.iter().map(|r| r.norm()).sum();
-        let share = |part: f64, all: f64, none: f64| if all > none { part / all } else { 0.0 };
+        let share = |part: f64, all: f64| if all > 0.0 { part / all } else { 0.0 };
+        let mut reach = self.refined.mesh.vertices[..given].iter().map(|p| (*p - Point::ORIGIN).norm());
+        let moves = most(&mut old.iter().chain(new).map(|d| d.norm())) > AT_REST * most(&mut reach);
         let force = most(&mut forces.iter().map(|f| f.norm())).max(BALANCED * borne);
         MeshChange {
             tets: self.solved.tets,
-            displacement: share(apart.sqrt(), all.sqrt(), 0.0),
-            force: share(force_apart, force, NO_FORCE_MN),
+            displacement: share(apart.sqrt(), all.sqrt()),
+            force: if moves { share(force_apart, force) } else { 0.0 },
         }
     }
 
