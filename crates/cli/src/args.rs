@@ -478,10 +478,10 @@ pub(crate) struct MeshArgs {
     #[arg(long, value_name = "RATIO", value_parser = crate::mesh::coarsest)]
     pub(crate) coarsest: Option<f64>,
     /// Refuse a mesh in which the surface of a label, or of all together, is not two-manifold or has another topology than
-    /// the labels, a hole or tunnel of a voxel or so is closed, a label has no element or a volume that is off by more than 1
-    /// %, or an element is of bad shape, naming what and where, instead of a remark. Of a mesh that is checked: bad shapes,
-    /// parts that overlap, surfaces that are not two-manifold, hanging nodes, doubled vertices; a surface that is open,
-    /// inside out or passes through itself.
+    /// the labels, or is off them by more than one and a half edges (a slit that is bridged), a hole or tunnel of a voxel or
+    /// so is closed, a label has no element or a volume that is off by more than 1 %, or an element is of bad shape, naming
+    /// what and where, instead of a remark. Of a mesh that is checked: bad shapes, parts that overlap, surfaces that are not
+    /// two-manifold, hanging nodes, doubled vertices; a surface that is open, inside out or passes through itself.
     #[arg(long)]
     pub(crate) strict: bool,
     /// File to write: tetrahedra as .vtu or .msh (Gmsh 4.1, with the interfaces as triangles), the outer surface as .ply or

@@ -279,6 +279,7 @@ pub(crate) fn label_json(l: &LabelReport) -> Value {
         "interface_mean_mm": l.interface.map(|i| i.mean),
         "interface_max_mm": l.interface.map(|i| i.max),
         "interface_max_at": l.interface.map(|i| i.max_at),
+        "interface_max_edge_mm": l.interface.map(|i| i.edge),
         "voxels": l.voxels,
         "lost_at": l.lost_at,
     });

@@ -2,8 +2,8 @@
 
 use super::improve::MOST_LABELS;
 use super::report::{
-    BadShapes, Boundary, ClosedGaps, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR,
-    SurfaceReport,
+    BadShapes, Boundary, ClosedGaps, InterfaceDistance, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO,
+    MOST_VOLUME_ERROR, SurfaceReport,
 };
 use thiserror::Error;
 
@@ -76,6 +76,14 @@ pub enum MeshError {
         voxels: usize,
         /// One of them, LPS mm.
         at: [f64; 3],
+    },
+    /// A surface is farther from that of the labels than elements are coarse there.
+    #[error("label {label}: {interface}")]
+    Far {
+        /// The label.
+        label: u16,
+        /// How far, and where.
+        interface: InterfaceDistance,
     },
     /// Holes, tunnels or slits in what is meshed are too thin for smooth surfaces.
     #[error("{0}")]

@@ -92,8 +92,8 @@ pub struct MeshOptions {
     /// Longest edge over the finest.
     pub coarsest: f64,
     /// Refuse a mesh in which the surface of a label, or of all together, is not two-manifold or has another Euler number or
-    /// number of pieces than the smoothed labels, gaps are closed that these leave open, a label has no element, its volume is off by more than
-    /// [`MOST_VOLUME_ERROR`], or an element is worse than [`LEAST_DIHEDRAL`], [`LARGEST_DIHEDRAL`] or
+    /// number of pieces than the smoothed labels or [is far](InterfaceDistance::is_far) from theirs, gaps are closed that the
+    /// labels leave open, a label has no element, its volume is off by more than [`MOST_VOLUME_ERROR`], or an element is worse than [`LEAST_DIHEDRAL`], [`LARGEST_DIHEDRAL`] or
     /// [`LEAST_RADIUS_RATIO`]; otherwise the report's remarks say so.
     pub strict: bool,
 }
@@ -201,7 +201,8 @@ pub fn mesh_observed<T: Copy + Eq + Into<u16> + Sync>(
     let mesh = finish(made.raw, &fields);
     not_inverted(&mesh)?;
     let (crumbs, coarse_regions) = (&made.crumbs, made.regions);
-    let source = Source { voxels, options, fields: &fields, size: &size, crumbs, coarse_regions };
+    let finest = start::even_edge_for(&size, found as f64);
+    let source = Source { voxels, options, fields: &fields, size: &size, crumbs, coarse_regions, finest };
     let report = report::report(&mesh, &source);
     done(Stage::Report);
     if options.strict {
@@ -281,8 +282,8 @@ fn not_inverted(mesh: &TetMesh) -> Result<(), MeshError> {
     bad().next().map_or(Ok(()), |first| Err(MeshError::Inverted { count: bad().count(), at: corners(first)[0] }))
 }
 
-/// Refuses labels without elements, surfaces that are not two-manifold or of another topology than the labels, gaps that
-/// were closed, wrong volumes and bad shapes.
+/// Refuses labels without elements, surfaces that are not two-manifold, of another topology than the labels or far from
+/// them, gaps that were closed, wrong volumes and bad shapes.
 fn strictly(report: &MeshReport) -> Result<(), MeshError> {
     let lost = |l: &LabelReport| Some(MeshError::Lost { label: l.label, voxels: l.voxels, at: l.lost_at? });
     if let Some(error) = report.labels.iter().find_map(lost) {
@@ -296,6 +297,9 @@ fn strictly(report: &MeshReport) -> Result<(), MeshError> {
         if let Some(at) = found.differs_at {
             return Err(MeshError::Euler { surface, report: Box::new(*found), at });
         }
+    }
+    if let Some((label, interface)) = report.far().next() {
+        return Err(MeshError::Far { label, interface });
     }
     if let Some(gaps) = report.closed_gaps {
         return Err(MeshError::ClosedGaps(gaps));

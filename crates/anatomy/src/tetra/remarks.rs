@@ -6,8 +6,7 @@ use super::report::{
     Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR, Source, SurfaceReport,
 };
 use super::solid::Solid;
-use super::start::even_edge_for;
-use super::voxels::Missing;
+use super::voxels::{Missing, Voxels};
 use super::{COUNT, LabelReport, MeshReport, listed, place};
 use monro_geometry::Point;
 use std::ops::Range;
@@ -34,11 +33,11 @@ pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(report: &MeshReport, sour
     let far = SURFACE_ERROR * source.fields.unit;
     for (i, l) in report.labels.iter().enumerate() {
         all.extend(of_crumbs(source, i));
-        let missing = missing(source, i);
-        let thin = missing.absent as f64 > MOST_ABSENT * l.voxels as f64;
+        let (absent, missing) = missing(source, i);
+        let thin = absent.len() as f64 > MOST_ABSENT * l.voxels as f64;
         if l.lost_at.is_none() {
             all.extend(of_missing(source, i, &missing));
-            all.extend(thin.then(|| of_thin(l, &missing)));
+            all.extend(thin.then(|| of_thin(l, &absent, &source.voxels)));
         }
         all.extend(of_label(l, report.coarse_regions, thin, far));
     }
@@ -49,13 +48,14 @@ pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(report: &MeshReport, sour
     all
 }
 
-/// Where surfaces have other handles and pieces than those of the labels, and gaps that they lack.
+/// Where surfaces have other handles and pieces than those of the labels or are far from them, and gaps that they lack.
 pub(super) fn topology(report: &MeshReport) -> Vec<String> {
     let of_labels = report.labels.iter().filter(|l| l.lost_at.is_none());
     let mut all: Vec<String> = of_labels.filter_map(|l| of_topology(Boundary::Label(l.label), &l.surface)).collect();
     if has_outer(report) {
         all.extend(of_topology(Boundary::Outer, &report.outer));
     }
+    all.extend(report.far().map(|(label, interface)| format!("label {label}: {interface}")));
     all.extend(report.closed_gaps.map(|gaps| gaps.to_string()));
     all
 }
@@ -100,13 +100,12 @@ fn of_density<T>(report: &MeshReport, source: &Source<'_, T>) -> Vec<String> {
     if source.options.density.is_empty() {
         return Vec::new();
     }
-    let (fields, size) = (source.fields, source.size);
-    let finest = even_edge_for(size, report.elements as f64);
+    let fields = source.fields;
     // Of each label: elements wanted and volume, both of samples.
     let mut samples = vec![[0.0; 2]; report.labels.len()];
     for (p, cells) in blocks(&fields.union) {
         let Some(sum) = fields.label_at(p).and_then(|l| samples.get_mut(l)) else { continue };
-        sum[0] += cells as f64 * size.edge(p, finest).powi(-3);
+        sum[0] += cells as f64 * source.edge(p).powi(-3);
         sum[1] += cells as f64;
     }
     let found: Vec<[f64; 2]> = report.labels.iter().map(|l| [l.elements as f64, l.volume]).collect();
@@ -167,7 +166,7 @@ fn of_crumbs<T>(source: &Source<'_, T>, label: usize) -> Option<String> {
     ))
 }
 
-fn missing<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>, label: usize) -> Missing {
+fn missing<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>, label: usize) -> (Vec<usize>, Missing) {
     let fields = source.fields;
     let solid = Solid::new(fields, label);
     let is_there = |p| solid.holds(p) || fields.label_at(p) == Some(label);
@@ -199,9 +198,9 @@ fn of_missing<T: Copy + Eq + Into<u16> + Sync>(
 }
 
 /// A label that is not where its voxels are, although its volume may be theirs: the mesh is made thicker for what it lacks.
-fn of_thin(l: &LabelReport, missing: &Missing) -> String {
-    let share = 100.0 * missing.absent as f64 / l.voxels as f64;
-    let why = if 2 * missing.thin > missing.absent {
+fn of_thin<T: Copy + Eq + Into<u16> + Sync>(l: &LabelReport, absent: &[usize], voxels: &Voxels<'_, T>) -> String {
+    let share = 100.0 * absent.len() as f64 / l.voxels as f64;
+    let why = if voxels.are_thin(absent, l.label) {
         "it is thinner than two voxels there"
     } else {
         "it is so small or rough that they are of its corners and edges"

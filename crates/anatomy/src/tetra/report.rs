@@ -15,6 +15,8 @@ use std::fmt;
 
 /// Points per surface and direction for the distances.
 const SAMPLES: usize = 10_000;
+/// Edges that a surface may be off.
+const MOST_EDGES_OFF: f64 = 1.5;
 /// Bounds of the bands of distance in mm.
 const BANDS: [f64; 8] = [0.0, 0.9, 2.0, 5.0, 10.0, 20.0, 40.0, f64::INFINITY];
 
@@ -42,6 +44,27 @@ pub struct InterfaceDistance {
     pub max: f64,
     /// Where it is, LPS mm.
     pub max_at: [f64; 3],
+    /// Edge of the elements wanted there, mm.
+    pub edge: f64,
+}
+
+impl InterfaceDistance {
+    /// Whether the surfaces are farther apart somewhere than elements are coarse there: on heads they are by up to 0.9 edges,
+    /// where furrows are narrow, but by several where a flat slit is bridged.
+    pub fn is_far(&self) -> bool {
+        self.max > MOST_EDGES_OFF * self.edge
+    }
+}
+
+impl fmt::Display for InterfaceDistance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { max, max_at, edge, .. } = *self;
+        write!(
+            f,
+            "the surface and that of the smoothed voxels are {max:.1} mm apart near {}, where edges are {edge:.1} mm: slits, tunnels and sheets no wider than a voxel or two are bridged or lost there; label what fills them, make them wider, or resample the labels to voxels of half the size and ask for so many elements that edges are shorter than they are wide",
+            place(max_at)
+        )
+    }
 }
 
 /// Holes, tunnels and slits that are no wider than a voxel or two, or cells of the smooth fields: these do not keep them.
@@ -201,7 +224,8 @@ pub struct MeshReport {
     /// What a user should know: labels asked for that are not there, a count or volumes missed, bad shapes, pieces given
     /// away, labels that lost their shape or topology.
     pub remarks: Vec<String>,
-    /// Where surfaces have other handles or pieces than those of the labels, and gaps that they lack, in words.
+    /// Where surfaces have other handles or pieces than those of the labels or are far from them, and gaps that they lack, in
+    /// words.
     pub topology: Vec<String>,
 }
 
@@ -213,6 +237,15 @@ pub(super) struct Source<'a, T> {
     pub(super) size: &'a SizeField,
     pub(super) crumbs: &'a [Crumb],
     pub(super) coarse_regions: bool,
+    /// The finest edge wanted for the mesh's elements, mm.
+    pub(super) finest: f64,
+}
+
+impl<T> Source<'_, T> {
+    /// Edge of the elements wanted at a point, mm.
+    pub(super) fn edge(&self, p: V3) -> f64 {
+        self.size.edge(p, self.finest)
+    }
 }
 
 pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &Source<'_, T>) -> MeshReport {
@@ -259,6 +292,12 @@ fn closed_gaps<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>) -> Optio
 }
 
 impl MeshReport {
+    /// Labels with surfaces that [are far](InterfaceDistance::is_far) from theirs. Those of coarse regions are so anyway.
+    pub(super) fn far(&self) -> impl Iterator<Item = (u16, InterfaceDistance)> {
+        let of = |l: &LabelReport| Some((l.label, l.interface.filter(InterfaceDistance::is_far)?));
+        self.labels.iter().filter(|_| !self.coarse_regions).filter_map(of)
+    }
+
     /// All that there is to say in words.
     pub fn all_remarks(&self) -> Vec<&String> {
         self.remarks.iter().chain(&self.topology).collect()
@@ -306,7 +345,7 @@ fn label_report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &Source
         elements,
         volume,
         volume_error: volume / (fields.extents[l].count as f64 * fields.voxel) - 1.0,
-        interface: distances(&surface, &truth),
+        interface: distances(&surface, &truth, |p| source.edge(p)),
         surface: SurfaceReport::new(&surface, &truth, fields.unit),
         voxels: fields.extents[l].count,
         lost_at: (elements == 0).then(|| voxels.one(|x| x == label)),
@@ -342,14 +381,14 @@ fn without_specks(
     surface
 }
 
-fn distances(a: &TriangleMesh, b: &TriangleMesh) -> Option<InterfaceDistance> {
+fn distances(a: &TriangleMesh, b: &TriangleMesh, edge: impl Fn(V3) -> f64) -> Option<InterfaceDistance> {
     let (there, back) = (one_way(a, b)?, one_way(b, a)?);
-    let far = if there.max >= back.max { there } else { back };
-    Some(InterfaceDistance { mean: there.mean.max(back.mean), ..far })
+    let (_, max, max_at) = if there.1 >= back.1 { there } else { back };
+    Some(InterfaceDistance { mean: there.0.max(back.0), max, max_at, edge: edge(max_at) })
 }
 
-/// From the vertices and centroids of one surface to the other.
-fn one_way(from: &TriangleMesh, to: &TriangleMesh) -> Option<InterfaceDistance> {
+/// From the vertices and centroids of one surface to the other: the mean and the largest distance, and where that is.
+fn one_way(from: &TriangleMesh, to: &TriangleMesh) -> Option<(f64, f64, V3)> {
     let count = from.vertices.len() + from.triangles.len();
     let stride = count.div_ceil(SAMPLES).max(1);
     let point = |i: usize| match from.vertices.get(i) {
@@ -362,5 +401,5 @@ fn one_way(from: &TriangleMesh, to: &TriangleMesh) -> Option<InterfaceDistance> 
         samples.into_par_iter().filter_map(|i| bvh.nearest(point(i)).map(|n| (n.distance, i))).collect();
     let &(max, at) = all.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
     let mean = all.iter().map(|d| d.0).sum::<f64>() / all.len() as f64;
-    Some(InterfaceDistance { mean, max, max_at: point(at).to_array() })
+    Some((mean, max, point(at).to_array()))
 }

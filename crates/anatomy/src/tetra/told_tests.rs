@@ -123,6 +123,27 @@ fn a_tunnel_of_one_voxel_was_filled_without_a_word_strict_or_not() {
 }
 
 #[test]
+fn a_slit_of_one_voxel_was_bridged_without_a_word_strict_or_not() {
+    let mut labels = ball_with([1.0; 3], &[]);
+    let grid = *labels.grid();
+    for (at, label) in labels.data_mut().iter_mut().enumerate() {
+        let [i, _, k] = grid.voxel(at);
+        if i == 21 && k >= 15 {
+            *label = 0;
+        }
+    }
+    let options = MeshOptions::new(&[4], &[], 20_000);
+    let (_, report) = mesh(&labels, &options).expect("a mesh");
+    assert_eq!((report.closed_gaps, report.outer.euler), (None, report.outer.euler_labels), "the fields keep it open");
+    let far = report.labels[0].interface.expect("there");
+    assert!(far.is_far() && far.max > 8.0, "{far:?}");
+    let words = format!("{:.1} mm apart", far.max);
+    assert!(report.topology.iter().any(|r| r.contains(&words)), "{:?}", report.topology);
+    let refused = mesh(&labels, &MeshOptions { strict: true, ..options }).expect_err("refused");
+    assert!(matches!(refused, MeshError::Far { label: 4, .. }), "{refused}");
+}
+
+#[test]
 fn too_few_elements_for_a_slab_were_told_as_voxels_that_are_too_thin() {
     let slab = labelled([1.0; 3], |v| {
         u8::from((2..42).contains(&v[0]) && (2..42).contains(&v[1]) && (20..22).contains(&v[2]))

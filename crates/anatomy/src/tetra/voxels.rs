@@ -84,17 +84,21 @@ impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
         }
     }
 
-    /// The small separate pieces of a label of which no voxel `is_there`, by its centre, in what they were smoothed to; and
-    /// how many voxels are not there in all.
+    /// The voxels of a label that are not there, by their centres, in what they were smoothed to; and what they are of.
     pub(super) fn missing(
         &self,
         label: (u16, &Extent),
         step: f64,
         is_there: impl Fn([f64; 3]) -> bool + Sync,
-    ) -> Missing {
+    ) -> (Vec<usize>, Missing) {
         let absent = self.absent(label, usize::MAX, is_there);
-        let thin = absent.iter().filter(|&&at| self.is_thin(at, label.0)).count();
-        Missing { thin, ..self.lost(&absent, label.0, step) }
+        let missing = self.lost(&absent, label.0, step);
+        (absent, missing)
+    }
+
+    /// Whether most of some voxels of a label are of no block of two by two by two of it.
+    pub(super) fn are_thin(&self, voxels: &[usize], label: u16) -> bool {
+        2 * voxels.iter().filter(|&&at| self.is_thin(at, label)).count() > voxels.len()
     }
 
     /// Whether a voxel is of no block of two by two by two of its label.
@@ -111,51 +115,53 @@ impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
     /// none that share a corner with them: holes, tunnels and slits. A dent only becomes shallower, and one beside it is left.
     pub(super) fn filled(
         &self,
-        &Extent { low, high, .. }: &Extent,
+        extent: &Extent,
         of: impl Fn(u16) -> bool + Sync,
         is_filled: impl Fn([f64; 3]) -> bool + Sync,
     ) -> Vec<usize> {
         let (grid, data) = (self.0.grid(), self.0.data());
         let is_gone = |at: usize| of(data[at].into()) || is_filled(centre(grid, at));
         let is_inside = |at: usize| around(grid.voxel(at), grid.dims()).all(|[i, j, k]| is_gone(grid.index(i, j, k)));
-        let of_slice = |k: usize| {
-            let mut filled = Vec::new();
-            for j in low[1]..=high[1] {
-                let first = grid.index(low[0], j, k);
-                for run in kept(&data[first..=grid.index(high[0], j, k)], |l| !of(l.into())) {
-                    filled.extend(run.map(|i| first + i).filter(|&at| is_filled(centre(grid, at)) && is_inside(at)));
-                }
-            }
-            filled
-        };
-        (low[2]..=high[2]).into_par_iter().flat_map_iter(of_slice).collect()
+        self.within(extent, usize::MAX, |l| !of(l), |at| is_filled(centre(grid, at)) && is_inside(at))
     }
 
     /// The voxels of a label, in runs along the first axis of up to `longest`, that are not there.
     fn absent(
         &self,
-        (label, &Extent { low, high, .. }): (u16, &Extent),
+        (label, extent): (u16, &Extent),
         longest: usize,
         is_there: impl Fn([f64; 3]) -> bool + Sync,
     ) -> Vec<usize> {
+        self.within(extent, longest, |l| l == label, |at| !is_there(centre(self.0.grid(), at)))
+    }
+
+    /// The voxels in a box that `is` accepts, of those in runs along the first axis, of up to `longest`, of labels that `of`
+    /// accepts; in order.
+    fn within(
+        &self,
+        &Extent { low, high, .. }: &Extent,
+        longest: usize,
+        of: impl Fn(u16) -> bool + Sync,
+        is: impl Fn(usize) -> bool + Sync,
+    ) -> Vec<usize> {
         let (grid, data) = (self.0.grid(), self.0.data());
         let of_slice = |k: usize| {
-            let mut absent = Vec::new();
+            let mut found = Vec::new();
             for j in low[1]..=high[1] {
                 let first = grid.index(low[0], j, k);
-                let row = &data[first..=grid.index(high[0], j, k)];
-                for run in kept(row, |l| l.into() == label).filter(|run| run.len() <= longest) {
-                    absent.extend(run.map(|i| first + i).filter(|&at| !is_there(centre(grid, at))));
+                let runs = kept(&data[first..=grid.index(high[0], j, k)], |l| of(l.into()));
+                for run in runs.filter(|run| run.len() <= longest) {
+                    found.extend(run.map(|i| first + i).filter(|&at| is(at)));
                 }
             }
-            absent
+            found
         };
         (low[2]..=high[2]).into_par_iter().flat_map_iter(of_slice).collect()
     }
 
     /// The small pieces of a label all of whose voxels are `absent`.
     fn lost(&self, absent: &[usize], label: u16, step: f64) -> Missing {
-        let (mut all, mut seen) = (Missing { absent: absent.len(), ..Missing::default() }, BTreeSet::new());
+        let (mut all, mut seen) = (Missing::default(), BTreeSet::new());
         for &at in absent {
             if seen.contains(&at) {
                 continue;
@@ -171,16 +177,12 @@ impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
     }
 }
 
-/// What of a label is lost.
+/// The small pieces of a label that are lost.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Missing {
     pub(super) pieces: usize,
     /// Voxels of those pieces.
     pub(super) voxels: usize,
-    /// All voxels whose centres are lost, those of no small piece, too.
-    pub(super) absent: usize,
-    /// Those of them that are of no block of two by two by two of the label.
-    pub(super) thin: usize,
     /// The centre of a voxel of one of them, LPS mm.
     pub(super) at: [f64; 3],
 }
