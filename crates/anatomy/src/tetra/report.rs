@@ -61,7 +61,7 @@ impl fmt::Display for InterfaceDistance {
         let Self { max, max_at, edge, .. } = *self;
         write!(
             f,
-            "the surface and that of the smoothed voxels are {max:.1} mm apart near {}, where edges are {edge:.1} mm: slits, tunnels and sheets no wider than a voxel or two are bridged or lost there; label what fills them, make them wider, or resample the labels to voxels of half the size and ask for so many elements that edges are shorter than they are wide",
+            "the surface and that of the smoothed voxels are {max:.1} mm apart near {}, where edges are {edge:.1} mm: slits, tunnels, sheets and specks no wider than a voxel or two are bridged or lost there; relabel them, make them wider, or resample the labels to voxels of half the size and ask for so many elements that edges are shorter than they are wide",
             place(max_at)
         )
     }

@@ -51,6 +51,10 @@ pub(super) fn read(case: &Value) -> Result<BTreeMap<u16, Material>> {
 /// Young's modulus (Pa) and Poisson's ratio.
 fn moduli(m: &Value) -> Result<(f64, f64)> {
     let of = |name: &str| m[name].as_f64();
+    for name in ["E", "nu", "mu", "lam", "lam_hat"] {
+        let given = m.get(name).filter(|v| !v.is_number());
+        ensure!(given.is_none(), "\"{name}\" is {}, wanted a number", given.unwrap_or_default());
+    }
     for (name, value) in [("E", of("E")), ("mu", of("mu"))] {
         let wrong = value.filter(|v| !(v.is_finite() && *v > 0.0));
         ensure!(wrong.is_none(), "{name} is {} Pa, wanted more than 0", wrong.unwrap_or_default());

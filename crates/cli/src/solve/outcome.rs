@@ -56,8 +56,9 @@ fn stopped(stop: Stop, solved: &StaticSolution) -> String {
         Stop::Unborne => {
             return format!(
                 "this is no answer: {}; forces out of balance sum up to {:.2} % of the loads (wanted less than 1 %), \
-                 because they are small against the forces of something stiff that is moved; hold that by supports \
-                 instead, or make its modulus nearer to that of its surroundings",
+                 because nothing holds what they push (remarks name what is loose), or because they are small against the \
+                 forces of something stiff that is moved: hold that by supports instead, or make its modulus nearer to \
+                 that of its surroundings",
                 why(stop),
                 100.0 * solved.unborne
             );

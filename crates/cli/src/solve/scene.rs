@@ -13,6 +13,33 @@ use std::path::{Path, PathBuf};
 
 const MM: f64 = 1e3;
 
+/// Words (small letters) of units that are not of SI without prefixes.
+const NOT_SI: [&str; 24] = [
+    "mm",
+    "cm",
+    "dm",
+    "um",
+    "µm",
+    "km",
+    "in",
+    "inch",
+    "inches",
+    "millimetre",
+    "millimetres",
+    "millimeter",
+    "millimeters",
+    "centimetre",
+    "centimetres",
+    "centimeter",
+    "centimeters",
+    "g",
+    "kpa",
+    "mpa",
+    "gpa",
+    "mn",
+    "kn",
+    "mmhg",
+];
 /// Largest coordinate of a mesh, m.
 const FAR: f64 = 1e4;
 
@@ -75,8 +102,12 @@ fn of_case(
     folder: &Path,
     [mesh_name, case_name]: [&str; 2],
 ) -> Result<Scene> {
-    let energy = if scene["energy"].is_object() { &scene["energy"]["name"] } else { &scene["energy"] };
-    let energy = word(energy, "energy", "stable_neo_hookean")?;
+    let energy = match &scene["energy"] {
+        of @ Value::Object(_) => {
+            of["name"].as_str().with_context(|| wanted(&of["name"], "name", "that of the energy"))?
+        }
+        name => word(name, "energy", "stable_neo_hookean")?,
+    };
     ensure!(energy == "stable_neo_hookean", "the energy is \"{energy}\"; only stable_neo_hookean is known");
     si(&scene["units"])?;
     let name = mesh["file"].as_str().with_context(|| format!("mesh \"{mesh_name}\" names no file"))?;
@@ -98,9 +129,13 @@ fn of_case(
     Ok(Scene { grid, mesh: tets, materials, problem, sets, remarks, sources: Vec::new() })
 }
 
-/// Refuses units other than SI, if a scene names its units.
+/// Refuses units other than SI, if a scene names its units: "SI (mm)" is none either.
 fn si(units: &Value) -> Result<()> {
-    let named = units.as_str().map_or(units.is_null(), |u| u.trim_start().to_uppercase().starts_with("SI"));
+    let is_si = |text: &str| {
+        let mut words = text.split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()).map(str::to_lowercase);
+        words.next().is_some_and(|first| first == "si") && words.all(|w| !NOT_SI.contains(&w.as_str()))
+    };
+    let named = units.as_str().map_or(units.is_null(), is_si);
     ensure!(named, "the units are {units}; only SI is read (m, N, Pa): convert the scene and its mesh, and say \"SI\"");
     Ok(())
 }
@@ -151,7 +186,9 @@ fn mesh_mm(grid: &UnstructuredGrid, materials: &BTreeMap<u16, Material>) -> Resu
             volumes[first]
         );
     }
-    Ok(TetMesh { vertices, tets, labels })
+    let mesh = TetMesh { vertices, tets, labels };
+    mesh.validate()?;
+    Ok(mesh)
 }
 
 type Sets = Vec<(String, Vec<u32>)>;

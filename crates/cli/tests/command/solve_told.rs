@@ -355,11 +355,16 @@ fn input_that_was_read_as_something_else_is_refused() {
         }
     };
     let put = |at: &'static str, value: Value| move |s: &mut Value| s["cases"]["stretch"][at] = value;
-    let table: [(Change, &[&str]); 7] = [
+    let table: [(Change, &[&str]); 12] = [
         (Box::new(face(json!([]))), &["list \"f\" is empty"]),
         (Box::new(face(json!([[0, 1, 2, 3]]))), &["face 0", "[0,1,2,3]", "three"]),
         (Box::new(put("body_force", json!([0.0, 0.0, -1.0, "x"]))), &["body_force", "three numbers"]),
         (Box::new(|s| s["units"] = json!("mm")), &["\"mm\"", "only SI"]),
+        (Box::new(|s| s["units"] = json!("SI (mm)")), &["\"SI (mm)\"", "only SI"]),
+        (Box::new(|s| s["units"] = json!("SI: m, kg, s, N, kPa")), &["only SI"]),
+        (Box::new(|s| s["units"] = json!("simple")), &["only SI"]),
+        (Box::new(|s| s["energy"] = json!({})), &["\"name\"", "energy"]),
+        (Box::new(put("materials", json!({ "1": { "E": "3000", "nu": 0.3 } }))), &["\"E\" is \"3000\"", "a number"]),
         (
             Box::new(put("materials", json!({ "1": { "E": 3000.0, "nu": 0.49, "mu": 1006.711, "lam": 45000.0 } }))),
             &["it also says lam 45000: -8.", "one pair only"],
