@@ -66,6 +66,7 @@ export interface Status {
   role: Role | null;
   tracker: string;
   tracker_diagnosis: string;
+  tracker_frozen: string | null;
   recording_trouble: string | null;
   simulated: boolean;
   paused: boolean;
@@ -96,7 +97,7 @@ export interface Registration {
   why_not: string | null;
   remarks: string[];
   phase: Guidance["phase"];
-  checked: { name: string; distance_mm: number; limit_mm: number; holds: boolean } | null;
+  checked: { name: string; distance_mm: number; limit_mm: number; holds: boolean; hidden_motion_mm: number | null } | null;
 }
 
 export interface Calibration {

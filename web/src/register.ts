@@ -83,7 +83,9 @@ export class Register {
     const { checked } = r;
     if (checked) {
       const text = `${checked.name}: ${mm(checked.distance_mm)} off, at most ${mm(checked.limit_mm)} explained by noise`;
-      this.#say(checked.holds ? `✓ ${text}. The registration holds.` : `✗ ${text}. Register again.`, checked.holds ? "good" : "bad");
+      const hidden = checked.hidden_motion_mm;
+      const why = hidden === null ? "Register again." : `That does not tell whether the reference moved by ${mm(hidden)} on the patient: register again.`;
+      this.#say(checked.holds ? `✓ ${text}. The registration holds.` : `✗ ${text}. ${why}`, checked.holds ? "good" : "bad");
     } else this.#say(r.landmarks.some((l) => l.touched) ? [r.why_not, ...r.remarks].filter(Boolean).join(" ") : "", r.remarks.length ? "bad" : "");
   }
 

@@ -19,6 +19,7 @@ export async function killedTracker(monro, start, open, folder, { until, text, n
     const numbers = ["#n-rigid", "#n-angle", "#n-offset", "#n-depth"];
     await shows("Live");
     await until("numbers", async () => Number.isFinite(await number(p, "#n-rigid")));
+    await frozenIsSaid(p, until, text);
     tracker.kill("SIGKILL");
     await shows("Lost");
     for (const id of [...numbers, "#n-distance", "#n-miss", "#n-ventricle", "#n-tre"]) assert.equal(await text(p, id), "–", id);
@@ -36,4 +37,21 @@ export async function killedTracker(monro, start, open, folder, { until, text, n
     child.kill();
     tracker.kill("SIGKILL");
   }
+}
+
+/** A tool that does not move at all is told while its poses come: then the numbers look sound. */
+async function frozenIsSaid(p, until, text) {
+  await p.evaluate(() => {
+    const honest = window.fetch;
+    window.fetch = async (...of) => {
+      const answer = await honest(...of);
+      if (!String(of[0]).endsWith("/api/status")) return answer;
+      return new Response(JSON.stringify({ ...(await answer.json()), tracker_frozen: "'Catheter' has not moved to the last digit" }));
+    };
+    window.honest = honest;
+  });
+  await until("it is frozen", async () => /Poses do not change: 'Catheter'/.test(await text(p, "#alarm")));
+  assert.equal(await text(p, "#signal span"), "Live");
+  await p.evaluate(() => void (window.fetch = window.honest));
+  await until("it is not any more", async () => (await text(p, "#alarm")) === "");
 }

@@ -8,7 +8,7 @@ use anyhow::{Context, Result, bail, ensure};
 use monro_anatomy::segment;
 use monro_case::{CASE, Case, Manifest, OutputError, Staging, check_output};
 use monro_geometry::Volume;
-use monro_prepare::{Observer, Prepared, Request};
+use monro_prepare::{Labels, Observer, Prepared, Request};
 use monro_scan::{ReadOptions, Scan};
 use monro_server::Ready;
 use monro_server::edit::{EditOptions, Known, Rebuilt, Start, StartLabels, Subject, serve_edit};
@@ -176,9 +176,11 @@ fn rebuild(
     let wide = labels.map(u16::from);
     let mut prepared = match basis {
         Basis::Case(case) => monro_prepare::rebuild(case, scan.clone(), wide, observer)?,
-        Basis::Scan => {
-            monro_prepare::build(scan.clone(), &Request { labels: Some(wide), ..Request::default() }, observer)?
-        }
+        Basis::Scan => monro_prepare::build(
+            scan.clone(),
+            &Request { labels: Labels::Given(wide), ..Request::default() },
+            observer,
+        )?,
     };
     let manifest = &mut prepared.case.manifest;
     manifest.confidence.clone_from(&known.confidence);

@@ -3,7 +3,7 @@
 //! A tracker cannot tell a bumped reference from a moved table: both move the body in the tracker's frame. Either is a
 //! reason to touch a landmark again, so any motion beyond noise raises the alarm, and it stays raised until that was done.
 
-use monro_geometry::{Rigid, Tool, Tracker, Vector};
+use monro_geometry::{Point, Rigid, Tool, Tracker, Vector};
 use std::collections::VecDeque;
 
 /// When a motion of the reference counts.
@@ -68,6 +68,18 @@ impl ReferenceGuard {
         self.bump
     }
 
+    /// While the alarm is raised: how far a point of the patient, given where it is seen now in the frame of the reference, has
+    /// gone in that frame since the baseline, if it was the reference that moved and not the patient with it; mm.
+    pub fn motion_of(&self, now: Point<Tool>) -> Option<f64> {
+        let moved = self.moved()?;
+        self.bump.map(|_| moved.point(now).distance(now))
+    }
+
+    /// The reference as it is now in its own frame at the baseline, of the last poses.
+    fn moved(&self) -> Option<Rigid<Tool, Tool>> {
+        Some(self.baseline?.inverse().after(&mean(self.recent.iter().map(|(_, pose)| pose))?))
+    }
+
     /// Whether the baseline is complete.
     pub const fn is_armed(&self) -> bool {
         self.baseline.is_some()
@@ -98,9 +110,7 @@ impl ReferenceGuard {
     }
 
     fn compare(&mut self, time: f64) {
-        let now = mean(self.recent.iter().map(|(_, pose)| pose));
-        let (Some(baseline), Some(now)) = (self.baseline, now) else { return };
-        let moved = baseline.inverse().after(&now);
+        let Some(moved) = self.moved() else { return };
         let (shift, turn) = (moved.translation().norm(), moved.angle());
         // Against what is allowed: from 1 on it is an alarm, which tells the farthest motion since.
         let far = |shift: f64, turn: f64| (shift / self.options.shift).max(turn / self.options.turn);
@@ -146,7 +156,6 @@ mod tests {
     use super::*;
     use crate::simulation::MarkerTool;
     use crate::{Covariance, Random};
-    use monro_geometry::Point;
 
     fn pose(x: f64, angle: f64) -> Rigid<Tracker, Tool> {
         Rigid::from_axis_angle(Vector::new(0.0, 1.0, 1.0), 1.0 + angle, Vector::new(x, 20.0, 900.0)).expect("axis")
@@ -213,6 +222,18 @@ mod tests {
         }
         let bump = guard.bump().expect("8 mm");
         assert!((bump.shift - 8.0).abs() < 1e-6 && bump.time < 0.15, "{bump:?}");
+    }
+
+    #[test]
+    fn a_point_of_a_patient_who_stays_goes_as_far_as_the_reference_there() {
+        let mut guard = watching(GuardOptions { average: 4, ..GuardOptions::default() });
+        let (before, after) = (pose(0.0, 0.0), pose(3.0, 0.02));
+        (0..8).for_each(|i| _ = guard.push(&before, f64::from(i) / 120.0));
+        assert_eq!(guard.motion_of(Point::ORIGIN), None, "no alarm");
+        (8..16).for_each(|i| _ = guard.push(&after, f64::from(i) / 120.0));
+        let [was, now] = [before, after].map(|p| p.inverse().point(Point::new(100.0, -40.0, 950.0)));
+        let motion = guard.motion_of(now).expect("an alarm");
+        assert!((motion - was.distance(now)).abs() < 1e-9 && motion > 3.5, "{motion}");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The stages from a volume in HU to a case in memory.
 
 use crate::plan::{self, Planned};
-use crate::{NOTICE, Observer, PrepareError, Request, Stage};
+use crate::{Labels, NOTICE, Observer, PrepareError, Request, Stage};
 use monro_anatomy::segment::{self, Doubt, Segmentation};
 use monro_anatomy::surface::{self, Surface, SurfaceOptions};
 use monro_anatomy::tetra::{self, MeshOptions, MeshReport};
@@ -38,7 +38,7 @@ struct Surfaces {
 /// [`PrepareError`] says which stage failed and why.
 pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<Prepared, PrepareError> {
     scan.warnings.iter().chain(&scan.resampled).for_each(|text| observer.remark(text));
-    let segmentation = stage(observer, Stage::Segment, || labels(&scan, request.labels.as_ref()))?;
+    let segmentation = stage(observer, Stage::Segment, || labels(&scan, &request.labels))?;
     let surfaces = stage(observer, Stage::Surfaces, || surfaces(&segmentation.labels))?;
     let planned = stage(observer, Stage::Plan, || {
         plan::plan(&scan.volume, &segmentation, [&surfaces.skin.mesh, &surfaces.skull], request)
@@ -52,7 +52,7 @@ pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<P
         observer.remark(finding);
     }
     let case = Case {
-        manifest: manifest(&scan, &segmentation, &planned, findings),
+        manifest: Manifest { plan_given: request.path.is_some(), ..manifest(&scan, &segmentation, &planned, findings) },
         plan: planned.plan,
         landmarks: planned.landmarks,
         skin: surfaces.skin.mesh,
@@ -64,7 +64,8 @@ pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<P
 }
 
 /// Builds a case again from its own CT and from corrected labels. Identity, source, side, the wanted number of
-/// tetrahedra and what is known of the automatic segmentation are those of the case; landmarks, plan, surfaces and tetrahedra are made anew.
+/// tetrahedra, what is known of the automatic segmentation and a path that was given are those of the case; landmarks,
+/// surfaces, tetrahedra and a path that was found are made anew.
 ///
 /// # Errors
 /// As [`build`].
@@ -74,8 +75,12 @@ pub fn rebuild(
     labels: Volume<u16>,
     observer: &dyn Observer,
 ) -> Result<Prepared, PrepareError> {
-    let request =
-        Request { elements: case.tets.tets.len(), side: Some(case.plan.side()), labels: Some(labels), path: None };
+    let request = Request {
+        elements: case.tets.tets.len(),
+        side: Some(case.plan.side()),
+        labels: Labels::Given(labels),
+        path: case.manifest.plan_given.then(|| [case.plan.entry(), case.plan.target()]),
+    };
     let mut prepared = build(scan, &request, observer)?;
     let made = &mut prepared.case.manifest;
     made.pseudonym.clone_from(&case.manifest.pseudonym);
@@ -100,9 +105,11 @@ fn stage<T>(
     out
 }
 
-fn labels(scan: &Scan, given: Option<&Volume<u16>>) -> Result<Segmentation, PrepareError> {
-    let Some(labels) = given else {
-        return segment::segment(&scan.volume).map_err(PrepareError::Segment);
+fn labels(scan: &Scan, from: &Labels) -> Result<Segmentation, PrepareError> {
+    let labels = match from {
+        Labels::Automatic => return segment::segment(&scan.volume).map_err(PrepareError::Segment),
+        Labels::Known(segmentation) => return Ok(Segmentation::clone(segmentation)),
+        Labels::Given(labels) => labels,
     };
     let known = |l: u16| u8::try_from(l).ok().filter(|l| Structure::from_label(*l).is_some());
     if let Some(bad) = labels.data().iter().find(|l| known(**l).is_none()) {
@@ -261,6 +268,7 @@ fn manifest(scan: &Scan, segmentation: &Segmentation, planned: &Planned, finding
         notice: NOTICE.into(),
         pseudonym: scan.pseudonym.clone(),
         side: planned.plan.side().name().into(),
+        plan_given: false,
         skull_angle_deg: planned.skull_angle_deg,
         source: Source {
             format: scan.source.format.name().into(),

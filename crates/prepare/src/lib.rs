@@ -16,7 +16,7 @@ pub use build::{Prepared, build, confidence, rebuild, simulated_labels, spots, v
 pub use error::PrepareError;
 pub use landmarks::named as named_landmarks;
 pub use observer::{Observer, Silent, Stage};
-pub use request::{DEFAULT_ELEMENTS, Request};
+pub use request::{DEFAULT_ELEMENTS, Labels, Request};
 pub use write::write;
 
 /// Said wherever a result leaves the program.

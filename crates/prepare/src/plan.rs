@@ -9,6 +9,8 @@ use monro_guidance::{Plan, Side, skull_angle};
 
 /// A given entry may lie this far from the skin: markers and thick hair, but not another head.
 const ENTRY_OFF_SKIN_MM: f64 = 30.0;
+/// A given entry as near to the skin as this is on it, mm.
+const ENTRY_ON_SKIN_MM: f64 = 1.0;
 /// Beyond this an entry is remarked upon; other burr holes in use (Keen, Dandy, Frazier) are further away than that.
 const FAR_FROM_KOCHER_MM: f64 = 40.0;
 /// A target this much beside a ventricle is told, beyond half a voxel, mm.
@@ -37,9 +39,9 @@ pub(crate) fn plan(
     request: &Request,
 ) -> Result<Planned, PrepareError> {
     let found = landmarks::find(ct, segmentation);
-    let plan = match (request.path, &found) {
+    let (plan, moved) = match (request.path, &found) {
         (Some(path), _) => given(path, segmentation, skin, request)?,
-        (None, Ok(marks)) => automatic(marks, request.side.unwrap_or(Side::Right))?,
+        (None, Ok(marks)) => (automatic(marks, request.side.unwrap_or(Side::Right))?, None),
         (None, Err(error)) => return Err(PrepareError::Landmarks(error.clone())),
     };
     let skull_angle_deg = skull_normal(&plan, skull)
@@ -47,7 +49,8 @@ pub(crate) fn plan(
         .and_then(|normal| skull_angle(&plan, normal))
         .map(|from_normal| 90.0 - from_normal.to_degrees());
     let beside = || ends_beside(&plan, &segmentation.labels).filter(|_| request.path.is_none());
-    let mut findings: Vec<String> = doubts(&plan, &segmentation.labels).or_else(beside).into_iter().collect();
+    let mut findings: Vec<String> =
+        moved.into_iter().chain(doubts(&plan, &segmentation.labels).or_else(beside)).collect();
     if skull_angle_deg.is_none() {
         findings.push(
             "the path crosses no skull, so its angle is unknown: is the head cut open where it goes in (a burr hole, a flap of \
@@ -80,7 +83,7 @@ fn given(
     segmentation: &Segmentation,
     skin: &TriangleMesh,
     request: &Request,
-) -> Result<Plan, PrepareError> {
+) -> Result<(Plan, Option<String>), PrepareError> {
     let is_left = segmentation.midsagittal.signed_distance(entry) >= 0.0;
     let side = if is_left { Side::Left } else { Side::Right };
     if let Some(wanted) = request.side
@@ -89,17 +92,41 @@ fn given(
         return Err(PrepareError::Side { wanted: wanted.name(), found: side.name() });
     }
     let plan = Plan::new(side, entry, target)?;
-    check_ends(&plan, &segmentation.labels, skin)?;
-    Ok(plan)
+    let skin = Bvh::new(skin);
+    check_ends(&plan, &segmentation.labels, &skin)?;
+    from_skin(plan, &skin)
+}
+
+/// The same path from where it goes through the skin: depths count from there. Markers lie above it, and entries on the skull
+/// below. With what to tell of it.
+fn from_skin(plan: Plan, skin: &Bvh) -> Result<(Plan, Option<String>), PrepareError> {
+    let out = skin.ray_all(plan.target(), -plan.direction()).into_iter().filter(|h| !h.entering);
+    let off = out.map(|h| h.t - plan.length()).min_by(|a, b| a.abs().total_cmp(&b.abs()));
+    let Some(off) = off.filter(|off| off.abs() <= ENTRY_OFF_SKIN_MM) else {
+        let told = "the path goes through the skin nowhere near its entry: depths count from the entry as given";
+        return Ok((plan, Some(told.into())));
+    };
+    if off.abs() <= ENTRY_ON_SKIN_MM {
+        return Ok((plan, None));
+    }
+    let entry = plan.at_depth(-off);
+    let [x, y, z] = entry.to_array();
+    let told = format!(
+        "the entry given lies {:.1} mm {} the skin along the path: the path begins at ({x:.1}, {y:.1}, {z:.1}) mm, where it goes \
+         through it, and depths count from there",
+        off.abs(),
+        if off > 0.0 { "under" } else { "above" }
+    );
+    Ok((Plan::new(plan.side(), entry, plan.target())?, Some(told)))
 }
 
 /// Refuses a path that cannot be one of this head: a target that is not inside the skull, an entry far from the skin.
-fn check_ends(plan: &Plan, labels: &Volume<u8>, skin: &TriangleMesh) -> Result<(), PrepareError> {
+fn check_ends(plan: &Plan, labels: &Volume<u8>, skin: &Bvh) -> Result<(), PrepareError> {
     let inside = |p| labels.nearest(p).and_then(Structure::from_label).is_some_and(Structure::is_intracranial);
     if !inside(plan.target()) {
         return Err(PrepareError::Target(plan.target().to_array()));
     }
-    let off = Bvh::new(skin).nearest(plan.entry()).map_or(f64::INFINITY, |n| n.distance);
+    let off = skin.nearest(plan.entry()).map_or(f64::INFINITY, |n| n.distance);
     if off > ENTRY_OFF_SKIN_MM {
         return Err(PrepareError::Entry { entry: plan.entry().to_array(), off, most: ENTRY_OFF_SKIN_MM });
     }

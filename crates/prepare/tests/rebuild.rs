@@ -1,9 +1,9 @@
 //! A case is built again from corrected labels; the observer sees every stage and can stop the work.
 
 use monro_anatomy::phantom::{HeadOptions, Phantom, head};
-use monro_geometry::{Structure, Volume};
+use monro_geometry::{Structure, Vector, Volume};
 use monro_guidance::Side;
-use monro_prepare::{Observer, PrepareError, Prepared, Request, Silent, Stage, build, confidence, rebuild};
+use monro_prepare::{Labels, Observer, PrepareError, Prepared, Request, Silent, Stage, build, confidence, rebuild};
 use monro_scan::{ReadOptions, Scan, nifti};
 use std::cell::RefCell;
 
@@ -17,7 +17,7 @@ fn phantom() -> (Phantom, Scan) {
 }
 
 fn given(labels: &Volume<u8>) -> Request {
-    Request { labels: Some(labels.map(u16::from)), elements: 3000, ..Request::default() }
+    Request { labels: Labels::Given(labels.map(u16::from)), elements: 3000, ..Request::default() }
 }
 
 fn ml(prepared: &Prepared, structure: Structure) -> f64 {
@@ -92,4 +92,51 @@ fn an_emptied_structure_is_an_error_that_names_it() {
     let none = made.labels.map(|l| if l == Structure::RightLateralVentricle.label() { 4 } else { l });
     let said = build(scan, &given(&none), &Silent).expect_err("refused").to_string();
     assert!(said.contains("right_lateral_ventricle"), "{said}");
+}
+
+#[test]
+fn a_path_that_was_given_was_replaced_by_the_automatic_one_in_a_rebuilt_case() {
+    let (made, scan) = phantom();
+    let found = build(scan.clone(), &given(&made.labels), &Silent).expect("case").case;
+    assert!(!found.manifest.plan_given);
+    let again = rebuild(&found, scan.clone(), made.labels.map(u16::from), &Silent).expect("rebuilt").case;
+    assert!(!again.manifest.plan_given, "a path that was found is sought again");
+    let own = [found.plan.entry() + Vector::new(4.0, 3.0, 0.0), found.plan.target() + Vector::new(0.0, 1.0, -2.0)];
+    let request = Request { path: Some(own), ..given(&made.labels) };
+    let first = build(scan.clone(), &request, &Silent).expect("case").case;
+    let second = rebuild(&first, scan, made.labels.map(u16::from), &Silent).expect("rebuilt").case;
+    assert!(first.manifest.plan_given && second.manifest.plan_given);
+    assert_eq!((second.plan.entry(), second.plan.target()), (first.plan.entry(), own[1]));
+    assert!(first.plan.entry().distance(own[0]) < 3.0);
+}
+
+/// Depths were counted from a marker 20 mm above the skin: "CSF at a depth of 88 mm under the skin" for 69.
+#[test]
+fn a_path_begins_at_the_skin_wherever_on_it_the_entry_was_given() {
+    let (made, scan) = phantom();
+    let found = build(scan.clone(), &given(&made.labels), &Silent).expect("case").case.plan;
+    for (mm, words) in [(-19.8, "above the skin"), (10.0, "under the skin"), (0.4, "")] {
+        let path = Some([found.at_depth(mm), found.target()]);
+        let case = build(scan.clone(), &Request { path, ..given(&made.labels) }, &Silent).expect("case").case;
+        let off = case.plan.entry().distance(found.entry());
+        assert!(off < 1.0, "{mm}: {off} mm");
+        let told = case.manifest.findings.iter().find(|f| f.contains("depths count from there"));
+        assert!(told.map_or(words.is_empty(), |f| f.contains(words)), "{mm}: {:?}", case.manifest.findings);
+    }
+}
+
+#[test]
+fn another_path_on_the_same_labels_lost_what_was_known_of_them() {
+    let (_, scan) = phantom();
+    let first = build(scan.clone(), &Request { elements: 3000, ..Request::default() }, &Silent).expect("case");
+    assert!(!first.case.manifest.confidence.is_empty());
+    let mut known = first.segmentation.clone();
+    known.findings.push("blood in the right lateral ventricle?".into());
+    let path = Some([first.case.plan.entry(), first.case.plan.target() + Vector::new(0.0, 0.0, -1.0)]);
+    let request = Request { labels: Labels::Known(Box::new(known)), path, elements: 3000, side: None };
+    let second = build(scan, &request, &Silent).expect("case");
+    assert_eq!(second.case.manifest.confidence, first.case.manifest.confidence);
+    assert_eq!(second.case.manifest.doubts, first.case.manifest.doubts);
+    assert!(second.case.manifest.findings.iter().any(|f| f.contains("blood")), "{:?}", second.case.manifest.findings);
+    assert_eq!(second.segmentation.labels.data(), first.segmentation.labels.data());
 }

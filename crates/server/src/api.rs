@@ -73,10 +73,12 @@ async fn ticket(State(shared): State<Arc<Shared>>) -> Response {
 async fn status(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Json<Value> {
     let live = &shared.live;
     let (rates, now) = (live.rates(), live.clock.now());
+    let (diagnosis, frozen) = live.tracker_diagnosis();
     Json(json!({
         "role": shared.keys.role(&headers),
         "tracker": shared.tracker,
-        "tracker_diagnosis": live.tracker_diagnosis(),
+        "tracker_diagnosis": diagnosis,
+        "tracker_frozen": frozen,
         "simulated": shared.simulated,
         "paused": live.paused.load(Ordering::Relaxed),
         "tools": live.tools(),

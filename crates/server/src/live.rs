@@ -8,6 +8,7 @@ use crate::record::Log;
 use crate::snapshot::{Moved, Quantised, digest, encode};
 use monro_geometry::{Display, Patient, Point, Rigid, Tool, Tracker};
 use monro_guidance::NeedlePose;
+use monro_guidance::registration::Recheck;
 use monro_session::live::log::Entry;
 use monro_session::live::{Deformed, Observation, Phase, Refusal, Registration, Session, SessionEvent, Snapshot};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
@@ -65,7 +66,8 @@ pub(crate) struct Live {
     pub(crate) paused: AtomicBool,
     stopping: AtomicBool,
     /// How the tracker is, for people.
-    tracker: Mutex<String>,
+    /// How the tracker is, and what stands still in it though poses come; for people.
+    tracker: Mutex<(String, Option<String>)>,
     log: Option<Log>,
     /// Snapshots taken for displays.
     taken: AtomicU64,
@@ -186,6 +188,11 @@ impl Live {
         lock(&self.session).registration().copied()
     }
 
+    /// As [`Session::hidden_motion`](monro_session::live::Session::hidden_motion).
+    pub(crate) fn hidden_motion(&self, touched: Point<Tool>, found: &Recheck) -> Option<f64> {
+        lock(&self.session).hidden_motion(touched, found)
+    }
+
     /// When the tip was seen (s), and where, in the frame of the reference.
     pub(crate) fn tip(&self) -> Option<(f64, Point<Tool>)> {
         lock(&self.session).tip_in_reference(self.clock.now())
@@ -240,13 +247,13 @@ impl Live {
         bytes
     }
 
-    /// Notes how the tracker is.
-    pub(crate) fn note_tracker(&self, diagnosis: String) {
-        *lock(&self.tracker) = diagnosis;
+    /// Notes how the tracker is, and what stands still in it though poses come.
+    pub(crate) fn note_tracker(&self, diagnosis: String, frozen: Option<String>) {
+        *lock(&self.tracker) = (diagnosis, frozen);
     }
 
-    /// How the tracker is, for people.
-    pub(crate) fn tracker_diagnosis(&self) -> String {
+    /// How the tracker is, and what stands still in it though poses come, for people.
+    pub(crate) fn tracker_diagnosis(&self) -> (String, Option<String>) {
         lock(&self.tracker).clone()
     }
 

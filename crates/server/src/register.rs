@@ -110,12 +110,19 @@ async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
             let touch = watch(shared).await?;
             let (used, mut tried) = (shared.live.registration(), lock(shared).clone());
             let found = tried.check(&name, &touch, used.as_ref())?;
+            let hidden = shared.live.hidden_motion(touch.at, &found).filter(|_| found.holds());
+            let said = json!({
+                "name": name, "distance_mm": found.distance, "limit_mm": found.limit,
+                "holds": found.holds() && hidden.is_none(), "hidden_motion_mm": hidden,
+            });
+            // What cannot be told apart changes nothing: the alarm stays.
+            if hidden.is_some() {
+                return Ok(Some(said));
+            }
             let event = if found.holds() { PlainEvent::CheckPassed } else { PlainEvent::CheckFailed };
             shared.live.apply(SessionEvent::Plain(event))?;
             *lock(shared) = tried;
-            return Ok(Some(json!({
-                "name": name, "distance_mm": found.distance, "limit_mm": found.limit, "holds": found.holds(),
-            })));
+            return Ok(Some(said));
         }
     }
     Ok(None)

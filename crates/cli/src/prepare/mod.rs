@@ -11,7 +11,7 @@ use anyhow::{Context, Result};
 use monro_case::{CASE, Staging, markups};
 use monro_geometry::{Patient, Point};
 use monro_guidance::Side;
-use monro_prepare::{PrepareError, Prepared, Request};
+use monro_prepare::{Labels, PrepareError, Prepared, Request};
 use monro_scan::ReadOptions;
 use std::iter;
 use std::path::{Path, PathBuf};
@@ -41,7 +41,7 @@ pub(crate) fn run(args: &PrepareArgs, console: &Console) -> Result<()> {
     let path = args.plan.as_deref().map(read_plan).transpose()?;
     let labels = args.labels.as_deref().map(monro_scan::labels::read).transpose()?;
     labels.iter().flat_map(|l| &l.warnings).for_each(|w| console.warn(w));
-    let labels = labels.map(|l| l.volume);
+    let labels = labels.map_or(Labels::Automatic, |l| Labels::Given(l.volume));
     let request = Request { elements: args.elements, side: args.side.map(Side::from), labels, path };
     let prepared = monro_prepare::build(scan, &request, console);
     let prepared = prepared.map_err(|e| named(e, args.labels.as_deref()))?;

@@ -17,6 +17,12 @@ impl Recheck {
     pub fn holds(&self) -> bool {
         self.distance <= self.limit
     }
+
+    /// Whether it rules out that the point was moved so far (mm) since the registration: beside such a motion, registration
+    /// and touch do not explain the distance.
+    pub fn excludes(&self, motion: f64) -> bool {
+        self.distance + self.limit <= motion
+    }
 }
 
 /// Compares a touch with its mark. `tre` is the predicted error of the registration there, `noise` that of the touch.

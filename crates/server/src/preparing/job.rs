@@ -6,7 +6,7 @@ use axum::body::Bytes;
 use monro_case::{CASE, Staging};
 use monro_geometry::{Bvh, Patient, Point};
 use monro_guidance::Side;
-use monro_prepare::{Observer, Prepared, Request, Stage};
+use monro_prepare::{Labels, Observer, Prepared, Request, Stage};
 use monro_scan::{ReadOptions, Scan};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -137,8 +137,8 @@ impl Job {
                 let Made { prepared, .. } = made.as_ref().ok_or("nothing is prepared yet")?;
                 let skin = Bvh::new(&prepared.case.skin);
                 let entry = skin.nearest(near_entry).ok_or("the entry is not a place")?.point;
-                let labels = prepared.segmentation.labels.map(u16::from);
-                let request = Request { labels: Some(labels), path: Some([entry, target]), ..Request::default() };
+                let labels = Labels::Known(Box::new(prepared.segmentation.clone()));
+                let request = Request { labels, path: Some([entry, target]), ..Request::default() };
                 Ok((prepared.scan.clone(), request))
             }
         }

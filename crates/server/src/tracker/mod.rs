@@ -109,11 +109,11 @@ fn pump(mut source: Box<dyn Source>, live: &Live, measured: bool) {
                 live.observe(observations(&batch, source.now(), live.clock.now()));
             }
             Ok(None) => {
-                live.note_tracker(source.diagnosis(&[]).words);
+                live.note_tracker(source.diagnosis(&[]).words, None);
                 return;
             }
             Err(error) => {
-                live.note_tracker(error.to_string());
+                live.note_tracker(error.to_string(), None);
                 return;
             }
         }
@@ -122,8 +122,9 @@ fn pump(mut source: Box<dyn Source>, live: &Live, measured: bool) {
             let wanted = live.wanted_tools();
             let wanted = wanted.each_ref().map(String::as_str);
             let still = stillness.words(&wanted).filter(|_| measured);
-            let more = rivals.words(&wanted).or(still).map_or_else(String::new, |words| format!("; {words}"));
-            live.note_tracker(source.diagnosis(&wanted).words + &more);
+            let more = rivals.words(&wanted).or_else(|| still.clone());
+            let more = more.map_or_else(String::new, |words| format!("; {words}"));
+            live.note_tracker(source.diagnosis(&wanted).words + &more, still);
         }
     }
 }
@@ -137,7 +138,7 @@ fn reopen(url: &TrackerUrl, live: &Live) -> Option<Box<dyn Source>> {
         thread::sleep(RETRY);
         match open(url, Clock::new(), None) {
             Ok(source) => return Some(source),
-            Err(error) => live.note_tracker(error.to_string()),
+            Err(error) => live.note_tracker(error.to_string(), None),
         }
     }
     None

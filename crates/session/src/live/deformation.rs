@@ -222,6 +222,7 @@ pub(crate) mod tests {
             notice: "research".into(),
             pseudonym: "P".into(),
             side: "right".into(),
+            plan_given: false,
             skull_angle_deg: None,
             source,
             findings: Vec::new(),

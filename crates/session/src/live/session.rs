@@ -3,6 +3,7 @@
 use super::{Event, Expiry, Observation, Phase, Refusal, Signal, Tracking};
 use monro_geometry::{Display, Patient, Point, Rigid, Tool, Vector};
 use monro_guidance::reference::{Bump, GuardOptions, ReferenceGuard};
+use monro_guidance::registration::Recheck;
 use monro_guidance::{NeedlePose, Plan};
 
 /// The catheter in the frame of its tracked body.
@@ -159,6 +160,14 @@ impl Session {
         self.guard.bump()
     }
 
+    /// How far a landmark (where the tip touches it in the frame of the reference) may have been moved without a check that
+    /// holds telling it: while the alarm is raised, unless the check rules that motion out or the reference is back to
+    /// within noise; mm.
+    pub fn hidden_motion(&self, touched: Point<Tool>, found: &Recheck) -> Option<f64> {
+        let motion = self.guard.motion_of(touched)?;
+        (motion > GuardOptions::default().shift && !found.excludes(motion)).then_some(motion)
+    }
+
     /// The catheter in the patient, and when it was seen, s.
     pub fn needle_and_time(&self, now: f64) -> Option<(NeedlePose, f64)> {
         Some((self.needle(now)?, now - self.age(now)?))
@@ -300,27 +309,49 @@ pub(crate) mod tests {
         assert_eq!(s.signal(1.4), Signal::Stale);
     }
 
+    /// A hundred frames from frame `from` on, with the reference shifted by so much; what the alarm says then.
+    fn see(s: &mut Session, script: &Script, from: u32, shift: f64) -> Option<f64> {
+        for i in from..from + 100 {
+            let t = f64::from(i) / 120.0;
+            let [mut reference, catheter, _] = script.observations(t);
+            reference.tracker_from_tool = reference.tracker_from_tool.and_then(|p| {
+                Rigid::from_quaternion(p.quaternion_wxyz(), p.translation() + Vector::new(shift, 0.0, 0.0))
+            });
+            assert!(s.observe(&reference) && s.observe(&catheter));
+        }
+        s.reference_alarm().map(|b| b.shift)
+    }
+
     /// The alarm comes by itself, stays although the reference is put back, and goes with the check.
     #[test]
     fn a_reference_that_moves_raises_the_alarm_until_the_next_check() {
         let script = Script::new(plan());
         let mut s = navigating(&script);
-        let see = |s: &mut Session, from: u32, shift: f64| {
-            for i in from..from + 100 {
-                let t = f64::from(i) / 120.0;
-                let [mut reference, catheter, _] = script.observations(t);
-                reference.tracker_from_tool = reference.tracker_from_tool.and_then(|p| {
-                    Rigid::from_quaternion(p.quaternion_wxyz(), p.translation() + Vector::new(shift, 0.0, 0.0))
-                });
-                assert!(s.observe(&reference) && s.observe(&catheter));
-            }
-            s.reference_alarm().map(|b| b.shift)
-        };
-        assert_eq!(see(&mut s, 0, 0.0), None);
-        assert!(see(&mut s, 100, 3.0).is_some_and(|shift| (1.0..=3.5).contains(&shift)));
-        assert!(see(&mut s, 200, 0.0).is_some());
+        assert_eq!(see(&mut s, &script, 0, 0.0), None);
+        assert!(see(&mut s, &script, 100, 3.0).is_some_and(|shift| (1.0..=3.5).contains(&shift)));
+        assert!(see(&mut s, &script, 200, 0.0).is_some());
         s.apply(SessionEvent::Plain(PlainEvent::CheckPassed)).expect("check");
-        assert_eq!(see(&mut s, 300, 0.0), None);
+        assert_eq!(see(&mut s, &script, 300, 0.0), None);
+    }
+
+    /// The reference had moved by 3 mm, a check with a limit of 3.7 mm passed, and the alarm was gone with the tip 2.9 mm off.
+    #[test]
+    fn a_check_too_coarse_to_see_the_reference_s_motion_does_not_rule_it_out() {
+        let script = Script::new(plan());
+        let mut s = navigating(&script);
+        let at = Point::new(40.0, -60.0, 80.0);
+        let check = |distance, limit| Recheck { distance, limit };
+        see(&mut s, &script, 0, 0.0);
+        assert_eq!(s.hidden_motion(at, &check(0.5, 9.0)), None, "nothing has moved");
+        see(&mut s, &script, 100, 3.0);
+        let hidden = s.hidden_motion(at, &check(0.5, 3.7)).expect("hidden");
+        assert!((hidden - 3.0).abs() < 0.3, "{hidden}");
+        assert_eq!(s.hidden_motion(at, &check(0.5, 2.0)), None, "a motion of 3 mm would have shown");
+        see(&mut s, &script, 200, 25.0);
+        assert_eq!(s.hidden_motion(at, &check(0.5, 3.7)), None);
+        assert!(s.hidden_motion(at, &check(13.0, 14.0)).is_some());
+        see(&mut s, &script, 300, 0.0);
+        assert_eq!(s.hidden_motion(at, &check(0.5, 3.7)), None, "back in its place");
     }
 
     #[test]
