@@ -217,7 +217,7 @@ pub(crate) struct SimulateArgs {
     /// Which soft body.
     #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
     pub(crate) mode: ModeArg,
-    /// Cerebrospinal fluid drained from the ventricles, ml (negative: infused; physical mode), within the second before the
+    /// Cerebrospinal fluid drained from the ventricles, ml (negative: infused; physical mode), within three seconds before the
     /// insertion. More than they hold is refused; suction ends at three times the brain's shear modulus (23 mmHg), so
     /// that after about half to two thirds no more is drained, which is told: walls that meet are not modelled.
     #[arg(long, value_name = "ML", allow_hyphen_values = true, value_parser = number, conflicts_with = "csf_pressure_mmhg")]

@@ -108,7 +108,7 @@ fn stage<T>(
 fn labels(scan: &Scan, from: &Labels) -> Result<Segmentation, PrepareError> {
     let labels = match from {
         Labels::Automatic => return segment::segment(&scan.volume).map_err(PrepareError::Segment),
-        Labels::Known(segmentation) => return Ok(Segmentation::clone(segmentation)),
+        Labels::Known(segmentation) => return Ok(segmentation.clone()),
         Labels::Given(labels) => labels,
     };
     let known = |l: u16| u8::try_from(l).ok().filter(|l| Structure::from_label(*l).is_some());

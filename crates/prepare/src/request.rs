@@ -16,7 +16,7 @@ pub enum Labels {
     /// Numbers of [`monro_geometry::Structure`], made elsewhere, on any grid over the scan.
     Given(Volume<u16>),
     /// Those of this scan, with all that is known of them.
-    Known(Box<Segmentation>),
+    Known(Segmentation),
 }
 
 /// What to make of a scan.

@@ -133,7 +133,7 @@ fn another_path_on_the_same_labels_lost_what_was_known_of_them() {
     let mut known = first.segmentation.clone();
     known.findings.push("blood in the right lateral ventricle?".into());
     let path = Some([first.case.plan.entry(), first.case.plan.target() + Vector::new(0.0, 0.0, -1.0)]);
-    let request = Request { labels: Labels::Known(Box::new(known)), path, elements: 3000, side: None };
+    let request = Request { labels: Labels::Known(known), path, elements: 3000, side: None };
     let second = build(scan, &request, &Silent).expect("case");
     assert_eq!(second.case.manifest.confidence, first.case.manifest.confidence);
     assert_eq!(second.case.manifest.doubts, first.case.manifest.doubts);

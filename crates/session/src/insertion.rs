@@ -20,6 +20,8 @@ const CATHETER_LENGTH_MM: f64 = 250.0;
 /// Time over which what is done to the fluid and gravity come on before the insertion, s. At once they would throw the
 /// tissue; this is many periods of its slowest motion (a head's: about 8 Hz).
 const BRING_ON_S: f64 = 1.0;
+/// After that a volume that is drained is waited for, s: the pressure that takes it out is found as it goes.
+const DRAIN_S: f64 = 2.0;
 
 /// How the insertion is done.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,7 +34,8 @@ pub struct InsertionSettings {
     pub diameter_mm: f64,
     /// Time the catheter rests at the target before the end, s.
     pub hold_s: f64,
-    /// Time stepping of the soft body. What it says of fluid and gravity comes on evenly in a second before the insertion.
+    /// Time stepping of the soft body. What it says of fluid and gravity comes on evenly in a second before the insertion, for
+    /// a volume to be drained a second that is over two before it.
     pub frame: FrameSettings,
 }
 
@@ -73,6 +76,8 @@ pub struct Insertion {
     settings: InsertionSettings,
     tool: Tool,
     frames_done: usize,
+    /// Frames over which fluid and gravity come on.
+    frames_on: usize,
     /// Frames before the catheter begins to move.
     frames_before: usize,
     frames_in_all: usize,
@@ -98,7 +103,7 @@ impl Insertion {
         let model = Model::new(&case.tets, &tissue_model::options(&case.tets, opening, &settings.model))?;
         let moving = (length_mm / settings.speed_mm_s / settings.frame.dt_s).ceil();
         let resting = (settings.hold_s / settings.frame.dt_s).ceil();
-        let frames_before = frames_before(&settings.frame);
+        let [frames_on, frames_before] = frames_before(&settings.frame);
         Ok(Self {
             state: model.rest_state(),
             stepper: Stepper::new(&model),
@@ -110,6 +115,7 @@ impl Insertion {
             settings: *settings,
             tool: Tool { tip: TipShape::Round, radius_mm: settings.diameter_mm / 2.0 },
             frames_done: 0,
+            frames_on,
             frames_before,
             frames_in_all: frames_before + (moving + resting) as usize,
         })
@@ -130,7 +136,7 @@ impl Insertion {
         }
         let motion =
             ToolMotion { tool: self.tool, from: self.pose(self.frames_done), to: self.pose(self.frames_done + 1) };
-        let share = (self.frames_done + 1) as f64 / self.frames_before as f64;
+        let share = (self.frames_done + 1) as f64 / self.frames_on as f64;
         let settings = self.settings.frame.brought_on(share.min(1.0));
         let step = self.stepper.step(&self.model, &mut self.state, &[motion], &settings);
         self.model.nodes_into(&self.state, &mut self.nodes);
@@ -186,9 +192,13 @@ impl Insertion {
     }
 }
 
-fn frames_before(settings: &FrameSettings) -> usize {
+/// Frames over which loads come on, and those before the catheter begins to move.
+fn frames_before(settings: &FrameSettings) -> [usize; 2] {
+    let frames = |s: f64| (s / settings.dt_s).ceil() as usize;
     let loaded = settings.csf != Csf::AtRest || settings.gravity_mm_s2 != [0.0; 3];
-    if loaded { (BRING_ON_S / settings.dt_s).ceil() as usize } else { 0 }
+    let bring_on = if loaded { frames(BRING_ON_S) } else { 0 };
+    let drain = if matches!(settings.csf, Csf::Drained { .. }) { frames(DRAIN_S) } else { 0 };
+    [bring_on, bring_on + drain]
 }
 
 impl Frame {

@@ -25,6 +25,12 @@ In --json and summary.json:
   rollbacks, frames_held
                   steps taken back and done in smaller ones; frames that even the smallest could not solve
   drained_ml      asked and reached; null without --drain-ml
+  crushed         at the end: elements of brain and of ventricles that have less than half or more than twice of their
+                  volume at rest, the former's share of the brain (brain_share), the share of the ventricles in elements
+                  that have lost nine tenths (ventricles_empty_share: walls meet), and the least share that is left in an
+                  element, and where
+  max_axial_force_mn
+                  of the middle one of three frames in a row: single frames may be of a jump of the tissue
   volumes         of the brain (with the CSF around it, which is simulated as brain: more than labels and report of the
                   case say) and of each ventricle, ml: rest_ml, change_ml at the end, largest_change_ml
   mode, speed_mm_s, diameter_mm, gravity_m_s2, csf_pressure_mmhg, iterations, predicted_space, materials,

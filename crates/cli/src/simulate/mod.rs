@@ -3,6 +3,7 @@
 mod asked;
 mod coarse;
 mod crossed;
+mod crushed;
 mod figures;
 mod output;
 mod run;

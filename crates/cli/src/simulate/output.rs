@@ -1,5 +1,6 @@
 //! Series, meshes and summary of an insertion as files.
 
+use super::crushed::Crushed;
 use super::{KPA_PER_MMHG, Run, asked, verdict};
 use crate::NOTICE;
 use anyhow::{Context, Result};
@@ -144,8 +145,9 @@ fn numbers(done: &Run) -> Value {
         "max_target_shift_mm": done.largest(|f| f.target_displacement_mm),
         "wall_shift_mm": done.rows.last().map(|r| r.wall_mm),
         "max_wall_shift_mm": done.largest_wall_mm(),
-        format!("max_{}", done.force_name()): done.largest(|f| f.axial_force_mn().unwrap_or(0.0)),
+        format!("max_{}", done.force_name()): done.largest_force(),
         "elements": done.rest.tets.len(),
+        "crushed": Crushed::of(done).map(Crushed::json),
     })
 }
 
@@ -153,6 +155,12 @@ impl Run {
     /// How far the wall of the ventricles moved at most on the way, mm.
     pub(super) fn largest_wall_mm(&self) -> f64 {
         self.rows.iter().map(|r| r.wall_mm).fold(0.0, f64::max)
+    }
+
+    /// The largest force along the shaft that lasts: of the middle one of three frames, as single ones may be of a jump.
+    pub(super) fn largest_force(&self) -> f64 {
+        let forces: Vec<f64> = self.rows.iter().map(|r| r.frame.axial_force_mn().unwrap_or(0.0)).collect();
+        largest_that_lasts(&forces)
     }
 
     /// The largest of a value over all frames, 0 for none.
@@ -180,6 +188,12 @@ impl Run {
             None => Value::Null,
         }
     }
+}
+
+/// The largest middle one of three values in a row, 0 for fewer.
+fn largest_that_lasts(values: &[f64]) -> f64 {
+    let middle = |w: &[f64]| w[0].min(w[1]).max(w[0].max(w[1]).min(w[2]));
+    values.windows(3).map(middle).fold(0.0, f64::max)
 }
 
 /// What `--json` prints: the summary and where the files are.

@@ -1,6 +1,7 @@
 //! Whether an insertion can be believed, and what there is to say against it: the same words in the report, in JSON and on
 //! the console.
 
+use super::crushed::Crushed;
 use super::output::small;
 use super::{KPA_PER_MMHG, Run, coarse, crossed};
 use crate::soft_body;
@@ -63,7 +64,7 @@ fn helps(run: &Run) -> &'static str {
         _ if !run.has_units() => {
             "A mesh of another number of elements or another speed may help; physical mode holds together."
         }
-        Csf::AtRest if run.settings.frame.iterations < ENOUGH => "More iterations (--iterations) may help.",
+        _ if run.settings.frame.iterations < ENOUGH => "More iterations (--iterations) may help.",
         Csf::AtRest => "A slower insertion, less gravity or a finer mesh may help.",
         Csf::Pressure { .. } => "Ask for a smaller change of pressure.",
         Csf::Drained { .. } => {
@@ -95,6 +96,7 @@ fn broken(run: &Run) -> Vec<String> {
         ));
     }
     out.extend(crossed::at_end(&run.snapshots).map(|c| format!("{c}: not a result. {helps}")));
+    out.extend(Crushed::of(run).and_then(|c| c.broken(run)).map(|c| format!("{c} {helps}")));
     out.extend(undrained(run));
     out
 }
@@ -149,6 +151,9 @@ fn doubts(run: &Run) -> Vec<String> {
         out.push(format!("On the way up to {n} of {all} tetrahedra were turned inside out in a frame{end}."));
     }
     out.extend(crossed::on_the_way(&run.snapshots, so(run)));
+    if run.reliable() {
+        out.extend(Crushed::of(run).into_iter().flat_map(|c| c.doubts(run)));
+    }
     out.extend(squeezed(run));
     out.extend(soft_body::remarks(&run.settings.model));
     out

@@ -99,6 +99,16 @@ fn garbage_was_told_in_the_report_only(case: &Path, dir: &Path) {
         .sum();
     let drained =
         |ml: f64| monro(&["simulate", text(case), "--out", text(&out), "--speed", "80", "--drain-ml", &ml.to_string()]);
+    // What can be drained is drained when the catheter begins to move; 73 % of it were.
+    drained(0.3 * holds);
+    let csv = fs::read_to_string(out.join("insertion.csv")).expect("series");
+    let names: Vec<&str> = csv.lines().next().expect("a head").split(',').collect();
+    let ventricles: Vec<usize> = (0..names.len()).filter(|&i| names[i].ends_with("ventricle_change_ml")).collect();
+    let begins = csv.lines().skip(1).find(|row| !row.starts_with('-')).expect("a frame");
+    let row: Vec<&str> = begins.split(',').collect();
+    let gone: f64 = ventricles.iter().map(|&i| -row[i].parse::<f64>().expect("ml")).sum();
+    assert!((gone / (0.3 * holds) - 1.0).abs() < 0.02, "{gone} of {} ml", 0.3 * holds);
+    fs::remove_dir_all(&out).expect("remove");
     let refused = String::from_utf8_lossy(&drained(holds + 0.1).stderr).into_owned();
     assert!(refused.contains("cannot be drained") && refused.contains("hold"), "{refused}");
     let stderr = String::from_utf8_lossy(&drained(0.97 * holds).stderr).into_owned();

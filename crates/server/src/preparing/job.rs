@@ -137,7 +137,7 @@ impl Job {
                 let Made { prepared, .. } = made.as_ref().ok_or("nothing is prepared yet")?;
                 let skin = Bvh::new(&prepared.case.skin);
                 let entry = skin.nearest(near_entry).ok_or("the entry is not a place")?.point;
-                let labels = Labels::Known(Box::new(prepared.segmentation.clone()));
+                let labels = Labels::Known(prepared.segmentation.clone());
                 let request = Request { labels, path: Some([entry, target]), ..Request::default() };
                 Ok((prepared.scan.clone(), request))
             }
