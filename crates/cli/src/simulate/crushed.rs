@@ -13,8 +13,8 @@ const EMPTY: f64 = 0.1;
 /// Poisson's ratio of the brain from which on its elements are to keep their volumes.
 const KEEPS: f64 = 0.45;
 /// Share of the brain in crushed elements beyond which nothing is a result. Insertions into three heads have 0.00 to 0.002 %
-/// of it, pressures of 10 mmHg either way no more; 150 mmHg and -30 mmHg 3.5 and 0.1 to 0.3 %.
-const MOST_CRUSHED: f64 = 1e-3;
+/// of it, pressures of 10 mmHg either way no more, 50 mmHg 0.04 to 0.2 %, one iteration 0.5 to 5 % and 150 mmHg 3.5 %.
+const MOST_CRUSHED: f64 = 5e-3;
 /// Share of the ventricles in empty elements from which on walls meet, and beyond which that decides everything: up to 6 % the
 /// volume still falls as suction grows, with 18 to 43 % it is larger than before.
 const WALLS_MEET: f64 = 0.01;
