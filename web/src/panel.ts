@@ -32,6 +32,9 @@ const ROWS: Row[] = [
   ["tre", "Predicted TRE", (g) => (g.state === "lost" ? null : mm(g.predicted_tre_mm))],
 ];
 
+/** Whether it is known where the patient is in the frame of the reference. */
+export const isRegistered = ({ phase }: Guidance): boolean => phase === "registered" || phase === "checked" || phase === "navigating";
+
 /** What must not be missed, with a way out. */
 export function alarm({ reference_moved_mm: moved, solver_fault: fault, solver_faults: faults }: Guidance): string {
   if (moved !== null) return `The reference has moved by ${moved.toFixed(1)} mm: check a landmark or register again.`;

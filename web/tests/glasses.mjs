@@ -95,3 +95,16 @@ export function drawn(page) {
     return { tip: stage.world.drawnTip().toArray(), target: target.applyMatrix4(glasses.anchor.roomFromPatient).toArray() };
   });
 }
+
+/** With the registration void the patient is shown nowhere, and that is why: not because the glasses were lost. */
+export async function voidIsSaid(page, until) {
+  await page.evaluate(() => {
+    const { glasses } = window.monro;
+    const take = glasses.take.bind(glasses);
+    glasses.take = (g) => take(g && { ...g, phase: "calibrated", display_from_patient: null });
+  });
+  const shown = () => page.evaluate(() => window.monro.stage.world.patient.visible);
+  await until("not registered", async () => (await saidBy(page)).some((line) => line.startsWith("Not registered")) && !(await shown()));
+  await page.evaluate(() => void delete window.monro.glasses.take);
+  await until("placed again", async () => (await saidBy(page)).includes("Placed by the tracker") && (await shown()));
+}

@@ -67,6 +67,11 @@ export class Anchor {
     } else if (this.dwelled >= 1) this.#placing = false;
   }
 
+  /** Forgets where the tracker placed it: the registration is void. */
+  void(): void {
+    this.placedAt = null;
+  }
+
   /** Takes where calibrated glasses see the patient; the pose is `age` ms old: it belongs to where the viewer was then. */
   see(displayFromPatient: Rigid | null, age: number): void {
     if (this.kind !== "tracked" || !displayFromPatient) return;

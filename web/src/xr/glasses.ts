@@ -3,6 +3,7 @@
 import { Matrix4, PerspectiveCamera, Vector3 } from "three";
 import type { Guidance } from "../api";
 import { element, make, write } from "../dom";
+import { isRegistered } from "../panel";
 import type { Stage } from "../view/stage";
 import { Anchor } from "./anchor";
 import { Panels } from "./panels";
@@ -48,6 +49,7 @@ export class Glasses {
   /** Takes what is known of catheter and glasses; `null` when the server is gone. */
   take(guidance: Guidance | null): void {
     this.#guidance = guidance;
+    if (guidance && !isRegistered(guidance)) this.anchor.void();
     this.anchor.see(guidance?.display_from_patient ?? null, guidance?.display_age_ms ?? 0);
   }
 

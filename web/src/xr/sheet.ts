@@ -2,7 +2,7 @@
 
 import type { Guidance } from "../api";
 import { element } from "../dom";
-import { alarm } from "../panel";
+import { alarm, isRegistered } from "../panel";
 import { SHAPES, STATE_COLOURS, WORDS } from "../state";
 import type { Anchor } from "./anchor";
 
@@ -10,9 +10,10 @@ const HELD_MS = 500;
 
 const number = (v: number | null | undefined, unit: string): string => (v === null || v === undefined ? "–" : `${v.toFixed(1)}${unit}`);
 
-function placement(anchor: Anchor, age: number | null): string {
+function placement(anchor: Anchor, age: number | null, registered: boolean): string {
   if (anchor.placing) return `Placing: hold your head still ${(100 * anchor.dwelled).toFixed(0)} %`;
   if (anchor.kind === "manual") return "Placed by hand: not registered to the patient";
+  if (!registered) return "Not registered: touch the landmarks and accept first";
   if (age === null) return "Glasses not tracked: no place known";
   return age > HELD_MS ? `Glasses lost for ${(age / 1000).toFixed(0)} s: place held` : "Placed by the tracker";
 }
@@ -23,7 +24,7 @@ export function sheet(canvas: HTMLCanvasElement, g: Guidance | null, anchor: Anc
   const warning = g === null ? "" : alarm(g);
   const lines = [
     number(g?.distance_to_target_mm, " mm"), `rigid ${number(g?.distance_to_target_rigid_mm, " mm")}`,
-    `angle ${number(g?.entry_angle_error_deg, "°")}`, `depth ${number(g?.depth_mm, " mm")}`, warning ? `⚠ ${warning}` : placement(anchor, age),
+    `angle ${number(g?.entry_angle_error_deg, "°")}`, `depth ${number(g?.depth_mm, " mm")}`, warning ? `⚠ ${warning}` : placement(anchor, age, g === null || isRegistered(g)),
     `${element("#patient").textContent} · ${element("#side").textContent}`, "Research use only",
   ];
   const said = [state, ...lines].join("\n");
