@@ -17,6 +17,8 @@ const LONGEST_STEP_S: f64 = 1.0 / 20.0;
 /// Farthest that the tool moves through tissue in one step, mm. The solver cuts a step so that no part of it is longer
 /// than a share of the radius: without this bound a slow step would make the next one slower.
 const FARTHEST_MM: f64 = 6.0;
+/// What was drawn out of the room is this far outside, mm.
+const OUTSIDE_MM: f64 = 0.1;
 /// Shortest time step, s.
 const SHORTEST_STEP_S: f64 = 1.0 / 1000.0;
 /// For how long a fault is told after the step that had it, s of steps: a display must not miss it, nor a surgeon who has
@@ -112,12 +114,10 @@ impl Deformation {
     pub fn advance(&mut self, needle: &NeedlePose, pose_time_s: f64, dt_s: f64) -> Deformed {
         let inside = self.room.way_out(needle.tip(), -needle.axis());
         let wanted = ToolPose { tip: needle.tip(), tail: needle.tip() - needle.axis() * inside.max(SHORTEST_MM) };
-        // From air to air there is no way through tissue that would have to be followed.
-        let last = self.last.filter(|(pose, _)| inside > 0.0 || self.is_inside(pose));
-        let (from, from_time) = last.unwrap_or((wanted, pose_time_s));
-        let way = from.tip.distance(wanted.tip).max(from.tail.distance(wanted.tail));
-        let share = if way > FARTHEST_MM { FARTHEST_MM / way } else { 1.0 };
-        let to = ToolPose { tip: from.tip.lerp(wanted.tip, share), tail: from.tail.lerp(wanted.tail, share) };
+        let (from, from_time) = self.begin(&wanted, inside, pose_time_s);
+        let aim = if inside > 0.0 { wanted } else { self.withdrawn(&from).unwrap_or(wanted) };
+        let share = (FARTHEST_MM / way(&from, &aim)).min(1.0);
+        let to = ToolPose { tip: from.tip.lerp(aim.tip, share), tail: from.tail.lerp(aim.tail, share) };
         let time = if share < 1.0 { from_time + share * (pose_time_s - from_time) } else { pose_time_s };
         let tool = Tool { tip: TipShape::Round, radius_mm: DIAMETER_MM / 2.0 };
         let dt_s = if dt_s.is_nan() { SHORTEST_STEP_S } else { dt_s.clamp(SHORTEST_STEP_S, LONGEST_STEP_S) };
@@ -130,9 +130,30 @@ impl Deformation {
         self.result(&report, time)
     }
 
+    /// Where the tool was before it goes to `wanted`, which is `inside` mm from the air along its axis, and when. From air to
+    /// air there is no way to be followed, and far through the air into tissue it goes in along its axis, not across.
+    fn begin(&self, wanted: &ToolPose, inside: f64, pose_time_s: f64) -> (ToolPose, f64) {
+        match self.last {
+            Some((last, time)) if self.is_inside(&last) => (last, time),
+            Some((last, time)) if inside > 0.0 && way(&last, wanted) > FARTHEST_MM => {
+                (along(wanted, inside + OUTSIDE_MM).unwrap_or(last), time)
+            }
+            Some(last) if inside > 0.0 => last,
+            _ => (*wanted, pose_time_s),
+        }
+    }
+
+    /// A tool drawn back along its axis until it is in the air; `None` where it is. Poses of a catheter that is drawn out come so
+    /// often that it goes this way; one that jumps out of tissue was not seen on its way, or is seen where it is not.
+    fn withdrawn(&self, pose: &ToolPose) -> Option<ToolPose> {
+        let back = (pose.tail - pose.tip).normalized()?;
+        let out = Some(self.room.way_out(pose.tip, back)).filter(|out| *out > 0.0)?;
+        along(pose, out + OUTSIDE_MM)
+    }
+
     /// Whether a tool may touch tissue there.
     fn is_inside(&self, pose: &ToolPose) -> bool {
-        (pose.tail - pose.tip).normalized().is_some_and(|back| self.room.way_out(pose.tip, back) > 0.0)
+        self.withdrawn(pose).is_some()
     }
 
     fn note_faults(&mut self, report: &StepReport, dt_s: f64) {
@@ -169,6 +190,17 @@ impl Deformation {
         self.target.apply(&self.nodes, &mut moved);
         origin + Vector::new(moved[0][0].into(), moved[0][1].into(), moved[0][2].into())
     }
+}
+
+/// How far the farther end of a tool goes, mm.
+fn way(from: &ToolPose, to: &ToolPose) -> f64 {
+    from.tip.distance(to.tip).max(from.tail.distance(to.tail))
+}
+
+/// A tool drawn back along its axis, mm.
+fn along(pose: &ToolPose, mm: f64) -> Option<ToolPose> {
+    let back = (pose.tail - pose.tip).normalized()? * mm;
+    Some(ToolPose { tip: pose.tip + back, tail: pose.tail + back })
 }
 
 #[cfg(test)]
@@ -284,8 +316,8 @@ pub(crate) mod tests {
     #[test]
     fn a_needle_that_is_suddenly_elsewhere_is_caught_up_with_in_bounded_steps_and_honest_times() {
         let mut d = deformation();
-        d.advance(&needle(0.0), 0.0, 1.0 / 60.0);
-        let times: Vec<f64> = (0..5).filter_map(|_| d.advance(&needle(15.0), 1.0, 1.0 / 60.0).pose_time_s).collect();
+        d.advance(&needle(10.0), 0.0, 1.0 / 60.0);
+        let times: Vec<f64> = (0..5).filter_map(|_| d.advance(&needle(25.0), 1.0, 1.0 / 60.0).pose_time_s).collect();
         assert!((times[0] - 0.4).abs() < 1e-9 && times[0] < times[1] && times[1] < times[2], "{times:?}");
         assert!((times[2] - 1.0).abs() < 1e-12 && (times[4] - 1.0).abs() < 1e-12, "{times:?}");
     }
@@ -326,6 +358,29 @@ pub(crate) mod tests {
             }
             assert_eq!(faults[0], faults[1], "{turn}");
         }
+    }
+
+    /// Poses metres away for a second, as of a marker mistaken for another: the tissue was torn on the way there, and deformed
+    /// numbers came back after most of a minute, from wherever the tool had been taken to.
+    #[test]
+    fn a_needle_seen_elsewhere_for_a_second_is_caught_up_with_at_once_and_tears_nothing() {
+        let mut d = deformation();
+        let tremble = |i: i32| [12.9, 78.2, 37.7].map(|w| 0.1 * (w * f64::from(i)).sin());
+        let mut step = |i: i32, aside: f64, depth: f64| {
+            let at =
+                case().plan.at_depth(depth) + Vector::from_array(tremble(i)) + Vector::new(aside, 0.4 * aside, 0.0);
+            let needle = NeedlePose::new(at, case().plan.direction()).expect("needle");
+            let time = f64::from(i) / 60.0;
+            let frame = d.advance(&needle, time, 1.0 / 60.0);
+            assert!(frame.largest_mm < 12.0, "{i}: {} mm", frame.largest_mm);
+            (time - frame.pose_time_s.expect("moved"), frame)
+        };
+        (0..60).for_each(|i| _ = step(i, 0.0, 0.5 * f64::from(i)));
+        let lags: Vec<f64> = (60..120).map(|i| step(i, 8000.0, 30.0).0).collect();
+        assert!(lags[40..].iter().all(|lag| *lag == 0.0), "it is out: {lags:?}");
+        let back: Vec<(f64, Deformed)> = (120..180).map(|i| step(i, 0.0, 30.0)).collect();
+        assert!(back[40..].iter().all(|(lag, _)| *lag < 1e-9), "{:?}", back.iter().map(|b| b.0).collect::<Vec<_>>());
+        assert_eq!(back[59].1.faults, 0);
     }
 
     #[test]
