@@ -8,6 +8,7 @@ mod rebuild;
 mod request;
 mod routes;
 mod store;
+mod work;
 
 pub use export::{ExportError, export};
 pub use rebuild::{Rebuild, Rebuilt};
@@ -26,6 +27,7 @@ use std::sync::{Arc, Mutex};
 use store::Store;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
+use work::Work;
 
 /// What makes the labels at the start, when there is no earlier work to go on with.
 pub type StartLabels = Box<dyn FnOnce() -> Result<Start, String> + Send>;
@@ -64,13 +66,6 @@ impl core::fmt::Debug for EditOptions {
             .field("folder", &self.folder)
             .finish_non_exhaustive()
     }
-}
-
-/// Desk and file, changed together.
-#[derive(Debug)]
-struct Work {
-    desk: Desk,
-    store: Store,
 }
 
 /// What all requests share.
@@ -115,7 +110,7 @@ fn open(options: EditOptions) -> Result<Shared, ServeError> {
     findings.extend(notes.iter().cloned());
     let desk = Desk::new(ct, editor)?;
     Ok(Shared {
-        work: Mutex::new(Work { desk, store }),
+        work: Mutex::new(Work::new(desk, store)),
         keys: Arc::new(Keys::new().map_err(ServeError::Random)?),
         subject,
         findings,

@@ -13,6 +13,23 @@ pub(super) struct Request {
     action: Action,
 }
 
+impl Request {
+    /// Whether it is part of a stroke of the brush.
+    pub(super) const fn paints(&self) -> bool {
+        matches!(self.action, Action::Brush(_))
+    }
+
+    /// Whether it ends one.
+    pub(super) const fn ends_stroke(&self) -> bool {
+        matches!(self.action, Action::EndStroke(_))
+    }
+
+    /// A question for how things are, with the same id.
+    pub(super) const fn state(id: u64) -> Self {
+        Self { id, action: Action::State }
+    }
+}
+
 /// A message; or the answer to one that is not understood, with its id where it has one: the page waits for it.
 pub(super) fn parse(text: &str) -> Result<Request, Value> {
     serde_json::from_str(text).map_err(|e| {

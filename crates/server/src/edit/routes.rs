@@ -167,6 +167,7 @@ async fn talk(mut socket: WebSocket, shared: Arc<Shared>) {
             break;
         }
     }
+    lock(&shared.work).leave(page);
 }
 
 /// Does what a message of a page asks and appends it to the journal before the answer goes out.
@@ -177,7 +178,7 @@ fn answer(shared: &Shared, page: u64, text: &str) -> Value {
     };
     let id = request.id;
     let mut work = lock(&shared.work);
-    let said = request::answer(&mut work.desk, request);
+    let said = work.answer(page, request);
     let bytes = work.desk.take_journal();
     let kept = work.store.append(&bytes);
     drop(work);
