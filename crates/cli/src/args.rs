@@ -321,7 +321,8 @@ pub(crate) struct ServeArgs {
     #[arg(long, value_name = "DIR", requires = "out", conflicts_with_all = ["tls", "cert", "host"])]
     pub(crate) scans: Option<PathBuf>,
     /// Folder for the case that is prepared with --scans; it must not be there yet.
-    #[arg(long, value_name = "CASE", requires = "scans")]
+    // "requires" alone does not ask for what the case excludes.
+    #[arg(long, value_name = "CASE", requires = "scans", conflicts_with = "case")]
     pub(crate) out: Option<PathBuf>,
     /// Where poses come from: "sim:" plays an insertion along the plan; else as for "monro track".
     #[arg(long, value_name = "URL", default_value = "sim:")]
@@ -346,7 +347,7 @@ pub(crate) struct ServeArgs {
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:18945", value_parser = address)]
     pub(crate) igtl: SocketAddr,
     /// Serve no OpenIGTLink.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "igtl")]
     pub(crate) no_igtl: bool,
     /// New file for the recording of the session (default: CASE-sessions/DATE.mnrs beside the case).
     #[arg(long, value_name = "FILE", conflicts_with = "no_record")]
@@ -536,6 +537,16 @@ mod tests {
         assert_eq!(elements("1000000"), Ok(1_000_000));
         for given in ["1e6", "37336.5", "400"] {
             assert!(elements(given).is_err_and(|e| e.contains("a whole number")), "{given}");
+        }
+    }
+
+    #[test]
+    fn options_of_serve_that_count_nowhere_were_taken_without_a_word() {
+        for line in ["CASE", "CASE --no-igtl", "CASE --igtl 127.0.0.1:1", "--scans DIR --out CASE"] {
+            assert!(Cli::try_parse_from(format!("monro serve {line}").split(' ')).is_ok(), "{line}");
+        }
+        for line in ["CASE --out OTHER", "CASE --no-igtl --igtl 127.0.0.1:1", "--scans DIR", "CASE --scans DIR"] {
+            assert!(Cli::try_parse_from(format!("monro serve {line}").split(' ')).is_err(), "{line}");
         }
     }
 
