@@ -109,6 +109,9 @@ export interface Calibration {
 /** The server says why not. */
 export class Refused extends Error {}
 
+/** There is no such thing on this server (any more). */
+export class NotFound extends Error {}
+
 /** The token is missing or wrong. */
 export class Unauthorized extends Error {}
 
@@ -124,6 +127,7 @@ export class Api {
     const response = await fetch(path, { method, headers, ...(body === undefined ? {} : { body: JSON.stringify(body) }) });
     if (response.status === 401) throw new Unauthorized("The access token is missing or wrong.");
     if (response.status === 409 || response.status === 422) throw new Refused(((await response.json()) as { error: string }).error);
+    if (response.status === 404) throw new NotFound(`${path}: ${await response.text()}`);
     if (!response.ok) throw new Error(`${path}: ${response.status} ${await response.text()}`);
     return response;
   }

@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
-import { existsSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { dirname, join } from "node:path";
 import { createInterface } from "node:readline";
@@ -29,8 +29,14 @@ export async function prepareInBrowser(open, shot) {
     assert.ok(!existsSync(out), "the case is written before it was asked for");
     await failToOpen(page, taken, shot);
     assert.ok(existsSync(join(out, "case.toml")), "the case was written, although it could not be opened");
+    // The labels are still the automatic ones, whatever the path.
+    assert.match(readFileSync(join(out, "case.toml"), "utf8"), /\[\[confidence\]\]/);
+    const second = await open(`${url}/#token=${token}`);
+    assert.equal(await second.locator("#entry-side").inputValue(), "right");
     await page.getByRole("button", { name: "Write the case and navigate" }).click();
-    await page.waitForFunction(() => document.querySelector("#signal span")?.textContent === "Live", null, { timeout: LONG_MS });
+    // A second page follows to the live session, too.
+    for (const p of [page, second]) await p.waitForFunction(() => document.querySelector("#signal span")?.textContent === "Live", null, { timeout: LONG_MS });
+    await second.close();
     assert.equal(new URL(page.url()).origin, url);
     const headers = { Authorization: `Bearer ${token}` };
     const { plan } = await (await fetch(`${url}/api/case`, { headers })).json();

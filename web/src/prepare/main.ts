@@ -1,6 +1,6 @@
 // From a scan to a case: choose, watch, look, move the path, open. What is right is decided by the server.
 
-import { Refused, type Api, type Point } from "../api";
+import { NotFound, Refused, type Api, type Point } from "../api";
 import { ctControls, layers, windows } from "../controls";
 import { element, make, write } from "../dom";
 import { signIn } from "../sign_in";
@@ -102,6 +102,8 @@ class Preparing {
       if (this.#missing) this.#say("");
       this.#missing = false;
     } catch (error) {
+      // Another page has opened the case: the same address is now the live session's.
+      if (error instanceof NotFound) return location.reload();
       this.#missing = true;
       this.#say(`No answer from the server: ${error instanceof Error ? error.message : String(error)}`, true);
     }
@@ -145,6 +147,7 @@ class Preparing {
   #facts(made: Made): void {
     write(element("#patient"), made.pseudonym);
     write(element("#side"), `${made.side.toUpperCase()} SIDE`);
+    element<HTMLSelectElement>("#entry-side").value = made.side;
     const angle = made.plan.skull_angle_deg;
     const rows: [string, string][] = [
       ["Path", `${made.plan.length_mm.toFixed(1)} mm`], ["To the skull (90° is perpendicular)", angle === null ? "–" : `${angle.toFixed(0)}°`],
