@@ -32,7 +32,7 @@ export async function prepareInBrowser(open, shot) {
     // The labels are still the automatic ones, whatever the path.
     assert.match(readFileSync(join(out, "case.toml"), "utf8"), /\[\[confidence\]\]/);
     const second = await open(`${url}/#token=${token}`);
-    assert.equal(await second.locator("#entry-side").inputValue(), "right");
+    await second.waitForFunction(() => document.querySelector("#entry-side").value === "left", null, { timeout: LONG_MS });
     await page.getByRole("button", { name: "Write the case and navigate" }).click();
     // A second page follows to the live session, too.
     for (const p of [page, second]) await p.waitForFunction(() => document.querySelector("#signal span")?.textContent === "Live", null, { timeout: LONG_MS });
@@ -63,6 +63,7 @@ async function failToOpen(page, taken, shot) {
 }
 
 async function prepare(page, shot) {
+  await page.locator("#entry-side").selectOption("left");
   await page.getByRole("button", { name: "Prepare" }).click();
   await page.locator("#stages .running").waitFor();
   await shot(page, "preparing");
