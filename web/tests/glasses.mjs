@@ -103,7 +103,8 @@ export async function voidIsSaid(page, until) {
     const take = glasses.take.bind(glasses);
     glasses.take = (g) => take(g && { ...g, phase: "calibrated", display_from_patient: null });
   });
-  const shown = () => page.evaluate(() => window.monro.stage.world.patient.visible);
+  // Of a place that is not known nothing is drawn.
+  const shown = () => page.evaluate(() => window.monro.glasses.anchor.placedAt !== null);
   await until("not registered", async () => (await saidBy(page)).some((line) => line.startsWith("Not registered")) && !(await shown()));
   await page.evaluate(() => void delete window.monro.glasses.take);
   await until("placed again", async () => (await saidBy(page)).includes("Placed by the tracker") && (await shown()));
