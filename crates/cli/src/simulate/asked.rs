@@ -37,7 +37,11 @@ pub(super) fn extras(run: &Run) -> Vec<String> {
         Csf::Drained { ml: asked } if asked < 0.0 => {
             out.push(format!("infused {ml:.1} of {:.1} ml, {mmhg:+.1} mmHg", -asked));
         }
-        Csf::Drained { ml: asked } => out.push(format!("drained {:.1} of {asked:.1} ml, {mmhg:+.1} mmHg", -ml)),
+        Csf::Drained { ml: asked } => {
+            // No minus before a zero.
+            let reached = (-10.0 * ml).round() / 10.0 + 0.0;
+            out.push(format!("drained {reached:.1} of {asked:.1} ml, {mmhg:+.1} mmHg"));
+        }
         Csf::Pressure { kpa } => out.push(format!(
             "pressure of the CSF {:+.1} mmHg, with which the ventricles changed by {ml:+.1} ml",
             kpa / KPA_PER_MMHG

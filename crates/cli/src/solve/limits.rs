@@ -44,7 +44,7 @@ pub(super) fn as_given(scene: &Scene, solved: &StaticSolution) -> Option<String>
     untold.then(|| {
         format!(
             "the mesh of {} elements was solved as it is ({} elements with what tools need): how much a finer one would change \
-             the answer is not known; --refine 1 tells, and takes minutes",
+             the answer is not known; --refine 1 tells, and may take minutes",
             scene.mesh.tets.len(),
             solved.tets
         )

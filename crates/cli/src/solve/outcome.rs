@@ -26,7 +26,7 @@ fn rubbed(scene: &Scene, solved: &StaticSolution) -> Option<String> {
     let once = scene.problem.rubs() && solved.change.is_none() && solved.unfinished.is_none();
     once.then(|| {
         "a sphere rubs, so the answer is that of one mesh, and how much a finer one would change it is not known: --refine 1 \
-         goes all of the sphere's way on that, too, which takes minutes"
+         goes all of the sphere's way on that, too, which may take minutes"
             .into()
     })
 }
