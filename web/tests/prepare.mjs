@@ -31,7 +31,7 @@ export async function prepareInBrowser(open, shot) {
     assert.ok(existsSync(join(out, "case.toml")), "the case was written, although it could not be opened");
     // The labels are still the automatic ones, whatever the path.
     assert.match(readFileSync(join(out, "case.toml"), "utf8"), /\[\[confidence\]\]/);
-    const second = await page.context().newPage();
+    const second = await page.context().browser().newPage();
     await second.goto(`${url}/#token=${token}`);
     await second.waitForFunction(() => document.querySelector("#entry-side").value === "left", null, { timeout: LONG_MS });
     await page.getByRole("button", { name: "Write the case and navigate" }).click();
