@@ -19,9 +19,6 @@ pub struct Manifest {
     pub pseudonym: String,
     /// `left` or `right`: side of the plan.
     pub side: String,
-    /// Whether the plan was given by somebody, not found: a rebuild from corrected labels keeps it.
-    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
-    pub plan_given: bool,
     /// Angle between the planned path and the surface of the skull where it crosses it, degrees: 90 is perpendicular.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skull_angle_deg: Option<f64>,

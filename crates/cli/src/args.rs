@@ -143,7 +143,8 @@ pub(crate) struct PrepareArgs {
     /// Side of the entry (default: right, or the side of --plan).
     #[arg(long, value_enum)]
     pub(crate) side: Option<SideArg>,
-    /// Use these labels (NIfTI, NRRD, MetaImage; numbers as in labels.nii.gz) instead of segmenting.
+    /// Use these labels instead of segmenting: NIfTI, NRRD, MetaImage (numbers as in labels.nii.gz), .seg.nrrd or DICOM-SEG
+    /// (segments by their terms or names).
     #[arg(long, value_name = "FILE")]
     pub(crate) labels: Option<PathBuf>,
     /// Use this plan (3D Slicer markups, entry and target) instead of Kocher's point and the foramen of Monro.

@@ -1,12 +1,13 @@
 //! The stages from a volume in HU to a case in memory.
 
+use crate::landmarks;
 use crate::plan::{self, Planned};
 use crate::{Labels, NOTICE, Observer, PrepareError, Request, Stage};
 use monro_anatomy::segment::{self, Doubt, Segmentation};
 use monro_anatomy::surface::{self, Surface, SurfaceOptions};
 use monro_anatomy::tetra::{self, MeshOptions, MeshReport};
 use monro_case::{Case, Confidence, DoubtfulSpot, Manifest, SCHEMA, Source};
-use monro_geometry::{Structure, TetMesh, TriangleMesh, Volume};
+use monro_geometry::{Patient, Point, Structure, TetMesh, TriangleMesh, Volume};
 use monro_scan::Scan;
 
 /// Everything that preparing a scan gives.
@@ -52,7 +53,7 @@ pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<P
         observer.remark(finding);
     }
     let case = Case {
-        manifest: Manifest { plan_given: request.path.is_some(), ..manifest(&scan, &segmentation, &planned, findings) },
+        manifest: manifest(&scan, &segmentation, &planned, findings),
         plan: planned.plan,
         landmarks: planned.landmarks,
         skin: surfaces.skin.mesh,
@@ -79,7 +80,7 @@ pub fn rebuild(
         elements: case.tets.tets.len(),
         side: Some(case.plan.side()),
         labels: Labels::Given(labels),
-        path: case.manifest.plan_given.then(|| [case.plan.entry(), case.plan.target()]),
+        path: given_path(case),
     };
     let mut prepared = build(scan, &request, observer)?;
     let made = &mut prepared.case.manifest;
@@ -88,6 +89,15 @@ pub fn rebuild(
     made.confidence.clone_from(&case.manifest.confidence);
     made.doubts.clone_from(&case.manifest.doubts);
     Ok(prepared)
+}
+
+/// The path of a case, unless it is the one between its landmarks, which was found.
+fn given_path(case: &Case) -> Option<[Point<Patient>; 2]> {
+    const SAME_MM: f64 = 0.01;
+    let path = [case.plan.entry(), case.plan.target()];
+    let found = landmarks::path(&case.landmarks, case.plan.side());
+    let is_found = found.is_some_and(|found| (0..2).all(|i| found[i].distance(path[i]) < SAME_MM));
+    (!is_found).then_some(path)
 }
 
 /// One stage, announced; not begun once the observer wants to stop.
@@ -268,7 +278,6 @@ fn manifest(scan: &Scan, segmentation: &Segmentation, planned: &Planned, finding
         notice: NOTICE.into(),
         pseudonym: scan.pseudonym.clone(),
         side: planned.plan.side().name().into(),
-        plan_given: false,
         skull_angle_deg: planned.skull_angle_deg,
         source: Source {
             format: scan.source.format.name().into(),

@@ -2,6 +2,7 @@
 
 use monro_case::markups::NamedPoint;
 use monro_geometry::{Patient, Point};
+use monro_guidance::Side;
 
 /// Names of the six landmarks, in the order of [`named`]. None says 110 mm: where the scan ends below, the midline point and
 /// Kocher's points lie lower, and a finding tells how far from the nasion.
@@ -11,4 +12,14 @@ const NAMES: [&str; 6] = ["nasion", "midline above nasion", "Kocher left", "Koch
 /// before right.
 pub fn named(points: [Point<Patient>; 6]) -> Vec<NamedPoint> {
     NAMES.iter().zip(points).map(|(label, position)| NamedPoint { label: (*label).into(), position }).collect()
+}
+
+/// The path that is planned by itself: from Kocher's point to the foramen of Monro of a side; `None` without these.
+pub(crate) fn path(landmarks: &[NamedPoint], side: Side) -> Option<[Point<Patient>; 2]> {
+    let [entry, target] = match side {
+        Side::Left => [NAMES[2], NAMES[4]],
+        Side::Right => [NAMES[3], NAMES[5]],
+    };
+    let of = |name: &str| landmarks.iter().find(|l| l.label == name).map(|l| l.position);
+    Some([of(entry)?, of(target)?])
 }

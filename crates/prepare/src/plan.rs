@@ -4,7 +4,7 @@ use crate::{PrepareError, Request};
 use monro_anatomy::landmarks::{self, Landmarks};
 use monro_anatomy::segment::Segmentation;
 use monro_case::markups::NamedPoint;
-use monro_geometry::{Bvh, Patient, Point, Structure, TriangleMesh, Vector, Volume};
+use monro_geometry::{Bvh, Grid, Patient, Point, Structure, TriangleMesh, Vector, Volume};
 use monro_guidance::{Plan, Side, skull_angle};
 
 /// A given entry may lie this far from the skin: markers and thick hair, but not another head.
@@ -94,12 +94,12 @@ fn given(
     let plan = Plan::new(side, entry, target)?;
     let skin = Bvh::new(skin);
     check_ends(&plan, &segmentation.labels, &skin)?;
-    from_skin(plan, &skin)
+    from_skin(plan, &skin, segmentation.labels.grid())
 }
 
 /// The same path from where it goes through the skin: depths count from there. Markers lie above it, and entries on the skull
 /// below. With what to tell of it.
-fn from_skin(plan: Plan, skin: &Bvh) -> Result<(Plan, Option<String>), PrepareError> {
+fn from_skin(plan: Plan, skin: &Bvh, grid: &Grid) -> Result<(Plan, Option<String>), PrepareError> {
     let out = skin.ray_all(plan.target(), -plan.direction()).into_iter().filter(|h| !h.entering);
     let off = out.map(|h| h.t - plan.length()).min_by(|a, b| a.abs().total_cmp(&b.abs()));
     let Some(off) = off.filter(|off| off.abs() <= ENTRY_OFF_SKIN_MM) else {
@@ -110,6 +110,10 @@ fn from_skin(plan: Plan, skin: &Bvh) -> Result<(Plan, Option<String>), PrepareEr
         return Ok((plan, None));
     }
     let entry = plan.at_depth(-off);
+    if is_at_border(grid, entry) {
+        let told = "the scan ends before the skin where the path goes in: depths count from the entry as given";
+        return Ok((plan, Some(told.into())));
+    }
     let [x, y, z] = entry.to_array();
     let told = format!(
         "the entry given lies {:.1} mm {} the skin along the path: the path begins at ({x:.1}, {y:.1}, {z:.1}) mm, where it goes \
@@ -118,6 +122,12 @@ fn from_skin(plan: Plan, skin: &Bvh) -> Result<(Plan, Option<String>), PrepareEr
         if off > 0.0 { "under" } else { "above" }
     );
     Ok((Plan::new(plan.side(), entry, plan.target())?, Some(told)))
+}
+
+/// Whether a point is within a voxel of the scan's border, where surfaces are capped.
+fn is_at_border(grid: &Grid, p: Point<Patient>) -> bool {
+    let (voxel, dims) = (grid.voxel_from_patient().point(p).to_array(), grid.dims());
+    (0..3).any(|a| voxel[a] < 1.0 || voxel[a] > dims[a] as f64 - 2.0)
 }
 
 /// Refuses a path that cannot be one of this head: a target that is not inside the skull, an entry far from the skin.
@@ -220,7 +230,6 @@ fn skull_normal(plan: &Plan, skull: &TriangleMesh) -> Option<Vector<Patient>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use monro_geometry::Grid;
 
     /// Brain all over, but for a ventricle at x of 40 mm and more.
     fn labels() -> Volume<u8> {

@@ -1,7 +1,7 @@
 //! A case is built again from corrected labels; the observer sees every stage and can stop the work.
 
 use monro_anatomy::phantom::{HeadOptions, Phantom, head};
-use monro_geometry::{Structure, Vector, Volume};
+use monro_geometry::{Grid, Structure, Vector, Volume};
 use monro_guidance::Side;
 use monro_prepare::{Labels, Observer, PrepareError, Prepared, Request, Silent, Stage, build, confidence, rebuild};
 use monro_scan::{ReadOptions, Scan, nifti};
@@ -98,14 +98,19 @@ fn an_emptied_structure_is_an_error_that_names_it() {
 fn a_path_that_was_given_was_replaced_by_the_automatic_one_in_a_rebuilt_case() {
     let (made, scan) = phantom();
     let found = build(scan.clone(), &given(&made.labels), &Silent).expect("case").case;
-    assert!(!found.manifest.plan_given);
-    let again = rebuild(&found, scan.clone(), made.labels.map(u16::from), &Silent).expect("rebuilt").case;
-    assert!(!again.manifest.plan_given, "a path that was found is sought again");
+    // A path that was found is sought again: here the foramina have moved with the labels, up by two voxels.
+    let up = |labels: &Volume<u8>| {
+        let (grid, mut out) = (*labels.grid(), labels.clone());
+        let layer = grid.dims()[0] * grid.dims()[1];
+        out.data_mut()[2 * layer..].copy_from_slice(&labels.data()[..labels.data().len() - 2 * layer]);
+        out
+    };
+    let again = rebuild(&found, scan.clone(), up(&made.labels).map(u16::from), &Silent).expect("rebuilt").case;
+    assert!(again.plan.target().distance(found.plan.target()) > 2.0, "{:?}", again.plan);
     let own = [found.plan.entry() + Vector::new(4.0, 3.0, 0.0), found.plan.target() + Vector::new(0.0, 1.0, -2.0)];
     let request = Request { path: Some(own), ..given(&made.labels) };
     let first = build(scan.clone(), &request, &Silent).expect("case").case;
     let second = rebuild(&first, scan, made.labels.map(u16::from), &Silent).expect("rebuilt").case;
-    assert!(first.manifest.plan_given && second.manifest.plan_given);
     assert_eq!((second.plan.entry(), second.plan.target()), (first.plan.entry(), own[1]));
     assert!(first.plan.entry().distance(own[0]) < 3.0);
 }
@@ -123,6 +128,20 @@ fn a_path_begins_at_the_skin_wherever_on_it_the_entry_was_given() {
         let told = case.manifest.findings.iter().find(|f| f.contains("depths count from there"));
         assert!(told.map_or(words.is_empty(), |f| f.contains(words)), "{mm}: {:?}", case.manifest.findings);
     }
+    // Where the scan ends below the entry, the flat cap is no skin.
+    let (grid, dims) = (*made.labels.grid(), made.labels.grid().dims());
+    let top = grid.voxel_from_patient().point(found.entry()).z as usize - 3;
+    let cut = Grid::new([dims[0], dims[1], top], *grid.patient_from_voxel()).expect("a grid");
+    let labels = Volume::new(cut, made.labels.data()[..cut.len()].to_vec()).expect("labels");
+    let ct = Volume::new(cut, scan.volume.data()[..cut.len()].to_vec()).expect("a scan");
+    let request = Request { path: Some([found.entry(), found.target()]), ..given(&labels) };
+    let case = build(Scan { volume: ct, ..scan }, &request, &Silent).expect("case").case;
+    assert_eq!(case.plan.entry(), found.entry());
+    assert!(
+        case.manifest.findings.iter().any(|f| f.contains("scan ends before the skin")),
+        "{:?}",
+        case.manifest.findings
+    );
 }
 
 #[test]

@@ -65,7 +65,6 @@ pub(crate) struct Live {
     /// Whether the scripted hand rests and its tracker is dark.
     pub(crate) paused: AtomicBool,
     stopping: AtomicBool,
-    /// How the tracker is, for people.
     /// How the tracker is, and what stands still in it though poses come; for people.
     tracker: Mutex<(String, Option<String>)>,
     log: Option<Log>,

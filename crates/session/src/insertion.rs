@@ -15,7 +15,7 @@ pub use monro_tissue::{FrameSettings, Mode};
 pub(crate) const SPEED_MM_S: RangeInclusive<f64> = 0.1..=500.0;
 
 /// Length of the catheter behind its tip, mm (ventricular catheters are 200 to 350 mm long).
-const CATHETER_LENGTH_MM: f64 = 250.0;
+pub(crate) const CATHETER_LENGTH_MM: f64 = 250.0;
 
 /// Time over which what is done to the fluid and gravity come on before the insertion, s. At once they would throw the
 /// tissue; this is many periods of its slowest motion (a head's: about 8 Hz).
@@ -124,6 +124,11 @@ impl Insertion {
     /// Frames done and in all.
     pub const fn progress(&self) -> (usize, usize) {
         (self.frames_done, self.frames_in_all)
+    }
+
+    /// Frames before the catheter begins to move: fluid and gravity come on.
+    pub const fn before(&self) -> usize {
+        self.frames_before
     }
 
     /// One frame further; `None` at the end.

@@ -15,8 +15,9 @@ use std::fmt;
 
 /// Points per surface and direction for the distances.
 const SAMPLES: usize = 10_000;
-/// Edges that a surface may be off.
+/// Edges of the elements there that a surface may be off, and cells of the smooth fields: tips of wedges lose a few.
 const MOST_EDGES_OFF: f64 = 1.5;
+const MOST_CELLS_OFF: f64 = 5.0;
 /// Bounds of the bands of distance in mm.
 const BANDS: [f64; 8] = [0.0, 0.9, 2.0, 5.0, 10.0, 20.0, 40.0, f64::INFINITY];
 
@@ -46,13 +47,16 @@ pub struct InterfaceDistance {
     pub max_at: [f64; 3],
     /// Edge of the elements wanted there, mm.
     pub edge: f64,
+    /// Edge of the smooth fields' cells, mm.
+    pub step: f64,
 }
 
 impl InterfaceDistance {
-    /// Whether the surfaces are farther apart somewhere than elements are coarse there: on heads they are by up to 0.9 edges,
-    /// where furrows are narrow, but by several where a flat slit is bridged.
+    /// Whether the surfaces are farther apart somewhere than elements or cells are coarse there. On heads and phantoms they are by
+    /// up to 0.9 edges, where furrows are narrow, with the usual options; by several where a flat slit is bridged, or where
+    /// a label that is thin against its elements is lost.
     pub fn is_far(&self) -> bool {
-        self.max > MOST_EDGES_OFF * self.edge
+        self.max > (MOST_EDGES_OFF * self.edge).max(MOST_CELLS_OFF * self.step)
     }
 }
 
@@ -61,7 +65,7 @@ impl fmt::Display for InterfaceDistance {
         let Self { max, max_at, edge, .. } = *self;
         write!(
             f,
-            "the surface and that of the smoothed voxels are {max:.1} mm apart near {}, where edges are {edge:.1} mm: slits, tunnels, sheets and specks no wider than a voxel or two are bridged or lost there; relabel them, make them wider, or resample the labels to voxels of half the size and ask for so many elements that edges are shorter than they are wide",
+            "the surface and that of the smoothed voxels are {max:.1} mm apart near {}, where edges are {edge:.1} mm: what is thin against these (horns, slits, tunnels, sheets, specks) is bridged or lost there; be fine around the label or ask for more elements, and where it is no wider than a voxel or two relabel it, make it wider or resample the labels to voxels of half the size",
             place(max_at)
         )
     }
@@ -345,7 +349,7 @@ fn label_report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &Source
         elements,
         volume,
         volume_error: volume / (fields.extents[l].count as f64 * fields.voxel) - 1.0,
-        interface: distances(&surface, &truth, |p| source.edge(p)),
+        interface: distances(&surface, &truth, source),
         surface: SurfaceReport::new(&surface, &truth, fields.unit),
         voxels: fields.extents[l].count,
         lost_at: (elements == 0).then(|| voxels.one(|x| x == label)),
@@ -381,10 +385,11 @@ fn without_specks(
     surface
 }
 
-fn distances(a: &TriangleMesh, b: &TriangleMesh, edge: impl Fn(V3) -> f64) -> Option<InterfaceDistance> {
+fn distances<T>(a: &TriangleMesh, b: &TriangleMesh, source: &Source<'_, T>) -> Option<InterfaceDistance> {
     let (there, back) = (one_way(a, b)?, one_way(b, a)?);
     let (_, max, max_at) = if there.1 >= back.1 { there } else { back };
-    Some(InterfaceDistance { mean: there.0.max(back.0), max, max_at, edge: edge(max_at) })
+    let (edge, step) = (source.edge(max_at), source.fields.step);
+    Some(InterfaceDistance { mean: there.0.max(back.0), max, max_at, edge, step })
 }
 
 /// From the vertices and centroids of one surface to the other: the mean and the largest distance, and where that is.

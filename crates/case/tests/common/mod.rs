@@ -19,7 +19,6 @@ pub(crate) fn case() -> Case {
         notice: "research".into(),
         pseudonym: "P-1".into(),
         side: "left".into(),
-        plan_given: false,
         skull_angle_deg: Some(89.5),
         source,
         findings: vec!["vertex cut".into()],

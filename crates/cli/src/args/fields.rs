@@ -4,7 +4,8 @@
 pub(super) const SIMULATE_FIELDS: &str = "\
 In --json and summary.json:
   reliable        false where the end is not a result: elements turned inside out, or walls through each other, at the
-                  end (on the way: a remark), frames held, a target more than 20 mm off, drained volume missed by more than 10 %
+                  end (on the way: a remark), frames held, a target more than 20 mm off, drained volume missed by more
+                  than 10 %, more than 0.5 % of the brain crushed, more than 10 % of the ventricles empty (crushed)
   reached_ventricle
                   whether the tip was in a ventricle at any time: CSF came
   csf             when it first was: time_s, depth_mm under the skin, structure; null where it never was
@@ -26,9 +27,13 @@ In --json and summary.json:
                   steps taken back and done in smaller ones; frames that even the smallest could not solve
   drained_ml      asked and reached; null without --drain-ml
   crushed         at the end: elements of brain and of ventricles that have less than half or more than twice of their
-                  volume at rest, the former's share of the brain (brain_share), the share of the ventricles in elements
-                  that have lost nine tenths (ventricles_empty_share: walls meet), and the least share that is left in an
-                  element, and where
+                  volume at rest (count, share of the structure, the worst: volume_ratio, at_lps_mm), and the share of the
+                  ventricles in elements that have lost nine tenths (ventricles_empty_share: walls meet)
+  csf_pressure_change_mmhg, csf_volume_change_ml
+                  of the ventricles at the end, against rest: what came of all that was done; csf_pressure_mmhg is what was
+                  asked for
+  ms_per_frame    median and p99 of collision, deformation and the surfaces
+  outputs         where the files are (--json only)
   max_axial_force_mn
                   of the middle one of three frames in a row: single frames may be of a jump of the tissue
   volumes         of the brain (with the CSF around it, which is simulated as brain: more than labels and report of the

@@ -23,14 +23,35 @@ const MOST_EMPTY: f64 = 0.1;
 /// What of a mesh is crushed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Crushed {
-    /// Elements of brain that are not sound, and their share of its volume at rest.
-    brain: (usize, f64),
-    /// Elements of ventricles that are not sound.
-    ventricles: usize,
+    /// Elements of brain, and of ventricles, that are not sound.
+    brain: Unsound,
+    ventricles: Unsound,
     /// Share of the ventricles' volume at rest in elements that are empty.
     empty: f64,
-    /// Of the element with the least share of its volume that share, and its middle now.
-    least: (f64, Point<Patient>),
+}
+
+/// Elements of a structure that are not sound.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Unsound {
+    count: usize,
+    /// Their share of the structure's volume at rest.
+    share: f64,
+    /// Of the worst of them the volume over that at rest, and its middle now.
+    worst: Option<(f64, Point<Patient>)>,
+}
+
+impl Unsound {
+    const NONE: Self = Self { count: 0, share: 0.0, worst: None };
+
+    /// Counts one, with its volume at rest, the ratio to that and its middle.
+    fn count(&mut self, volume: f64, ratio: f64, middle: Point<Patient>) {
+        (self.count, self.share) = (self.count + 1, self.share + volume);
+        // What is turned is worse than what is flat.
+        let bad = |ratio: f64| if ratio > 1.0 { ratio } else { 1.0 / ratio.max(1e-9) };
+        if self.worst.is_none_or(|(worst, _)| bad(ratio) > bad(worst)) {
+            self.worst = Some((ratio, middle));
+        }
+    }
 }
 
 impl Crushed {
@@ -40,28 +61,24 @@ impl Crushed {
     }
 
     fn between(rest: &TetMesh, now: &TetMesh) -> Self {
-        let mut out = Self { brain: (0, 0.0), ventricles: 0, empty: 0.0, least: (f64::INFINITY, Point::ORIGIN) };
+        let mut out = Self { brain: Unsound::NONE, ventricles: Unsound::NONE, empty: 0.0 };
         let mut whole = [0.0f64; 2];
         for (t, &label) in rest.labels.iter().enumerate() {
             let fluid = is_ventricle(label);
             let (volume, ratio) = (rest.volume(t), now.volume(t) / rest.volume(t));
             whole[usize::from(fluid)] += volume;
-            if ratio < out.least.0 {
-                let [a, b, c, d] = now.corners(t);
-                out.least = (ratio, a.lerp(b, 0.5).lerp(c.lerp(d, 0.5), 0.5));
-            }
             if fluid && ratio < EMPTY {
                 out.empty += volume;
             }
             if !SOUND.contains(&ratio) {
-                match fluid {
-                    true => out.ventricles += 1,
-                    false => out.brain = (out.brain.0 + 1, out.brain.1 + volume),
-                }
+                let [a, b, c, d] = now.corners(t);
+                let of = if fluid { &mut out.ventricles } else { &mut out.brain };
+                of.count(volume, ratio, a.lerp(b, 0.5).lerp(c.lerp(d, 0.5), 0.5));
             }
         }
-        out.brain.1 /= whole[0].max(f64::MIN_POSITIVE);
-        out.empty /= whole[1].max(f64::MIN_POSITIVE);
+        let [brain, ventricles] = whole.map(|v| v.max(f64::MIN_POSITIVE));
+        out.brain.share /= brain;
+        (out.ventricles.share, out.empty) = (out.ventricles.share / ventricles, out.empty / ventricles);
         out
     }
 
@@ -74,7 +91,7 @@ impl Crushed {
                 100.0 * self.empty
             ));
         }
-        let (count, share) = self.brain;
+        let Unsound { count, share, .. } = self.brain;
         (keeps_volume(run) && share > MOST_CRUSHED).then(|| {
             format!(
                 "At the end {count} tetrahedra of brain ({:.1} % of it) have less than half or more than twice of their volume: \
@@ -94,18 +111,18 @@ impl Crushed {
                 100.0 * self.empty
             ));
         }
-        let brain = if keeps_volume(run) { self.brain.0 } else { 0 };
+        let brain = if keeps_volume(run) { self.brain } else { Unsound::NONE };
         // Ventricles that are drained or filled change as they should.
-        let ventricles = if matches!(run.settings.frame.csf, Csf::AtRest) { self.ventricles } else { 0 };
-        if brain + ventricles > 0 {
-            let (least, at) = self.least;
+        let ventricles = if matches!(run.settings.frame.csf, Csf::AtRest) { self.ventricles } else { Unsound::NONE };
+        if let Some((ratio, at)) = brain.worst.or(ventricles.worst) {
             let [x, y, z] = at.to_array();
             out.push(format!(
-                "At the end {} of {} tetrahedra ({brain} of brain) have less than half or more than twice of their volume, the least {least:.2} \
+                "At the end {} of {} tetrahedra ({} of brain) have less than half or more than twice of their volume, the worst {ratio:.2} \
                  of it, near ({x:.1}, {y:.1}, {z:.1}) mm: tissue hangs there by elements that are crushed. How far walls have moved \
                  around them is then a matter of chance (of the iterations, the mesh, the speed) by some millimetres.",
-                brain + ventricles,
-                run.rest.tets.len()
+                brain.count + ventricles.count,
+                run.rest.tets.len(),
+                brain.count
             ));
         }
         out
@@ -113,10 +130,12 @@ impl Crushed {
 
     /// For programs.
     pub(super) fn json(self) -> Value {
+        let of = |of: Unsound| {
+            let worst = of.worst.map(|(ratio, at)| json!({ "volume_ratio": ratio, "at_lps_mm": at.to_array() }));
+            json!({ "count": of.count, "share": of.share, "worst": worst })
+        };
         json!({
-            "brain": self.brain.0, "brain_share": self.brain.1, "ventricles": self.ventricles,
-            "ventricles_empty_share": self.empty, "least_volume_ratio": self.least.0,
-            "least_at_lps_mm": self.least.1.to_array(),
+            "brain": of(self.brain), "ventricles": of(self.ventricles), "ventricles_empty_share": self.empty,
         })
     }
 }
@@ -145,10 +164,15 @@ mod tests {
                 .to_vec(),
         };
         let found = Crushed::between(&mesh([1.0, 3.0, 1.0, 1.0]), &mesh([0.4, 3.0, 0.05, 1.9]));
-        assert_eq!((found.brain.0, found.ventricles), (1, 1));
-        assert!((found.brain.1 - 0.25).abs() < 1e-12 && (found.empty - 0.5).abs() < 1e-12, "{found:?}");
-        assert!((found.least.0 - 0.05).abs() < 1e-12 && found.least.1.z < 0.02, "{found:?}");
+        assert_eq!((found.brain.count, found.ventricles.count), (1, 1));
+        assert!((found.brain.share - 0.25).abs() < 1e-12 && (found.empty - 0.5).abs() < 1e-12, "{found:?}");
+        let worst = |of: Unsound| of.worst.expect("one");
+        assert!((worst(found.brain).0 - 0.4).abs() < 1e-12, "{found:?}");
+        assert!((worst(found.ventricles).0 - 0.05).abs() < 1e-12 && worst(found.ventricles).1.z < 0.02, "{found:?}");
+        // One turned inside out is worse than any that has grown.
+        let turned = Crushed::between(&mesh([1.0; 4]), &mesh([90.0, -0.1, 1.0, 1.0])).brain;
+        assert_eq!((turned.count, worst(turned).0 < 0.0), (2, true), "{turned:?}");
         let sound = Crushed::between(&mesh([1.0; 4]), &mesh([0.6, 1.9, 0.5, 2.0]));
-        assert_eq!((sound.brain.0, sound.ventricles, sound.empty), (0, 0, 0.0));
+        assert_eq!(sound, Crushed { brain: Unsound::NONE, ventricles: Unsound::NONE, empty: 0.0 });
     }
 }

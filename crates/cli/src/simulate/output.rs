@@ -255,3 +255,15 @@ pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
 pub(super) fn small(value: f64) -> String {
     if value.abs() < 0.95 { format!("{value:.2}") } else { format!("{value:.1}") }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::largest_that_lasts;
+
+    #[test]
+    fn a_force_of_a_single_frame_was_the_largest() {
+        assert_eq!(largest_that_lasts(&[128.0, 128.0, -3.0, 133.0, 256.0, 54.0]), 133.0);
+        assert_eq!(largest_that_lasts(&[10.0, 160.0, 150.0, 20.0]), 150.0);
+        assert_eq!((largest_that_lasts(&[1.0, 2.0]), largest_that_lasts(&[-5.0; 4])), (0.0, 0.0));
+    }
+}

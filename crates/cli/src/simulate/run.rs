@@ -169,8 +169,8 @@ fn frames(
     console: &Console,
 ) -> Result<(Vec<Row>, Vec<Snapshot>)> {
     let (mut rows, mut snapshots) = (Vec::new(), Vec::new());
-    let (_, total) = insertion.progress();
-    let every = total.div_ceil(SNAPSHOTS).max(1);
+    let ((_, total), before) = (insertion.progress(), insertion.before());
+    let every = (total - before).div_ceil(SNAPSHOTS).max(1);
     let mut in_csf = false;
     loop {
         let start = Instant::now();
@@ -182,7 +182,8 @@ fn frames(
             in_csf = true;
         }
         let (done, _) = insertion.progress();
-        if done % every == 0 || done == total {
+        // Of the insertion: before it a mesh of what fluid and gravity have done.
+        if done >= before && ((done - before) % every == 0 || done == total) {
             console.progress(format!("insert: frame {done} of {total}, depth {:.1} mm", frame.depth_mm));
             let (time_s, mesh) = (frame.time_s, insertion.deformed());
             snapshots.push(Snapshot { time_s, mesh, self_crossing: None });

@@ -52,7 +52,7 @@ pub(super) fn read(case: &Value) -> Result<BTreeMap<u16, Material>> {
 fn moduli(m: &Value) -> Result<(f64, f64)> {
     let of = |name: &str| m[name].as_f64();
     for name in ["E", "nu", "mu", "lam", "lam_hat"] {
-        let given = m.get(name).filter(|v| !v.is_number());
+        let given = m.get(name).filter(|v| !v.is_number() && !v.is_null());
         ensure!(given.is_none(), "\"{name}\" is {}, wanted a number", given.unwrap_or_default());
     }
     for (name, value) in [("E", of("E")), ("mu", of("mu"))] {

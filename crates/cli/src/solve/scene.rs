@@ -13,15 +13,14 @@ use std::path::{Path, PathBuf};
 
 const MM: f64 = 1e3;
 
-/// Words (small letters) of units that are not of SI without prefixes.
-const NOT_SI: [&str; 24] = [
+/// Words (small letters) of units that are not of SI without prefixes. Not "in" and "g", which are other words, too.
+const NOT_SI: [&str; 20] = [
     "mm",
     "cm",
     "dm",
     "um",
     "µm",
     "km",
-    "in",
     "inch",
     "inches",
     "millimetre",
@@ -32,12 +31,9 @@ const NOT_SI: [&str; 24] = [
     "centimetres",
     "centimeter",
     "centimeters",
-    "g",
     "kpa",
     "mpa",
     "gpa",
-    "mn",
-    "kn",
     "mmhg",
 ];
 /// Largest coordinate of a mesh, m.

@@ -228,7 +228,7 @@ fn the_page_gave_two_times_for_its_frames_and_hid_the_largest_shift(html: &str) 
 fn paraview_could_not_show_the_head_before(out: &Path) {
     let collection = fs::read_to_string(out.join("insertion.pvd")).expect("collection");
     let first = collection.lines().find(|l| l.starts_with("<DataSet")).expect("a frame");
-    // With gravity, which comes on in the second before the insertion.
+    // With a volume to be drained, in three seconds before the insertion.
     assert_eq!(first, "<DataSet timestep=\"-3.0000\" file=\"frames/tets_000.vtu\"/>");
     let grid = monro_case::vtu::decode(&fs::read(out.join("frames/tets_000.vtu")).expect("frame")).expect("a grid");
     let moved = grid.point_data.iter().find(|d| d.name == "displacement_mm").expect("displacements");

@@ -127,7 +127,6 @@ pub fn case() -> Case {
         notice: "Research software. Not for clinical use.".into(),
         pseudonym: "ELLIPSOID-1".into(),
         side: "right".into(),
-        plan_given: false,
         skull_angle_deg: Some(85.0),
         source: Source { format, series, dims: [64, 80, 60], spacing_mm: [2.6; 3] },
         findings: Vec::new(),

@@ -135,7 +135,7 @@ impl Deformation {
     fn begin(&self, wanted: &ToolPose, inside: f64, pose_time_s: f64) -> (ToolPose, f64) {
         match self.last {
             Some((last, time)) if self.is_inside(&last) => (last, time),
-            Some((last, time)) if inside > 0.0 && way(&last, wanted) > FARTHEST_MM => {
+            Some((last, time)) if self.room.holds(wanted.tip) && way(&last, wanted) > FARTHEST_MM => {
                 (along(wanted, inside + OUTSIDE_MM).unwrap_or(last), time)
             }
             Some(last) if inside > 0.0 => last,
@@ -254,7 +254,6 @@ pub(crate) mod tests {
             notice: "research".into(),
             pseudonym: "P".into(),
             side: "right".into(),
-            plan_given: false,
             skull_angle_deg: None,
             source,
             findings: Vec::new(),
@@ -381,6 +380,18 @@ pub(crate) mod tests {
         let back: Vec<(f64, Deformed)> = (120..180).map(|i| step(i, 0.0, 30.0)).collect();
         assert!(back[40..].iter().all(|(lag, _)| *lag < 1e-9), "{:?}", back.iter().map(|b| b.0).collect::<Vec<_>>());
         assert_eq!(back[59].1.faults, 0);
+    }
+
+    /// Above the head, seen again after a while: its ray backwards runs through the brain, it does not.
+    #[test]
+    fn a_catheter_beyond_the_head_is_not_driven_through_the_brain() {
+        let mut d = deformation();
+        d.advance(&needle(-60.0), 0.0, 1.0 / 60.0);
+        let turned =
+            NeedlePose::new(case().plan.at_depth(-330.0) + Vector::new(1.0, 2.0, 0.0), -case().plan.direction());
+        let turned = turned.expect("needle");
+        let frames: Vec<Deformed> = (1..60).map(|i| d.advance(&turned, f64::from(i), 1.0 / 60.0)).collect();
+        assert!(frames.iter().all(|f| f.at_tip.is_none() && f.largest_mm < 1.0), "{:?}", frames[20].largest_mm);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The space in which a catheter may meet the tissue: whatever is outside of it is in the air.
 
+use crate::insertion::CATHETER_LENGTH_MM;
 use monro_geometry::{Patient, Point, Vector};
 
 /// How far from its place at rest tissue may be and still be reached, mm.
@@ -45,8 +46,13 @@ impl Room {
         }))
     }
 
+    /// Whether a point is in it.
+    pub(super) fn holds(&self, p: Point<Patient>) -> bool {
+        self.0.iter().all(|slab| (slab.low..=slab.high).contains(&(p - Point::ORIGIN).dot(slab.normal)))
+    }
+
     /// How far it is from `start` along the unit vector `direction` until the room is left for good, mm; 0 when it is not
-    /// met (slabs, Kay and Kajiya 1986).
+    /// met by a catheter's length (slabs, Kay and Kajiya 1986).
     pub(super) fn way_out(&self, start: Point<Patient>, direction: Vector<Patient>) -> f64 {
         let (mut enter, mut leave) = (0f64, f64::INFINITY);
         for slab in &self.0 {
@@ -60,7 +66,7 @@ impl Room {
             let (s, t) = ((slab.low - at) / way, (slab.high - at) / way);
             (enter, leave) = (enter.max(s.min(t)), leave.min(s.max(t)));
         }
-        if leave > enter && leave.is_finite() { leave } else { 0.0 }
+        if leave > enter && leave.is_finite() && enter < CATHETER_LENGTH_MM { leave } else { 0.0 }
     }
 }
 
@@ -88,6 +94,17 @@ mod tests {
         assert!(room.way_out(Point::new(300.0, 30.0, 20.0), up) <= 0.0);
         let aslant = Vector::new(0.6, 0.0, 0.8);
         assert!(room.way_out(Point::new(30.0, 30.0, 20.0), aslant) >= 55.0 / 0.8 - 12.0);
+    }
+
+    /// Its ray backwards met the head, and it was driven through the brain.
+    #[test]
+    fn a_catheter_far_off_with_its_hub_towards_the_head_is_in_the_air() {
+        let room = Room::new(&ball());
+        let back = Vector::new(-1.0, 0.0, 0.0);
+        for (x, is_met) in [(600.0, false), (330.0, false), (200.0, true), (0.0, true)] {
+            let tip = Point::new(x, 0.0, 0.0);
+            assert_eq!((room.way_out(tip, back) > 0.0, room.holds(tip)), (is_met, x < 70.0), "{x}");
+        }
     }
 
     /// Above Kocher's point a catheter is inside the box around the head long before it is near it.

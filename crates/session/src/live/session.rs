@@ -160,12 +160,15 @@ impl Session {
         self.guard.bump()
     }
 
-    /// How far a landmark (where the tip touches it in the frame of the reference) may have been moved without a check that
-    /// holds telling it: while the alarm is raised, unless the check rules that motion out or the reference is back to
-    /// within noise; mm.
+    /// How far the patient may have been moved at a landmark (where the tip touches it in the frame of the reference) or at the
+    /// target, the farther, without a check of it that holds telling: while the alarm is raised, unless the check rules out
+    /// the motion of the landmark or both are back to within noise; mm.
     pub fn hidden_motion(&self, touched: Point<Tool>, found: &Recheck) -> Option<f64> {
-        let motion = self.guard.motion_of(touched)?;
-        (motion > GuardOptions::default().shift && !found.excludes(motion)).then_some(motion)
+        let at_landmark = self.guard.motion_of(touched)?;
+        let target =
+            self.plan.zip(self.registration).map(|(plan, r)| r.patient_from_reference.inverse().point(plan.target()));
+        let motion = target.and_then(|target| self.guard.motion_of(target)).map_or(at_landmark, |t| t.max(at_landmark));
+        (motion > GuardOptions::default().shift && !found.excludes(at_landmark)).then_some(motion)
     }
 
     /// The catheter in the patient, and when it was seen, s.
@@ -309,17 +312,19 @@ pub(crate) mod tests {
         assert_eq!(s.signal(1.4), Signal::Stale);
     }
 
-    /// A hundred frames from frame `from` on, with the reference shifted by so much; what the alarm says then.
-    fn see(s: &mut Session, script: &Script, from: u32, shift: f64) -> Option<f64> {
+    /// A hundred frames from frame `from` on, with the reference moved in its own frame; what the alarm says then.
+    fn see(s: &mut Session, script: &Script, from: u32, moved: &Rigid<Tool, Tool>) -> Option<f64> {
         for i in from..from + 100 {
             let t = f64::from(i) / 120.0;
             let [mut reference, catheter, _] = script.observations(t);
-            reference.tracker_from_tool = reference.tracker_from_tool.and_then(|p| {
-                Rigid::from_quaternion(p.quaternion_wxyz(), p.translation() + Vector::new(shift, 0.0, 0.0))
-            });
+            reference.tracker_from_tool = reference.tracker_from_tool.map(|p| p.after(moved));
             assert!(s.observe(&reference) && s.observe(&catheter));
         }
         s.reference_alarm().map(|b| b.shift)
+    }
+
+    fn shifted(mm: f64) -> Rigid<Tool, Tool> {
+        Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(mm, 0.0, 0.0)).expect("a pose")
     }
 
     /// The alarm comes by itself, stays although the reference is put back, and goes with the check.
@@ -327,11 +332,11 @@ pub(crate) mod tests {
     fn a_reference_that_moves_raises_the_alarm_until_the_next_check() {
         let script = Script::new(plan());
         let mut s = navigating(&script);
-        assert_eq!(see(&mut s, &script, 0, 0.0), None);
-        assert!(see(&mut s, &script, 100, 3.0).is_some_and(|shift| (1.0..=3.5).contains(&shift)));
-        assert!(see(&mut s, &script, 200, 0.0).is_some());
+        assert_eq!(see(&mut s, &script, 0, &shifted(0.0)), None);
+        assert!(see(&mut s, &script, 100, &shifted(3.0)).is_some_and(|shift| (1.0..=3.5).contains(&shift)));
+        assert!(see(&mut s, &script, 200, &shifted(0.0)).is_some());
         s.apply(SessionEvent::Plain(PlainEvent::CheckPassed)).expect("check");
-        assert_eq!(see(&mut s, &script, 300, 0.0), None);
+        assert_eq!(see(&mut s, &script, 300, &shifted(0.0)), None);
     }
 
     /// The reference had moved by 3 mm, a check with a limit of 3.7 mm passed, and the alarm was gone with the tip 2.9 mm off.
@@ -341,17 +346,26 @@ pub(crate) mod tests {
         let mut s = navigating(&script);
         let at = Point::new(40.0, -60.0, 80.0);
         let check = |distance, limit| Recheck { distance, limit };
-        see(&mut s, &script, 0, 0.0);
+        see(&mut s, &script, 0, &shifted(0.0));
         assert_eq!(s.hidden_motion(at, &check(0.5, 9.0)), None, "nothing has moved");
-        see(&mut s, &script, 100, 3.0);
+        see(&mut s, &script, 100, &shifted(3.0));
         let hidden = s.hidden_motion(at, &check(0.5, 3.7)).expect("hidden");
         assert!((hidden - 3.0).abs() < 0.3, "{hidden}");
         assert_eq!(s.hidden_motion(at, &check(0.5, 2.0)), None, "a motion of 3 mm would have shown");
-        see(&mut s, &script, 200, 25.0);
+        see(&mut s, &script, 200, &shifted(25.0));
         assert_eq!(s.hidden_motion(at, &check(0.5, 3.7)), None);
         assert!(s.hidden_motion(at, &check(13.0, 14.0)).is_some());
-        see(&mut s, &script, 300, 0.0);
+        see(&mut s, &script, 300, &shifted(0.0));
         assert_eq!(s.hidden_motion(at, &check(0.5, 3.7)), None, "back in its place");
+        // Turned about the landmark, which shows nothing of it; the target has gone.
+        let turn =
+            Rigid::<Tool, Tool>::from_axis_angle(Vector::new(0.0, 0.0, 1.0), 0.06, Vector::ZERO).expect("an axis");
+        let stays = at - turn.point(at);
+        let about = Rigid::from_quaternion(turn.quaternion_wxyz(), stays).expect("a pose");
+        assert!(about.point(at).distance(at) < 1e-9);
+        see(&mut s, &script, 400, &about);
+        let hidden = s.hidden_motion(at, &check(0.5, 2.0)).expect("hidden");
+        assert!(hidden > 1.5, "{hidden}");
     }
 
     #[test]
