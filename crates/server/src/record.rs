@@ -52,7 +52,7 @@ impl Log {
         if let Some(folder) = path.parent() {
             create_dir_all(folder).map_err(refused)?;
         }
-        let mut file = File::create_new(path).map_err(refused)?;
+        let mut file = monro_tracking::new_file(path).map_err(refused)?;
         file.write_all(&[MAGIC.to_vec(), framed(&Entry::Opened(opened).encode())].concat()).map_err(refused)?;
         let (sender, receiver) = channel();
         let trouble = Trouble::default();

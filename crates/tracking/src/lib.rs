@@ -28,7 +28,7 @@ pub use fake_igtl::{IgtlFake, run_fake_igtl};
 pub use fake_natnet::{NatNetFake, run_fake_natnet};
 pub use igtl::{is_tool, tool_name};
 pub use latency::{Latencies, latencies};
-pub use record::Recorder;
+pub use record::{Recorder, new_file};
 pub use rivals::Rivals;
 pub use scene::{CATHETER_TIP, Motion, STYLUS_TIP, Scene, SceneOptions, TOOLS};
 pub use source::{Batch, Health, Source, open};

@@ -15,6 +15,18 @@ pub struct Recorder {
     begun: bool,
 }
 
+/// Makes a new file for a recording.
+///
+/// # Errors
+/// When it cannot be made, or is there already: nothing recorded is overwritten.
+pub fn new_file(path: &Path) -> io::Result<File> {
+    let taken = "there is a file of that name already, and what was recorded is not overwritten: name another";
+    File::create_new(path).map_err(|e| match e.kind() {
+        io::ErrorKind::AlreadyExists => io::Error::new(e.kind(), taken),
+        _ => e,
+    })
+}
+
 impl Recorder {
     /// Makes a new file; an existing one is refused.
     ///
@@ -22,7 +34,7 @@ impl Recorder {
     /// When the file exists or cannot be made.
     pub fn create(path: &Path, clock: Clock) -> Result<Self, TrackingError> {
         let path = path.to_owned();
-        match File::create_new(&path) {
+        match new_file(&path) {
             Ok(file) => Ok(Self { file, path, clock, begun: false }),
             Err(error) => Err(TrackingError::File { path, error }),
         }

@@ -203,7 +203,8 @@ fn what_is_recorded_is_replayed_to_the_same_poses() {
         let path = folder.path().join(format!("{scheme}.mnr"));
         let clock = Clock::new();
         let recorder = Recorder::create(&path, clock).expect("file");
-        assert!(Recorder::create(&path, clock).is_err(), "an existing recording is not overwritten");
+        let said = Recorder::create(&path, clock).expect_err("an existing recording is not overwritten").to_string();
+        assert!(said.contains("name another"), "{said}");
         let mut live = open(&fake.url(scheme, query), clock, Some(recorder)).expect("source");
         let lived = frames(live.as_mut(), 40);
         drop(live);
