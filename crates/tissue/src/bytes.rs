@@ -41,7 +41,7 @@ impl Stepper {
     /// Bytes of the memory to work in, by what they are for; all of it is there after a first step with a tool.
     pub fn bytes(&self) -> Vec<Held> {
         let copies = self.backup.bytes() + of(&self.previous) + of(&self.tethers);
-        let checks = of(&self.growth) + self.crushed.bytes();
+        let checks = of(&self.growth) + self.crushed.bytes() + self.nodes.bytes();
         vec![
             ("copies of the state", copies),
             ("spheres", self.spheres.bytes()),

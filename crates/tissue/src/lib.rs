@@ -78,6 +78,7 @@ mod marks;
 mod material;
 mod membrane;
 mod model;
+mod nodes;
 mod options;
 mod paper;
 mod physical;

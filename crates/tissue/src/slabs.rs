@@ -35,14 +35,25 @@ pub(crate) fn even_cuts(count: usize) -> Vec<usize> {
     (0..=pieces).map(|i| count * i / pieces).collect()
 }
 
+/// The pieces of both between the cuts.
+pub(crate) fn split_both<'a, S, T>(
+    (mut one, mut other): (&'a mut [S], &'a mut [T]),
+    cuts: &[usize],
+) -> [(&'a mut [S], &'a mut [T]); PIECES] {
+    core::array::from_fn(|i| (take_piece(&mut one, cuts, i), take_piece(&mut other, cuts, i)))
+}
+
 /// The pieces of `data` between the cuts, for threads that have no other part of it.
 pub(crate) fn split<'a, T>(mut data: &'a mut [T], cuts: &[usize]) -> [&'a mut [T]; PIECES] {
-    core::array::from_fn(|i| {
-        let length = if i + 1 < cuts.len() { cuts[i + 1] - cuts[i] } else { 0 };
-        let (piece, rest) = core::mem::take(&mut data).split_at_mut(length);
-        data = rest;
-        piece
-    })
+    core::array::from_fn(|i| take_piece(&mut data, cuts, i))
+}
+
+/// Takes piece `i` off the front; there is none beyond the cuts.
+fn take_piece<'a, T>(data: &mut &'a mut [T], cuts: &[usize], i: usize) -> &'a mut [T] {
+    let length = if i + 1 < cuts.len() { cuts[i + 1] - cuts[i] } else { 0 };
+    let (piece, rest) = core::mem::take(data).split_at_mut(length);
+    *data = rest;
+    piece
 }
 
 impl Slabs {

@@ -8,7 +8,8 @@
 //! their age.
 
 use crate::fast::Pool;
-use crate::vec3::{V3, axpy, dot, longest_way, norm, scale, sub, xyz};
+use crate::nodes::longest_way;
+use crate::vec3::{V3, axpy, dot, norm, scale, sub, xyz};
 use crate::{bytes, identity, slabs};
 
 const LEAF: usize = 8;

@@ -32,6 +32,11 @@ impl State {
     pub(crate) fn copy_from(&mut self, other: &Self) {
         self.positions.clone_from(&other.positions);
         self.velocities.clone_from(&other.velocities);
+        self.copy_rest_from(other);
+    }
+
+    /// Copies what is not of each node by itself.
+    pub(crate) fn copy_rest_from(&mut self, other: &Self) {
         self.pressure.clone_from(&other.pressure);
         self.csf_kpa = other.csf_kpa;
         self.tools.clone_from(&other.tools);

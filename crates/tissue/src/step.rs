@@ -7,19 +7,20 @@
 
 use crate::contact::{self, Coupling, Rule, ToolState};
 use crate::csf::FluidSpace;
-use crate::fast::{MOST_THREADS, Pool, Row};
+use crate::fast::{MOST_THREADS, Pool, Row, widest};
 use crate::model::Solver;
+use crate::nodes::Nodes;
 use crate::options::FrameSettings;
-use crate::paper::{self, Extent, PaperModel, PaperScratch, WHOLE_EVERY};
+use crate::paper::{self, Extent, Inertia, PaperModel, PaperScratch, Predict, WHOLE_EVERY};
 use crate::physical::descent::{Body, Descent, DescentScratch};
 use crate::physical::rhythm::Substep;
 use crate::report::{Event, StepReport, ToolReport};
 use crate::sphere_tree::Spheres;
 use crate::tool::{Rod, ToolMotion, travel};
 use crate::untangle::{CRUSHED, Crushed, unknot, untangle};
-use crate::vec3::{V3, dot, longest_way, norm, scale, sub, xyz};
+use crate::vec3::{V3, dot, norm, scale, sub, xyz};
 use crate::volumes::Survey;
-use crate::{Csf, Model, State};
+use crate::{Csf, Model, State, slabs};
 use monro_geometry::Vector;
 use std::sync::Arc;
 
@@ -68,6 +69,7 @@ pub struct Stepper {
     pub(crate) growth: Vec<Row>,
     /// Memory for crushed elements.
     pub(crate) crushed: Crushed,
+    pub(crate) nodes: Nodes,
     pool: Arc<Pool>,
 }
 
@@ -95,6 +97,7 @@ impl Stepper {
             space: 1.0,
             growth: Vec::new(),
             crushed: Crushed::default(),
+            nodes: Nodes::new(model.rest.len()),
             pool: Arc::new(Pool::new(threads)),
         }
     }
@@ -128,7 +131,7 @@ impl Stepper {
         let settings = settings.sane();
         self.pool.wake();
         state.tools.resize_with(tools.len(), ToolState::default);
-        self.backup.copy_from(state);
+        self.nodes.copy(state, &mut self.backup, &self.pool);
         let jumped = self.put_elsewhere(model, state, tools);
         let mut report = StepReport::default();
         let mut failures = Vec::new();
@@ -251,19 +254,16 @@ impl Stepper {
         }
         self.touch(model, state, tools, share);
         done(Stage::Collision);
-        self.previous.clone_from(&state.positions);
+        self.previous.resize(state.positions.len(), [0.0; 4]);
         match &model.solver {
             Solver::Paper(solver) => {
-                predict(solver, state, settings, dt);
+                self.predict(solver, state, settings, dt);
                 self.relax(solver, model, state, settings, dt as f32);
             }
             Solver::Physical(solver) => self.descend(&solver.descent, model, state, settings, dt as f32),
         }
-        for ((p, v), old) in state.positions.iter().zip(&mut state.velocities).zip(&self.previous) {
-            // Equation (5).
-            let d = scale(sub(xyz(*p), xyz(*old)), 1.0 / dt as f32);
-            *v = [d[0], d[1], d[2], 0.0];
-        }
+        let ways = (&state.positions[..], &self.previous[..]);
+        self.nodes.set_velocities(ways, &mut state.velocities, dt as f32, &self.pool);
         for (tool, motion) in tools.iter().enumerate() {
             let Some(rod) = pose(model, motion, share) else { continue };
             let memory = &mut state.tools[tool];
@@ -312,6 +312,7 @@ impl Stepper {
         let mut body = Body {
             fluid_kpa: state.csf_kpa as f32,
             positions: &mut state.positions,
+            previous: &mut self.previous,
             velocities: &state.velocities,
             pressure: &mut state.pressure,
             growth: &mut self.growth,
@@ -325,6 +326,23 @@ impl Stepper {
         let (iterations, predicted_space) = (settings.iterations, settings.predicted_space);
         let step = Substep { dt, iterations, gravity, predicted_space };
         self.residual = solver.advance(&mut body, &mut self.descent, step, &self.pool);
+    }
+
+    /// Paper mode: equations (1) and (2), the latter with the time step multiplied, not added.
+    fn predict(&mut self, solver: &PaperModel, state: &mut State, settings: &FrameSettings, dt: f64) {
+        let kept = paper::kept_motion(&state.positions, &state.velocities);
+        let inertia = Inertia {
+            kept: kept.as_ref(),
+            damping: (1.0 - (1.0 - solver.damping).powf(dt)) as f32,
+            kick: settings.gravity_mm_s2.map(|g| (g * dt) as f32),
+            dt: dt as f32,
+        };
+        let cuts = self.nodes.cuts();
+        let mut slots = slabs::split_both((&mut state.velocities, &mut self.previous), cuts);
+        self.pool.each_part(&mut state.positions, cuts, &mut slots, &|_, positions, (velocities, previous)| {
+            previous.copy_from_slice(positions);
+            widest(Predict { inertia, positions, velocities });
+        });
     }
 
     /// Paper mode: constraints in Gauss-Seidel order, as often as asked.
@@ -379,7 +397,7 @@ impl Stepper {
     }
 
     fn fill(&self, model: &Model, state: &State, tools: &[ToolMotion], report: &mut StepReport) {
-        report.max_displacement_mm = f64::from(longest_way(&state.positions, &model.rest));
+        report.max_displacement_mm = f64::from(self.nodes.longest_way(&state.positions, &model.rest, &self.pool));
         report.residual_mm = self.residual.into();
         report.csf_kpa = state.csf_kpa;
         // The state has just been surveyed.
@@ -400,14 +418,8 @@ impl Stepper {
 
     /// The one place where a state is accepted.
     fn judge(&mut self, model: &Model, state: &State, inverted: usize) -> Verdict {
-        let from = &self.backup;
-        let finite = |v: &[f32; 4]| (v[0] + v[1] + v[2]).is_finite();
         // Tissue thrown across the whole model within a frame is as bad as no number.
-        let sane = |(p, q): (&[f32; 4], &[f32; 4])| (0..3).all(|a| (p[a] - q[a]).abs() < 3.0 * model.reach);
-        // Without stopping at the first: that is quicker when all is well.
-        let all = |good: bool, one: bool| good & one;
-        let sane = state.positions.iter().zip(&from.positions).map(sane).fold(true, all);
-        if !(sane && state.velocities.iter().map(finite).fold(true, all)) {
+        if !self.nodes.are_sane((state, &self.backup), 3.0 * model.reach, &self.pool) {
             return Verdict::NotFinite;
         }
         // Elements that were turned already are left to the solver to turn back.
@@ -438,21 +450,6 @@ fn come_free(model: &Model, state: &mut State) {
     state.velocities.fill([0.0; 4]);
     for (p, rest) in state.positions.iter_mut().zip(&model.rest).filter(|(p, _)| p[3] > 0.0) {
         (0..3).for_each(|a| p[a] += 0.1 * (rest[a] - p[a]));
-    }
-}
-
-/// Equations (1) and (2), the latter with the time step multiplied, not added.
-fn predict(solver: &PaperModel, state: &mut State, settings: &FrameSettings, dt: f64) {
-    let kick = settings.gravity_mm_s2.map(|g| (g * dt) as f32);
-    let damping = 1.0 - (1.0 - solver.damping).powf(dt);
-    paper::damp(&state.positions, &mut state.velocities, damping as f32);
-    for (p, v) in state.positions.iter_mut().zip(&mut state.velocities) {
-        if p[3] > 0.0 {
-            for a in 0..3 {
-                v[a] += kick[a];
-                p[a] += v[a] * dt as f32;
-            }
-        }
     }
 }
 

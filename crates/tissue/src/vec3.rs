@@ -68,18 +68,3 @@ pub(crate) fn shift(p: &mut [f32; 4], s: f32, d: V3) {
 pub(crate) fn larger(a: f32, b: f32) -> f32 {
     if b > a { b } else { a }
 }
-
-/// The longest way between positions of the same vertices, mm; endless if one of them is not finite.
-pub(crate) fn longest_way(positions: &[[f32; 4]], from: &[[f32; 4]]) -> f32 {
-    // Eight at a time: one after the other would wait for each comparison.
-    let (mut most, mut sum) = ([0f32; 8], [0f32; 8]);
-    for (p, q) in positions.chunks(8).zip(from.chunks(8)) {
-        for (l, (p, q)) in p.iter().zip(q).enumerate() {
-            let d = sub(xyz(*p), xyz(*q));
-            let square = dot(d, d);
-            (most[l], sum[l]) = (larger(most[l], square), sum[l] + square);
-        }
-    }
-    let finite = sum.iter().all(|s| s.is_finite());
-    if finite { most.into_iter().fold(0.0, larger).sqrt() } else { f32::INFINITY }
-}

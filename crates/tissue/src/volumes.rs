@@ -138,23 +138,42 @@ impl Volumes {
     /// Sums over all elements, as `growth` was measured.
     pub(crate) fn measured(&self, growth: &mut [Row], pool: &Pool) -> Survey {
         let mut pieces = [Survey::default(); slabs::PIECES];
-        pool.each_part(growth, &self.cuts, &mut pieces, &|i, growth, piece| *piece = self.sums(self.cuts[i], growth));
+        pool.each_part(growth, &self.cuts, &mut pieces, &|i, growth, piece| {
+            let rows = self.cuts[i]..self.cuts[i + 1];
+            let last = (self.tets + WIDTH - rows.end * WIDTH).min(WIDTH);
+            *piece = widest(Sums { growth, rest: &self.rest[rows], last });
+        });
         let growth = pieces.iter().map(|p| p.growth).sum();
         Survey { growth, inverted: pieces.iter().map(|p| p.inverted).sum() }
     }
+}
 
-    /// Sums over the elements of some rows, from row `first` on.
-    fn sums(&self, first: usize, growth: &[Row]) -> Survey {
+/// Sums over the elements of some rows.
+struct Sums<'a> {
+    growth: &'a [Row],
+    rest: &'a [Row],
+    /// Elements in the last row, which may have some too many.
+    last: usize,
+}
+
+impl Kernel for Sums<'_> {
+    type Out = Survey;
+
+    /// In words that the compiler makes as wide as it may.
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> Survey {
         let (mut sums, mut inverted) = ([0f64; WIDTH], [0u32; WIDTH]);
-        for (k, (growth, rest)) in growth.iter().zip(&self.rest[first..]).enumerate() {
-            // The last row may have some too many.
-            let lanes = self.tets - (first + k) * WIDTH;
-            for l in 0..WIDTH {
-                let own = l < lanes;
-                sums[l] += if own { f64::from(growth[l]) } else { 0.0 };
-                inverted[l] += u32::from(own && growth[l] <= -rest[l]);
+        let mut add = |growth: &Row, rest: &Row, lanes: usize| {
+            for l in 0..lanes {
+                sums[l] += f64::from(growth[l]);
+                inverted[l] += u32::from(growth[l] <= -rest[l]);
             }
-        }
+        };
+        let Some(((last, growth), (rest_of_last, rest))) = self.growth.split_last().zip(self.rest.split_last()) else {
+            return Survey::default();
+        };
+        growth.iter().zip(rest).for_each(|(growth, rest)| add(growth, rest, WIDTH));
+        add(last, rest_of_last, self.last);
         Survey { growth: sums.iter().sum::<f64>() / 6.0, inverted: inverted.iter().sum::<u32>() as usize }
     }
 }

@@ -93,6 +93,15 @@ pub(crate) fn cross<V: Lanes>(u: [V; 3], v: [V; 3]) -> [V; 3] {
     [of(1, 2), of(2, 0), of(0, 1)]
 }
 
+/// The sum of the square roots of the first `count` of a row.
+#[inline(always)]
+pub(crate) fn sum_of_roots(squares: &Row, count: usize) -> f32 {
+    let roots: Row = core::array::from_fn(|l| if l < count { squares[l].sqrt() } else { 0.0 });
+    // Four sums at a time: one after the other would wait for each addition.
+    let sums: [f32; 4] = core::array::from_fn(|l| (roots[l] + roots[l + 4]) + (roots[l + 8] + roots[l + 12]));
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
+
 /// Work that can be done with vectors of any width.
 pub(crate) trait Kernel {
     type Out;

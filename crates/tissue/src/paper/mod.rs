@@ -19,7 +19,7 @@ mod solver;
 mod surface;
 mod sweep;
 
-pub(crate) use damping::damp;
+pub(crate) use damping::{Inertia, Predict, kept_motion};
 pub(crate) use predicted::WHOLE_EVERY;
 pub(crate) use solver::{Extent, PaperModel, PaperScratch, Shape};
 

@@ -6,12 +6,12 @@ use super::parts::{Constraint, Part, Share, Shares, Solid};
 use super::sweep::{Scope, Sweep};
 use super::{per_iteration, surface};
 use crate::bytes;
-use crate::fast::{Pool, Row, widest};
+use crate::fast::{Pool, widest};
 use crate::membrane::{Membranes, OUTSIDE};
 use crate::model::Region;
 use crate::options::{DihedralScope, PaperOptions};
 use crate::slabs::{Round, Slabs};
-use crate::vec3::V3;
+use crate::vec3::{V3, larger};
 
 /// The constraints of a mesh: constant.
 #[derive(Debug, Clone)]
@@ -38,10 +38,20 @@ pub(crate) struct PaperScratch {
 #[derive(Debug, Clone, Default)]
 pub(super) struct PartScratch {
     shares: Shares,
-    /// Largest motion of a corner in each lane in the last measured sweep, squared, mm2.
-    pub(super) motion: Vec<Row>,
-    /// Batches in the predicted deformation space.
+    /// What was noted in the last measured sweep.
+    pub(super) motion: Motion,
+    /// Batches in the predicted deformation space, and those that were.
     pub(super) active: Vec<u32>,
+    pub(super) before: Vec<u32>,
+}
+
+/// How far the corners of elements went in a sweep, each element's farthest.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Motion {
+    /// Of each batch the sum over its elements, mm.
+    pub(super) ways: Vec<f32>,
+    /// Square of the farthest, mm2.
+    pub(super) most: f32,
 }
 
 impl PaperModel {
@@ -55,7 +65,7 @@ impl PaperModel {
 impl PaperScratch {
     /// Bytes that it takes.
     pub(crate) fn bytes(&self) -> usize {
-        let part = |p: &PartScratch| p.shares.bytes() + bytes::of(&p.motion) + bytes::of(&p.active);
+        let part = |p: &PartScratch| p.shares.bytes() + bytes::of(&p.motion.ways) + bytes::of(&p.active) + bytes::of(&p.before);
         self.parts.iter().flatten().map(part).sum::<usize>() + bytes::of(&self.gradients)
     }
 }
@@ -142,7 +152,7 @@ impl PaperModel {
         let rounds = [&self.rounds[0].0, &self.rounds[1].0];
         let how = (rounds.map(|r| &r.plans), rounds.map(|r| &r.cuts[..]));
         pool.sweeps(how, count, positions, [even, odd], &|turn, vertices, memory| {
-            let PartScratch { shares, motion, active } = memory;
+            let PartScratch { shares, motion, active, .. } = memory;
             let scope = match extent(turn.sweep) {
                 Extent::Whole => Scope::Whole,
                 Extent::Measured => Scope::Measured(motion),
@@ -160,8 +170,7 @@ impl PaperModel {
 impl PaperScratch {
     /// Largest motion of a vertex of an element in the last measured iteration, mm.
     pub(crate) fn residual(&self) -> f32 {
-        let all = self.parts.iter().flatten().flat_map(|p| &p.motion).flatten();
-        all.fold(0f32, |m, &v| m.max(v)).sqrt()
+        self.parts.iter().flatten().map(|p| p.motion.most).fold(0f32, larger).sqrt()
     }
 }
 

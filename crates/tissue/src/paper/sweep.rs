@@ -2,15 +2,17 @@
 
 use super::lanes::{self, Corner};
 use super::parts::{Batches, Part, Shares};
-use crate::fast::{Kernel, Lanes, Row, WIDTH, Window};
+use super::solver::Motion;
+use crate::fast::{Kernel, Lanes, Row, WIDTH, Window, sum_of_roots};
+use crate::vec3::larger;
 
 /// Which of a part's batches of elements a sweep goes through, and what it notes on the way.
 #[derive(Debug)]
 pub(super) enum Scope<'a> {
     /// All of them.
     Whole,
-    /// All of them, noting the largest motion of a vertex in each lane (squared, mm2), batch by batch.
-    Measured(&'a mut Vec<Row>),
+    /// All of them, noting how far they go.
+    Measured(&'a mut Motion),
     /// These alone, without the constraints of surfaces.
     Only(&'a [u32]),
 }
@@ -32,9 +34,11 @@ impl Kernel for Sweep<'_> {
         match scope {
             Scope::Whole => solids::<V>(part, shares, vertices, 0..part.solids.counts.len(), None),
             Scope::Measured(motion) => {
-                motion.clear();
-                motion.resize(part.solids.counts.len(), [0.0; WIDTH]);
-                solids::<V>(part, shares, vertices, 0..part.solids.counts.len(), Some(motion));
+                motion.ways.clear();
+                motion.ways.resize(part.solids.counts.len(), 0.0);
+                let mut farthest = Farthest { ways: &mut motion.ways, squares: Default::default(), most: [0.0; WIDTH] };
+                solids::<V>(part, shares, vertices, 0..part.solids.counts.len(), Some(&mut farthest));
+                motion.most = farthest.most.into_iter().fold(0.0, larger);
             }
             Scope::Only(list) => {
                 return solids::<V>(part, shares, vertices, list.iter().map(|&b| b as usize), None);
@@ -53,7 +57,7 @@ fn solids<V: Lanes>(
     shares: &Shares,
     vertices: &mut [[f32; 4]],
     batches: impl Iterator<Item = usize>,
-    mut motion: Option<&mut Vec<Row>>,
+    mut motion: Option<&mut Farthest<'_>>,
 ) {
     let mut window = part.solids.places.over(vertices);
     let mut batches = batches.peekable();
@@ -80,6 +84,24 @@ fn solids<V: Lanes>(
             }
             at.finish(&mut window, &p, motion.as_deref_mut());
         }
+    }
+}
+
+/// What is noted of how far elements' corners go, batch by batch.
+struct Farthest<'a> {
+    ways: &'a mut [f32],
+    /// Of the batch at hand and the one beside it.
+    squares: [Row; 2],
+    most: Row,
+}
+
+impl Farthest<'_> {
+    /// All lanes of a batch have been noted, of which `count` are elements; empty ones repeat the first.
+    #[inline(always)]
+    fn end(&mut self, batch: usize, count: usize) {
+        let squares = &self.squares[batch % 2];
+        self.ways[batch] = sum_of_roots(squares, count);
+        self.most = core::array::from_fn(|l| larger(self.most[l], squares[l]));
     }
 }
 
@@ -123,13 +145,14 @@ impl Lot<'_> {
 
     /// Writes the corners back; notes how far the farthest has gone, if asked.
     #[inline(always)]
-    fn finish<V: Lanes>(&self, window: &mut Window<'_, 4>, p: &[Corner<V>; 4], motion: Option<&mut Vec<Row>>) {
+    fn finish<V: Lanes>(&self, window: &mut Window<'_, 4>, p: &[Corner<V>; 4], motion: Option<&mut Farthest<'_>>) {
         let (b, first) = (self.batch, self.first);
         let left = usize::from(self.part.solids.counts[b]).saturating_sub(first);
         if let Some(motion) = motion {
-            let row = &mut motion[b];
-            farthest(&self.corners(window), p).store(row, first);
-            row[first + left.min(V::N)..first + V::N].fill(0.0);
+            farthest(&self.corners(window), p).store(&mut motion.squares[b % 2], first);
+            if first + V::N == WIDTH {
+                motion.end(b, usize::from(self.part.solids.counts[b]));
+            }
         }
         window.scatter(b, 0, first, p[0], left);
         window.scatter(b, 1, first, p[1], left);
@@ -212,12 +235,14 @@ mod tests {
         let shares = part.corrected(1);
         let (mut fast, mut truth) = (now.clone(), now.clone());
         widest(Sweep { part: &part, shares: &shares, vertices: &mut fast, scope: Scope::Whole });
-        let mut motion = Vec::new();
+        let (mut motion, mut wide) = (Motion::default(), Motion::default());
         plain(Sweep { part: &part, shares: &shares, vertices: &mut truth, scope: Scope::Measured(&mut motion) });
         let bits = |v: &Vertices| v.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&fast), bits(&truth));
         let apart = |(p, q): (&[f32; 4], &[f32; 4])| norm(sub(xyz(*p), xyz(*q)));
-        let most = motion.iter().flatten().fold(0f32, |m, v| m.max(*v)).sqrt();
+        widest(Sweep { part: &part, shares: &shares, vertices: &mut now.clone(), scope: Scope::Measured(&mut wide) });
+        assert_eq!((&motion.ways, motion.most.to_bits()), (&wide.ways, wide.most.to_bits()));
+        let most = motion.most.sqrt();
         let moved = now.iter().zip(&truth).map(apart).fold(0.0, f32::max);
         assert!(part.solids.counts.is_empty() || (most > 0.1 * moved && most < 10.0 * moved), "{most} {moved}");
         (part, fast)

@@ -1,6 +1,7 @@
 //! Vertex block descent with nodal pressures, in single precision.
 
 use super::differences::{DifferenceRows, Differences};
+use super::drift::{Away, Drift};
 use super::elastic::Elastic;
 use super::film::FilmsAround;
 use super::near::Near;
@@ -105,6 +106,8 @@ pub(crate) struct Body<'a> {
     /// Pressure of the fluid above that at rest, kPa.
     pub(crate) fluid_kpa: f32,
     pub(crate) positions: &'a mut [[f32; 4]],
+    /// Where they were at the start of the substep: set by it.
+    pub(crate) previous: &'a mut [[f32; 4]],
     pub(crate) velocities: &'a [[f32; 4]],
     pub(crate) pressure: &'a mut [f32],
     /// Six times the growth of each element, mm3, at the end.
@@ -276,17 +279,12 @@ impl Descent {
 
     /// Moves on by inertia, and sets where loads would take each vertex.
     fn predict(&self, body: &mut Body<'_>, target: &mut [[f32; 4]], step: Substep, pool: &Pool) {
-        let (velocities, fall) = (body.velocities, step.dt * step.dt);
-        let mut targets = slabs::split(target, &self.node_cuts);
-        pool.each_part(body.positions, &self.node_cuts, &mut targets, &|i, positions, targets| {
-            for (k, (p, target)) in positions.iter_mut().zip(targets.iter_mut()).enumerate() {
-                let v = self.node_cuts[i] + k;
-                if p[3] > 0.0 {
-                    // The sweeps start without the fall: at rest under a load they then have nothing to undo.
-                    (0..3).for_each(|a| p[a] += step.dt * velocities[v][a]);
-                    (0..3).for_each(|a| target[a] = p[a] + fall * step.gravity[a]);
-                }
-            }
+        let (velocities, fall) = (body.velocities, step.gravity.map(|g| step.dt * step.dt * g));
+        let cuts = &self.node_cuts;
+        let mut slots = slabs::split_both((target, body.previous), cuts);
+        pool.each_part(body.positions, cuts, &mut slots, &|i, positions, (targets, previous)| {
+            previous.copy_from_slice(positions);
+            widest(Drift { positions, velocities: &velocities[cuts[i]..cuts[i + 1]], targets, dt: step.dt, fall });
         });
     }
 
@@ -363,9 +361,8 @@ impl Descent {
         if self.far.is_empty() {
             return;
         }
-        let away = |(p, r): (&[f32; 4], &[f32; 4])| core::array::from_fn(|a| p[a] - r[a]);
-        scratch.displacement.clear();
-        scratch.displacement.extend(body.positions.iter().zip(body.rest).map(away));
+        scratch.displacement.resize(body.positions.len(), [0.0; 4]);
+        widest(Away { positions: body.positions, from: body.rest, out: &mut scratch.displacement });
         let displacement = &scratch.displacement;
         pool.each_part(&mut scratch.far, &self.node_cuts, &mut [(); slabs::PIECES], &|i, far, ()| {
             widest(Differences { rows: &self.far, of: displacement, first: self.node_cuts[i], out: far });
@@ -388,7 +385,7 @@ impl DescentScratch {
         let nodes = bytes::of(&self.target) + bytes::of(&self.far) + bytes::of(&self.displacement);
         let elements = bytes::of(&self.slopes) + self.streams.bytes() + self.still.bytes() + bytes::of(&self.total);
         let memory = |m: &Memory| {
-            bytes::of(&m.steady) + bytes::of(&m.rest) + bytes::of(&m.motion) + bytes::of(&m.way) + bytes::of(&m.active)
+            bytes::of(&m.steady) + bytes::of(&m.rest) + bytes::of(&m.motion) + bytes::of(&m.way) + bytes::of(&m.active) + bytes::of(&m.before)
         };
         nodes + elements + self.near.bytes() + self.memory.iter().flatten().map(memory).sum::<usize>()
     }
@@ -442,6 +439,7 @@ mod tests {
         let mut body = Body {
             fluid_kpa: 0.7,
             positions: &mut state.positions,
+            previous: &mut model.rest.clone(),
             velocities: &state.velocities,
             pressure: &mut state.pressure,
             growth: &mut growth,

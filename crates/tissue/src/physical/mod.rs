@@ -10,6 +10,7 @@
 mod around;
 pub(crate) mod descent;
 mod differences;
+mod drift;
 pub(crate) mod elastic;
 pub(crate) mod film;
 mod near;

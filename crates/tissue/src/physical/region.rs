@@ -29,12 +29,14 @@ pub(super) fn predict(
     let still = STILL * f64::from(reach);
     let mut nodes = 0;
     for (part, memory) in parts.iter().flat_map(|r| &r.1).zip(memory.iter_mut().flatten()) {
-        let before = core::mem::take(&mut memory.active);
-        for (b, (batch, &way)) in part.batches.iter().zip(&memory.way).enumerate() {
-            let inside = !anew && before.binary_search(&(b as u32)).is_ok();
-            let least = (mean * if inside { LEAVE } else { JOIN }).max(still);
+        let Memory { active, before, way, .. } = memory;
+        core::mem::swap(active, before);
+        active.clear();
+        let mut inside = before.iter().filter(|_| !anew).peekable();
+        for (b, (batch, &way)) in (0..).zip(part.batches.iter().zip(&*way)) {
+            let least = (mean * if inside.next_if_eq(&&b).is_some() { LEAVE } else { JOIN }).max(still);
             if f64::from(way) / batch.count as f64 > least || touching.held(batch) || near.has_any(batch) {
-                memory.active.push(b as u32);
+                active.push(b);
                 nodes += batch.count;
             }
         }

@@ -4,7 +4,7 @@ use super::around::{Around, Element, Force, Matrix, Sums, Vector, area, away};
 use super::rings::{Batch, Part};
 use super::streams::Stream;
 use super::touch::Touching;
-use crate::fast::{Kernel, Lanes, Row, WIDTH, dot};
+use crate::fast::{Kernel, Lanes, Row, WIDTH, dot, sum_of_roots};
 
 /// What a sweep goes by. Arrays of vertices are those of the part.
 #[derive(Clone, Copy)]
@@ -33,8 +33,9 @@ pub(super) struct Memory {
     pub(super) motion: Vec<Row>,
     /// The way that each batch's vertices went together in the last sweep that was asked to tell, mm.
     pub(super) way: Vec<f32>,
-    /// Batches in the predicted deformation space.
+    /// Batches in the predicted deformation space, and those that were.
     pub(super) active: Vec<u32>,
+    pub(super) before: Vec<u32>,
 }
 
 /// What differs from sweep to sweep.
@@ -91,18 +92,9 @@ impl Kernel for Sweep<'_> {
         if self.substep.pace.tells {
             let (memory, batches) = (self.memory, self.part.batches.iter());
             memory.way.clear();
-            memory.way.extend(batches.zip(&memory.motion).map(|(batch, motion)| way(motion, batch.count)));
+            memory.way.extend(batches.zip(&memory.motion).map(|(batch, motion)| sum_of_roots(motion, batch.count)));
         }
     }
-}
-
-/// The way that the first `count` vertices of a batch have gone together, mm, from its squares.
-#[inline(always)]
-fn way(squares: &Row, count: usize) -> f32 {
-    let ways: Row = core::array::from_fn(|l| if l < count { squares[l].sqrt() } else { 0.0 });
-    // Four sums at a time: one after the other would wait for each addition.
-    let sums: [f32; 4] = core::array::from_fn(|l| (ways[l] + ways[l + 4]) + (ways[l + 8] + ways[l + 12]));
-    (sums[0] + sums[1]) + (sums[2] + sums[3])
 }
 
 impl<'a> Sweep<'a> {
