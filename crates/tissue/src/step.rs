@@ -21,7 +21,7 @@ use crate::untangle::{CRUSHED, Crushed, unknot, untangle};
 use crate::vec3::{V3, dot, norm, scale, sub, xyz};
 use crate::volumes::Survey;
 use crate::{Csf, Model, State, slabs};
-use monro_geometry::Vector;
+use monro_geometry::{Embedding, Vector};
 use std::sync::Arc;
 
 /// A tool moves at most this share of its radius in a substep, and of the finest elements' edges: pressed further in at once,
@@ -35,6 +35,8 @@ const MOST_SUBSTEPS: u32 = 64;
 const RETRIES: u32 = 4;
 /// Frames that tissue is given to come out of a knot by itself.
 const PATIENCE: u32 = 15;
+/// Bound points that are moved together.
+const POINTS: usize = 2048;
 /// Elements that are worth a thread of their own.
 const THREAD_TETS: usize = 4000;
 
@@ -105,6 +107,15 @@ impl Stepper {
     /// Threads that a step works on.
     pub fn threads(&self) -> usize {
         self.pool.threads()
+    }
+
+    /// Moves points that are bound to the mesh with its nodes (see [`Model::nodes_into`]), on the threads of a step, which
+    /// are still awake right after one. The same bits as [`Embedding::apply`]. No allocation.
+    ///
+    /// # Panics
+    /// When there are fewer nodes than the mesh has, or more places in `out` than points.
+    pub fn move_points(&self, points: &Embedding, nodes: &[[f32; 4]], out: &mut [[f32; 4]]) {
+        self.pool.each_chunk(out, POINTS, &|first, out| points.apply_from(first, nodes, out));
     }
 
     /// Advances `state` by one frame during which the tools move as told. Never fails: what goes wrong is taken back,

@@ -93,12 +93,16 @@ impl Bench {
 
     fn frame(&mut self, tools: &[ToolMotion], counts: bool) -> StepReport {
         let Self { model, state, stepper, settings, surface, nodes, moved, samples, .. } = self;
-        let state = core::cell::RefCell::new(state);
+        let running = core::cell::RefCell::new((state, stepper));
         samples.frame(
-            |done| stepper.step_observed(model, &mut state.borrow_mut(), tools, settings, done),
+            |done| {
+                let (state, stepper) = &mut *running.borrow_mut();
+                stepper.step_observed(model, state, tools, settings, done)
+            },
             || {
-                model.nodes_into(&state.borrow(), nodes);
-                surface.apply(nodes, moved);
+                let (state, stepper) = &*running.borrow();
+                model.nodes_into(state, nodes);
+                stepper.move_points(surface, nodes, moved);
             },
             counts,
         )

@@ -149,6 +149,20 @@ impl Pool {
         self.each_part_of(queue, data, cuts, slots, work);
     }
 
+    /// Calls `work` with each chunk of `data` and the place that it begins at; all are `size` long but for the last.
+    ///
+    /// # Panics
+    /// When `size` is 0.
+    pub(crate) fn each_chunk<T: Send>(&self, data: &mut [T], size: usize, work: &(dyn Fn(usize, &mut [T]) + Sync)) {
+        let (count, length) = (data.len().div_ceil(size), data.len());
+        let data = Base(data.as_mut_ptr());
+        self.each(&[Queue::new(count, self.threads())], &|_, i| {
+            let first = i * size;
+            // SAFETY: chunks lie within the data, which is borrowed until all are done, and each is done once.
+            work(first, unsafe { core::slice::from_raw_parts_mut(data.at(first), size.min(length - first)) });
+        });
+    }
+
     /// So many sweeps over the same data, each of two rounds of parts by a plan of who begins with what. A part is begun as
     /// soon as those of the round before that it shares data with are done. `work` is told whose turn it is.
     ///
@@ -419,6 +433,18 @@ mod tests {
                     assert_eq!(data, expected);
                 }
             }
+        }
+    }
+
+    #[test]
+    fn every_chunk_is_done_once_and_knows_where_it_begins() {
+        for (threads, length) in [(1, 10), (2, 0), (2, 1), (2, 700), (3, 701)] {
+            let mut data = vec![0; length];
+            Pool::new(threads).each_chunk(&mut data, 7, &|first, chunk| {
+                assert!(chunk.len() == 7 || first + chunk.len() == length);
+                chunk.iter_mut().enumerate().for_each(|(i, v)| *v += first + i);
+            });
+            assert_eq!(data, (0..length).collect::<Vec<_>>());
         }
     }
 

@@ -65,7 +65,9 @@ impl PaperModel {
 impl PaperScratch {
     /// Bytes that it takes.
     pub(crate) fn bytes(&self) -> usize {
-        let part = |p: &PartScratch| p.shares.bytes() + bytes::of(&p.motion.ways) + bytes::of(&p.active) + bytes::of(&p.before);
+        let part = |p: &PartScratch| {
+            p.shares.bytes() + bytes::of(&p.motion.ways) + bytes::of(&p.active) + bytes::of(&p.before)
+        };
         self.parts.iter().flatten().map(part).sum::<usize>() + bytes::of(&self.gradients)
     }
 }

@@ -385,7 +385,12 @@ impl DescentScratch {
         let nodes = bytes::of(&self.target) + bytes::of(&self.far) + bytes::of(&self.displacement);
         let elements = bytes::of(&self.slopes) + self.streams.bytes() + self.still.bytes() + bytes::of(&self.total);
         let memory = |m: &Memory| {
-            bytes::of(&m.steady) + bytes::of(&m.rest) + bytes::of(&m.motion) + bytes::of(&m.way) + bytes::of(&m.active) + bytes::of(&m.before)
+            bytes::of(&m.steady)
+                + bytes::of(&m.rest)
+                + bytes::of(&m.motion)
+                + bytes::of(&m.way)
+                + bytes::of(&m.active)
+                + bytes::of(&m.before)
         };
         nodes + elements + self.near.bytes() + self.memory.iter().flatten().map(memory).sum::<usize>()
     }
