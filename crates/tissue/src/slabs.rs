@@ -22,7 +22,7 @@ pub(crate) struct Slabs {
 pub(crate) struct Round {
     /// First vertex of each part, and at the end where the last one ends.
     pub(crate) cuts: Vec<usize>,
-    /// Which thread begins with which part.
+    /// Which thread begins with which part, by the work that they turn out to be.
     pub(crate) plans: Plans,
 }
 
@@ -91,8 +91,7 @@ impl Slabs {
             if cuts.last().is_some_and(|&c| c < end) {
                 cuts.push(end);
             }
-            let weights: Vec<usize> = cuts.windows(2).map(|c| c[1] - c[0]).collect();
-            Round { cuts, plans: Plans::new(&weights) }
+            Round { cuts, plans: Plans::default() }
         })
     }
 }

@@ -49,6 +49,14 @@ impl Part {
     }
 }
 
+impl Part {
+    /// How long a sweep through it takes, about, in units of a batch of edges.
+    pub(super) fn work(&self) -> usize {
+        let batches = 4 * self.solids.counts.len() + 2 * self.springs.rest.len() + self.edges.counts.len();
+        batches + 3 * self.hinges.counts.len() + 2 * self.strips.counts.len()
+    }
+}
+
 impl Shares {
     /// Bytes that they take.
     pub(super) fn bytes(&self) -> usize {

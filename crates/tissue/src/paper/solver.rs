@@ -6,7 +6,7 @@ use super::parts::{Constraint, Part, Share, Shares, Solid};
 use super::sweep::{Scope, Sweep};
 use super::{per_iteration, surface};
 use crate::bytes;
-use crate::fast::{Pool, widest};
+use crate::fast::{Plans, Pool, widest};
 use crate::membrane::{Membranes, OUTSIDE};
 use crate::model::Region;
 use crate::options::{DihedralScope, PaperOptions};
@@ -106,8 +106,11 @@ impl PaperModel {
             // A last slab without a partner in an odd round begins where the round ends.
             own.take(round.parts()).enumerate().map(part).collect::<Vec<Part>>()
         };
-        let [even, odd] = rounds;
+        let [mut even, mut odd] = rounds;
         let (even_parts, odd_parts) = (parts(&even, 0), parts(&odd, 1));
+        for (round, parts) in [(&mut even, &even_parts), (&mut odd, &odd_parts)] {
+            round.plans = Plans::new(&parts.iter().map(Part::work).collect::<Vec<_>>());
+        }
         let outer = shape.membranes.faces.iter().filter(|m| m.outer == OUTSIDE).map(|m| m.nodes).collect();
         Self {
             rounds: [(even, even_parts), (odd, odd_parts)],
@@ -181,9 +184,11 @@ fn shares(shape: &Shape<'_>, options: &PaperOptions) -> (Vec<Share>, Vec<(&'stat
     let of = |r: u8| shape.regions[r as usize].material.paper;
     let owner = |nodes: &[u32]| shape.slabs.of(nodes.iter().copied().min().unwrap_or(0));
     let mut out = vec![Share::default(); shape.slabs.len()];
-    let matching = matching::of_tets(shape.tets);
+    // What holds only nodes that never move can change nothing, and is left out.
+    let moves = |nodes: &[u32]| nodes.iter().any(|&v| shape.rest[v as usize][3] > 0.0);
+    let matching = matching::of_tets(shape.tets, |v| moves(&[v]));
     let stretch = stretches(&matching, shape);
-    for (t, tet) in shape.tets.iter().enumerate() {
+    for (t, tet) in shape.tets.iter().enumerate().filter(|(_, tet)| moves(*tet)) {
         let k = of(shape.region[t]);
         let stretch = |e: u32| stretch[e as usize];
         let solid = Solid::new(*tet, matching.of_tet[t], stretch, k.volume as f32, k.hetero as f32);
@@ -193,17 +198,20 @@ fn shares(shape: &Shape<'_>, options: &PaperOptions) -> (Vec<Share>, Vec<(&'stat
         let nodes = matching.edges[e as usize];
         out[owner(&nodes)].edges.push(Constraint { nodes, coefficient: stretch[e as usize] });
     }
-    for (nodes, r) in hinges(shape, options.dihedral) {
+    for (nodes, r) in hinges(shape, options.dihedral).into_iter().filter(|h| moves(&h.0)) {
         let coefficient = of(r).dihedral as f32;
         out[owner(&nodes)].hinges.push(Constraint { nodes, coefficient });
     }
     let strips = surface::strips(shape.membranes, shape.rest);
-    for (nodes, r) in strips.into_iter().filter(|s| of(s.1).triangle > 0.0) {
+    for (nodes, r) in strips.into_iter().filter(|s| of(s.1).triangle > 0.0 && moves(&s.0)) {
         out[owner(&nodes)].strips.push(Constraint { nodes, coefficient: of(r).triangle as f32 });
     }
-    let acting = |k: &dyn Fn(u8) -> f64| shape.region.iter().filter(|&&r| k(r) > 0.0).count();
+    let acting = |k: &dyn Fn(u8) -> f64| {
+        shape.tets.iter().zip(shape.region).filter(|(tet, r)| k(**r) > 0.0 && moves(*tet)).count()
+    };
+    let edges = matching.edges.iter().zip(&stretch).filter(|(e, k)| **k > 0.0 && moves(*e)).count();
     let counts = vec![
-        ("edges", stretch.iter().filter(|&&k| k > 0.0).count()),
+        ("edges", edges),
         ("volumes", acting(&|r| of(r).volume)),
         ("springs", acting(&|r| of(r).hetero)),
         ("dihedral_angles", out.iter().map(|s| s.hinges.len()).sum()),
