@@ -10,9 +10,9 @@ use super::solver::{PaperScratch, PartScratch};
 /// Every so many sweeps go over the whole tissue.
 pub(crate) const WHOLE_EVERY: u32 = 3;
 /// Mean motion over the whole's at which a batch joins.
-const JOIN: f64 = 1.0;
+const JOIN: f64 = 0.7;
 /// Mean motion over the whole's at which it leaves again.
-const LEAVE: f64 = 0.5;
+const LEAVE: f64 = 0.35;
 
 impl PaperScratch {
     /// Chooses the space from the last measured sweep; `anew` at the start of a substep. Returns its share of all batches.
