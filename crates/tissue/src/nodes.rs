@@ -15,8 +15,8 @@ const LOT: usize = 16;
 #[derive(Debug, Clone)]
 pub(crate) struct Nodes {
     cuts: Vec<usize>,
-    /// One slot for each piece.
-    slots: Vec<usize>,
+    /// Cuts of a list that has one entry for each piece.
+    ones: Vec<usize>,
 }
 
 /// What is found in a piece.
@@ -30,7 +30,14 @@ struct Found {
 impl Nodes {
     pub(crate) fn new(count: usize) -> Self {
         let cuts = slabs::even_cuts(count);
-        Self { slots: (0..cuts.len()).collect(), cuts }
+        Self { ones: (0..cuts.len()).collect(), cuts }
+    }
+
+    /// Pieces anew if there are not so many nodes: a stepper may come to another model.
+    pub(crate) fn fit(&mut self, count: usize) {
+        if self.cuts.last() != Some(&count) {
+            *self = Self::new(count);
+        }
     }
 
     /// Where pieces begin, and the end.
@@ -40,16 +47,13 @@ impl Nodes {
 
     /// Bytes that they take.
     pub(crate) fn bytes(&self) -> usize {
-        bytes::of(&self.cuts) + bytes::of(&self.slots)
+        bytes::of(&self.cuts) + bytes::of(&self.ones)
     }
 
     /// Copies a state, without allocating when the sizes agree.
     pub(crate) fn copy(&self, from: &State, to: &mut State, pool: &Pool) {
-        let nodes = from.positions.len();
-        if to.positions.len() != nodes || to.velocities.len() != nodes || self.cuts.last() != Some(&nodes) {
-            to.copy_from(from);
-            return;
-        }
+        to.positions.resize(from.positions.len(), [0.0; 4]);
+        to.velocities.resize(from.velocities.len(), [0.0; 4]);
         let mut velocities = slabs::split(&mut to.velocities, &self.cuts);
         pool.each_part(&mut to.positions, &self.cuts, &mut velocities, &|i, positions, velocities| {
             let own = self.cuts[i]..self.cuts[i + 1];
@@ -96,7 +100,7 @@ impl Nodes {
     /// What is found in all pieces together.
     fn each(&self, pool: &Pool, find: &(dyn Fn(core::ops::Range<usize>) -> Found + Sync)) -> Found {
         let mut pieces = [Found { square: 0.0, sane: true }; PIECES];
-        pool.each_part(&mut pieces, &self.slots, &mut [(); PIECES], &|i, piece, ()| {
+        pool.each_part(&mut pieces, &self.ones, &mut [(); PIECES], &|i, piece, ()| {
             piece.fill(find(self.cuts[i]..self.cuts[i + 1]));
         });
         let both = |a: Found, b: Found| Found { square: larger(a.square, b.square), sane: a.sane && b.sane };

@@ -142,6 +142,7 @@ impl Stepper {
         let settings = settings.sane();
         self.pool.wake();
         state.tools.resize_with(tools.len(), ToolState::default);
+        self.nodes.fit(state.positions.len());
         self.nodes.copy(state, &mut self.backup, &self.pool);
         let jumped = self.put_elsewhere(model, state, tools);
         let mut report = StepReport::default();

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{block, nodes, options, physical, rod};
-use monro_geometry::{Point, Vector};
+use monro_geometry::{Embedding, Point, Vector};
 use monro_tissue::{
     Event, FrameSettings, Material, Mode, Model, PhysicalOptions, State, StaticOptions, StaticProblem, StepReport,
     Stepper, TipShape, Tool, ToolMotion, ToolPose,
@@ -268,6 +268,44 @@ fn the_number_of_threads_changes_no_bit() {
             assert!(run(2) == one && run(5) == one, "{mode:?}, predicted space {predicted_space}");
         }
     }
+}
+
+#[test]
+fn a_stepper_that_comes_to_a_model_of_another_size_does_there_what_a_new_one_does() {
+    let model = |cells: [usize; 3]| {
+        let mesh = block(cells, 5.0, |_| 4);
+        Model::new(&mesh, &options(physical(), &nodes(&mesh, |p| p.z == 0.0))).expect("model")
+    };
+    let (small, large) = (model([3, 3, 3]), model([9, 5, 6]));
+    let settings = FrameSettings { gravity_mm_s2: [0.0, 0.0, -9810.0], ..FrameSettings::default() };
+    for (here, there) in [(&small, &large), (&large, &small)] {
+        let mut stepper = Stepper::new(here);
+        stepper.step(here, &mut here.rest_state(), &[], &settings);
+        let run = |stepper: &mut Stepper| {
+            let mut state = there.rest_state();
+            (0..5).for_each(|_| drop(stepper.step(there, &mut state, &[], &settings)));
+            state
+        };
+        assert!(run(&mut stepper) == run(&mut Stepper::new(there)));
+    }
+}
+
+#[test]
+fn points_moved_on_the_threads_of_a_step_are_where_their_elements_take_them() {
+    let mesh = block([9, 5, 6], 5.0, |_| 4);
+    let model = Model::new(&mesh, &options(physical(), &nodes(&mesh, |p| p.z == 0.0))).expect("model");
+    let place = |i: usize| Point::new(0.009 * i as f64, 0.004 * i as f64, (i % 29) as f64);
+    let points: Vec<_> = (0..5000).map(place).collect();
+    let bound = Embedding::new(&mesh, &points).expect("points");
+    let (mut state, mut stepper) = (model.rest_state(), Stepper::with_threads(&model, 3));
+    let settings = FrameSettings { gravity_mm_s2: [0.0, 0.0, -9810.0], ..FrameSettings::default() };
+    stepper.step(&model, &mut state, &[], &settings);
+    let mut nodes = Vec::new();
+    model.nodes_into(&state, &mut nodes);
+    let [mut shared, mut alone] = [vec![[f32::NAN; 4]; points.len()], vec![[0.0; 4]; points.len()]];
+    stepper.move_points(&bound, &nodes, &mut shared);
+    bound.apply(&nodes, &mut alone);
+    assert!(shared == alone);
 }
 
 #[test]
