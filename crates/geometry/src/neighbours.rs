@@ -10,36 +10,23 @@ const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]];
 /// The element behind the face opposite to each corner of each element, [`NO_TET`] where there is none: on
 /// the boundary of the mesh.
 ///
-/// Faces are sorted into buckets by their lowest point, so that each is looked for among those of a star. A face of more than
-/// two elements counts as one of the boundary.
+/// Faces are sorted into buckets by their lowest point, which keeps each sort as small as a star. A face of more than two
+/// elements counts as one of the boundary.
 ///
 /// # Panics
 /// When an element has a corner that is not below `points`.
 pub fn tet_neighbours(tets: &[[u32; 4]], points: usize) -> Vec<[u32; 4]> {
     let (first, faces) = by_point((0..4 * tets.len() as u32).map(|f| (lowest_point(tets, f), f)), points);
     let mut behind = vec![[NO_TET; 4]; tets.len()];
-    let mut set = |face: u32, tet: u32| behind[face as usize / 4][face as usize % 4] = tet;
-    // Different faces of a star, and of each the first two that are it.
-    let (mut keys, mut found): (Vec<u64>, Vec<[u32; 2]>) = (Vec::new(), Vec::new());
+    let mut keys: Vec<(u64, u32)> = Vec::new();
     for bucket in first.windows(2) {
         keys.clear();
-        found.clear();
-        for &f in &faces[bucket[0] as usize..bucket[1] as usize] {
-            let key = upper_points(tets, f);
-            let Some(at) = keys.iter().position(|&k| k == key) else {
-                keys.push(key);
-                found.push([f, NO_TET]);
-                continue;
-            };
-            let [one, other] = found[at];
-            if other == NO_TET {
-                found[at][1] = f;
-                set(one, f / 4);
-                set(f, one / 4);
-            } else {
-                set(one, NO_TET);
-                set(other, NO_TET);
-            }
+        keys.extend(faces[bucket[0] as usize..bucket[1] as usize].iter().map(|&f| (upper_points(tets, f), f)));
+        keys.sort_unstable();
+        for pair in keys.chunk_by(|a, b| a.0 == b.0).filter(|c| c.len() == 2) {
+            let [(_, f), (_, g)] = [pair[0], pair[1]];
+            behind[f as usize / 4][f as usize % 4] = g / 4;
+            behind[g as usize / 4][g as usize % 4] = f / 4;
         }
     }
     behind

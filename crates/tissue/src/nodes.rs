@@ -33,7 +33,7 @@ impl Nodes {
         Self { ones: (0..cuts.len()).collect(), cuts }
     }
 
-    /// Pieces anew if there are not so many nodes: a stepper may come to another model.
+    /// Pieces anew if there are not so many nodes: a stepper may come to another model (of physical mode).
     pub(crate) fn fit(&mut self, count: usize) {
         if self.cuts.last() != Some(&count) {
             *self = Self::new(count);

@@ -59,6 +59,7 @@ pub(crate) fn untangle(
         if !list.iter().any(|&(t, six_rest)| growth.as_flattened()[t as usize] <= -six_rest) {
             break;
         }
+        let mut pushed = false;
         for _ in 0..PASSES {
             let opened = |n: u32, &(tet, six_rest): &(u32, f32)| {
                 n + u32::from(open(&tets[tet as usize], LEAST * six_rest, positions))
@@ -66,6 +67,11 @@ pub(crate) fn untangle(
             if list.iter().fold(0, opened) == 0 {
                 break;
             }
+            pushed = true;
+        }
+        if !pushed {
+            // All that is turned is held: another round would find it as it is.
+            break;
         }
         // Elements elsewhere are as they were: what is crushed and what is turned changes around these alone.
         rows.clear(volumes.rows());
@@ -91,7 +97,7 @@ pub(crate) fn unknot(list: &[(u32, f32)], (tets, rest): (&[[u32; 4]], &[[f32; 4]
     }
 }
 
-/// Pushes one element open to six times the volume `least`; says whether it had less.
+/// Pushes one element open to six times the volume `least`; says whether it had less and could be pushed.
 fn open(tet: &[u32; 4], least: f32, positions: &mut [[f32; 4]]) -> bool {
     let p = tet.map(|v| xyz(positions[v as usize]));
     let [a, b, c] = [sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0])];
@@ -104,11 +110,12 @@ fn open(tet: &[u32; 4], least: f32, positions: &mut [[f32; 4]]) -> bool {
     let weight: f32 = tet.iter().zip(&gradients).map(|(&v, g)| positions[v as usize][3] * dot(*g, *g)).sum();
     let step = EAGERNESS * lack / weight;
     // All held, or crushed to a point: nowhere to push.
-    if step.is_finite() {
-        for (&v, g) in tet.iter().zip(&gradients) {
-            let p = &mut positions[v as usize];
-            shift(p, step * p[3], *g);
-        }
+    if !step.is_finite() {
+        return false;
+    }
+    for (&v, g) in tet.iter().zip(&gradients) {
+        let p = &mut positions[v as usize];
+        shift(p, step * p[3], *g);
     }
     true
 }
@@ -117,6 +124,24 @@ fn open(tet: &[u32; 4], least: f32, positions: &mut [[f32; 4]]) -> bool {
 mod tests {
     use super::*;
     use crate::model::tests::block;
+
+    #[test]
+    fn a_turned_element_that_is_held_is_left_and_pushes_nothing() {
+        let mesh = block([4, 4, 4], 2.0);
+        let held = mesh.tets[40];
+        let node = |(i, v): (usize, &monro_geometry::Point<_>)| {
+            [v.x as f32, v.y as f32, v.z as f32, if held.contains(&(i as u32)) { 0.0 } else { 1.0 }]
+        };
+        let rest: Vec<[f32; 4]> = mesh.vertices.iter().enumerate().map(node).collect();
+        let (volumes, pool) = (Volumes::new(&mesh.tets, &rest), Pool::new(1));
+        let (mut growth, mut crushed) = (Vec::new(), Crushed::default());
+        let mut now = rest.clone();
+        now.swap(held[0] as usize, held[1] as usize);
+        volumes.survey(&now, &mut growth, &pool);
+        let after = untangle((&volumes, &mesh.tets), &mut now, (&mut growth[..], &mut crushed), &pool);
+        assert!(after.inverted > 0 && held.iter().all(|&v| now[v as usize][3] == 0.0));
+        assert!(!open(&held, 1.0, &mut now), "it has less, and there is nowhere to push");
+    }
 
     #[test]
     fn turned_elements_are_opened_and_momentum_is_kept() {
