@@ -209,8 +209,7 @@ fn of_file(path: &Path) -> Result<Input> {
 
 /// Of some labels those of ventricles in a case, all where there are none.
 fn usually_fine(keep: &[u16]) -> Vec<u16> {
-    let ventricle =
-        |l: &u16| u8::try_from(*l).ok().and_then(Structure::from_label).is_some_and(Structure::is_ventricle);
+    let ventricle = |l: &u16| Structure::from_label(*l).is_some_and(Structure::is_ventricle);
     let fine: Vec<u16> = keep.iter().copied().filter(ventricle).collect();
     if fine.is_empty() { keep.to_vec() } else { fine }
 }
@@ -223,7 +222,7 @@ fn numbers(labels: &[u16]) -> String {
 
 /// What is said where labels were taken for those of a case, and others are there that are none of these.
 fn taken_for_ventricles(keep: &[u16], fine: &[u16]) -> Option<String> {
-    let known = |l: &u16| u8::try_from(*l).is_ok_and(|l| Structure::from_label(l).is_some());
+    let known = |l: &u16| Structure::from_label(*l).is_some();
     let brain = keep.contains(&u16::from(Structure::Brain.label()));
     (!fine.is_empty() && fine != keep && !(brain && keep.iter().all(known))).then(|| {
         format!(

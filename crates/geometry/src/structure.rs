@@ -41,8 +41,8 @@ impl Structure {
     }
 
     /// The structure of a number; `None` above 7.
-    pub fn from_label(label: u8) -> Option<Self> {
-        Self::ALL.get(usize::from(label)).copied()
+    pub fn from_label(label: impl Into<u16>) -> Option<Self> {
+        Self::ALL.get(usize::from(label.into())).copied()
     }
 
     /// Stable identifier for files and JSON.
@@ -99,6 +99,6 @@ mod tests {
             assert_eq!(usize::from(s.label()), i);
             assert_eq!(Structure::from_label(s.label()), Some(s));
         }
-        assert_eq!(Structure::from_label(8), None);
+        assert_eq!((Structure::from_label(8u8), Structure::from_label(256u16)), (None, None));
     }
 }

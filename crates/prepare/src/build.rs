@@ -240,7 +240,7 @@ fn of_mesh(mesh: &MeshReport) -> Vec<String> {
     };
     let mut all: Vec<String> = mesh.remarks.iter().map(|remark| format!("tetrahedra: {}", named(remark))).collect();
     let differ = mesh.labels.iter().filter(|l| l.surface.differs_at.is_some());
-    let known = differ.filter_map(|l| Structure::from_label(u8::try_from(l.label).ok()?));
+    let known = differ.filter_map(|l| Structure::from_label(l.label));
     let names: Vec<String> = known.map(Structure::words).collect();
     if !names.is_empty() {
         all.push(format!(

@@ -191,7 +191,7 @@ impl Insertion {
             distance_deformed_mm: TargetReading::new(&needle, target_now).distance,
             entry_angle_error: reading.entry_angle,
             target_displacement_mm: target_now.distance(self.plan.target()),
-            at_tip: label.and_then(|l| u8::try_from(l).ok()).and_then(Structure::from_label),
+            at_tip: label.and_then(Structure::from_label),
             step,
         })
     }

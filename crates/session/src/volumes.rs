@@ -15,7 +15,7 @@ pub struct StructureVolumes {
 impl StructureVolumes {
     /// Of a mesh at rest. Labels of no structure are left out.
     pub fn new(rest: &TetMesh) -> Self {
-        let of = |l: &u16| u8::try_from(*l).ok().and_then(Structure::from_label);
+        let of = |l: &u16| Structure::from_label(*l);
         let structures: Vec<Structure> =
             Structure::ALL.into_iter().filter(|s| rest.labels.iter().any(|l| of(l) == Some(*s))).collect();
         let known = |l: &u16| of(l).and_then(|s| structures.iter().position(|k| *k == s));

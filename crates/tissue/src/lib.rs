@@ -86,6 +86,7 @@ mod reaction;
 mod report;
 mod rigid;
 mod slabs;
+mod space;
 mod sphere_tree;
 mod state;
 mod statics;

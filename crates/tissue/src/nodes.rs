@@ -74,7 +74,7 @@ impl Nodes {
         let per_s = 1.0 / dt;
         pool.each_part(velocities, &self.cuts, &mut [(); PIECES], &|i, velocities, ()| {
             let own = self.cuts[i]..self.cuts[i + 1];
-            widest(Velocities { positions: &positions[own.clone()], before: &before[own], per_s, velocities });
+            widest(Apart { positions: &positions[own.clone()], from: &before[own], times: per_s, out: velocities });
         });
     }
 
@@ -113,21 +113,22 @@ pub(crate) fn longest_way(positions: &[[f32; 4]], from: &[[f32; 4]]) -> f32 {
     widest(Ways { positions, from }).sqrt()
 }
 
-struct Velocities<'a> {
-    positions: &'a [[f32; 4]],
-    before: &'a [[f32; 4]],
-    per_s: f32,
-    velocities: &'a mut [[f32; 4]],
+/// Differences between positions, times a number.
+pub(crate) struct Apart<'a> {
+    pub(crate) positions: &'a [[f32; 4]],
+    pub(crate) from: &'a [[f32; 4]],
+    pub(crate) times: f32,
+    pub(crate) out: &'a mut [[f32; 4]],
 }
 
-impl Kernel for Velocities<'_> {
+impl Kernel for Apart<'_> {
     type Out = ();
 
     /// In words that the compiler makes as wide as it may; the inverse mass, which stays, becomes nothing.
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let ways = self.positions.as_flattened().iter().zip(self.before.as_flattened());
-        ways.zip(self.velocities.as_flattened_mut()).for_each(|((p, q), v)| *v = (p - q) * self.per_s);
+        let both = self.positions.as_flattened().iter().zip(self.from.as_flattened());
+        both.zip(self.out.as_flattened_mut()).for_each(|((p, q), out)| *out = (p - q) * self.times);
     }
 }
 

@@ -272,13 +272,15 @@ fn the_number_of_threads_changes_no_bit() {
 
 #[test]
 fn a_stepper_that_comes_to_a_model_of_another_size_does_there_what_a_new_one_does() {
-    let model = |cells: [usize; 3]| {
+    let model = |cells: [usize; 3], mode: Mode| {
         let mesh = block(cells, 5.0, |_| 4);
-        Model::new(&mesh, &options(physical(), &nodes(&mesh, |p| p.z == 0.0))).expect("model")
+        Model::new(&mesh, &options(mode, &nodes(&mesh, |p| p.z == 0.0))).expect("model")
     };
-    let (small, large) = (model([3, 3, 3]), model([9, 5, 6]));
+    let both = |mode: fn() -> Mode| [model([3, 3, 3], mode()), model([9, 5, 6], mode())];
     let settings = FrameSettings { gravity_mm_s2: [0.0, 0.0, -9810.0], ..FrameSettings::default() };
-    for (here, there) in [(&small, &large), (&large, &small)] {
+    let ([small, large], [small_paper, large_paper]) = (both(physical), both(common::paper));
+    let pairs = [(&small, &large), (&large, &small), (&small_paper, &large_paper), (&large_paper, &small_paper)];
+    for (here, there) in pairs {
         let mut stepper = Stepper::new(here);
         stepper.step(here, &mut here.rest_state(), &[], &settings);
         let run = |stepper: &mut Stepper| {

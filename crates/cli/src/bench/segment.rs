@@ -70,7 +70,7 @@ fn columns() -> Vec<Column> {
 fn parse(map: &str) -> Result<Vec<Match>> {
     let one = |part: &str| -> Option<Match> {
         let (ours, theirs) = part.split_once('=')?;
-        let structure = Structure::from_label(ours.trim().parse().ok()?)?;
+        let structure = Structure::from_label(ours.trim().parse::<u16>().ok()?)?;
         let theirs = theirs.split('+').map(|l| l.trim().parse().ok()).collect::<Option<Vec<u16>>>()?;
         Some((structure, theirs))
     };

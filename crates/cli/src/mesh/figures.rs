@@ -113,7 +113,7 @@ impl MeshSection<'_> {
 
 /// A label by its number, or by the structure of a case that it stands for.
 pub(super) fn label_name(label: u16, structures: bool) -> String {
-    let known = u8::try_from(label).ok().and_then(Structure::from_label).filter(|_| structures);
+    let known = Structure::from_label(label).filter(|_| structures);
     known.map_or_else(|| format!("label {label}"), Structure::words)
 }
 

@@ -82,7 +82,7 @@ impl ColourBy<'_> {
 }
 
 fn label_name(label: u16) -> String {
-    let known = u8::try_from(label).ok().and_then(Structure::from_label);
+    let known = Structure::from_label(label);
     known.map_or_else(|| format!("label {label}"), Structure::words)
 }
 

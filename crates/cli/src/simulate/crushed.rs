@@ -141,7 +141,7 @@ impl Crushed {
 }
 
 fn is_ventricle(label: u16) -> bool {
-    u8::try_from(label).ok().and_then(Structure::from_label).is_some_and(Structure::is_ventricle)
+    Structure::from_label(label).is_some_and(Structure::is_ventricle)
 }
 
 /// Whether elements of brain are to keep their volumes: in paper mode constraints see to it.

@@ -219,8 +219,7 @@ fn volumes(done: &Run) -> Vec<Series> {
 
 /// Punctures and the first CSF, to be marked in the plots.
 fn events(done: &Run) -> Vec<(f64, String)> {
-    let name =
-        |l: u16| u8::try_from(l).ok().and_then(Structure::from_label).map_or("tissue".to_owned(), Structure::words);
+    let name = |l: u16| Structure::from_label(l).map_or("tissue".to_owned(), Structure::words);
     let mut out = Vec::new();
     for row in &done.rows {
         out.extend(row.frame.punctures().map(|(_, _, to)| (row.frame.time_s, name(to))));

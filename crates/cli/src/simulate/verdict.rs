@@ -170,7 +170,7 @@ fn gone_around(run: &Run) -> Option<String> {
     let around =
         run.rows.iter().flat_map(|r| r.frame.punctures().map(|p| (r.frame.depth_mm, p))).find_map(|(at, p)| {
             let (depth, force, to) = p;
-            let to = u8::try_from(to).ok().and_then(Structure::from_label)?;
+            let to = Structure::from_label(to)?;
             let bears = most(to).puncture_force_mn > 0.0 && depth < most(to).puncture_depth_mm;
             (force == 0.0 && bears).then_some((at, depth, to))
         });

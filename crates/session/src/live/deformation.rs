@@ -172,7 +172,7 @@ impl Deformation {
             pose_time_s: Some(pose_time_s),
             displacements,
             target: self.target_now(),
-            at_tip: label.and_then(|l| u8::try_from(l).ok()).and_then(Structure::from_label),
+            at_tip: label.and_then(Structure::from_label),
             largest_mm: report.max_displacement_mm,
             fault: self.fault_left_s > 0.0,
             faults: self.faults,

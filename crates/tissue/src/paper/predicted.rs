@@ -5,7 +5,7 @@
 //! leaves when it falls below [`LEAVE`] times (hysteresis within a substep). Between two sweeps over all, two go through
 //! the space alone. A space chosen anew in each substep forgets nothing that a snapshot would miss.
 
-use super::solver::{PaperScratch, PartScratch};
+use super::solver::{Motion, PaperScratch, PartScratch};
 
 /// Every so many sweeps go over the whole tissue.
 pub(crate) const WHOLE_EVERY: u32 = 3;
@@ -24,17 +24,9 @@ impl PaperScratch {
         }
         let whole = sum / count.max(1) as f64;
         let mut chosen = 0usize;
-        for PartScratch { motion, active, before, .. } in self.parts.iter_mut().flatten() {
-            core::mem::swap(active, before);
-            active.clear();
-            let mut inside = before.iter().filter(|_| !anew).peekable();
-            for (b, &way) in (0..).zip(&motion.ways) {
-                let least = if inside.next_if_eq(&&b).is_some() { LEAVE } else { JOIN };
-                if f64::from(way) > least * whole {
-                    active.push(b);
-                }
-            }
-            chosen += active.len();
+        for PartScratch { motion: Motion { ways, .. }, space, .. } in self.parts.iter_mut().flatten() {
+            space.choose(anew, ways.len(), |b, was| f64::from(ways[b]) > whole * if was { LEAVE } else { JOIN });
+            chosen += space.batches().len();
         }
         chosen as f64 / count.max(1) as f64
     }

@@ -5,17 +5,20 @@ use super::matching::{self, Matching};
 use super::parts::{Constraint, Part, Share, Shares, Solid};
 use super::sweep::{Scope, Sweep};
 use super::{per_iteration, surface};
-use crate::bytes;
 use crate::fast::{Plans, Pool, widest};
 use crate::membrane::{Membranes, OUTSIDE};
 use crate::model::Region;
 use crate::options::{DihedralScope, PaperOptions};
 use crate::slabs::{Round, Slabs};
+use crate::space::Space;
 use crate::vec3::{V3, larger};
+use crate::{bytes, identity};
 
 /// The constraints of a mesh: constant.
 #[derive(Debug, Clone)]
 pub(crate) struct PaperModel {
+    /// Different for each model.
+    id: u64,
     /// Two rounds of parts that can be done at the same time.
     rounds: [(Round, Vec<Part>); 2],
     global: Option<GlobalVolume>,
@@ -28,7 +31,8 @@ pub(crate) struct PaperModel {
 /// Coefficients corrected for a number of iterations, and memory for a sweep.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PaperScratch {
-    iterations: u32,
+    /// The model and the number that they are for.
+    of: Option<(u64, u32)>,
     pub(super) parts: [Vec<PartScratch>; 2],
     global: f32,
     gradients: Vec<V3>,
@@ -40,9 +44,8 @@ pub(super) struct PartScratch {
     shares: Shares,
     /// What was noted in the last measured sweep.
     pub(super) motion: Motion,
-    /// Batches in the predicted deformation space, and those that were.
-    pub(super) active: Vec<u32>,
-    pub(super) before: Vec<u32>,
+    /// Batches in the predicted deformation space.
+    pub(super) space: Space,
 }
 
 /// How far the corners of elements went in a sweep, each element's farthest.
@@ -65,9 +68,7 @@ impl PaperModel {
 impl PaperScratch {
     /// Bytes that it takes.
     pub(crate) fn bytes(&self) -> usize {
-        let part = |p: &PartScratch| {
-            p.shares.bytes() + bytes::of(&p.motion.ways) + bytes::of(&p.active) + bytes::of(&p.before)
-        };
+        let part = |p: &PartScratch| p.shares.bytes() + bytes::of(&p.motion.ways) + p.space.bytes();
         self.parts.iter().flatten().map(part).sum::<usize>() + bytes::of(&self.gradients)
     }
 }
@@ -113,6 +114,7 @@ impl PaperModel {
         }
         let outer = shape.membranes.faces.iter().filter(|m| m.outer == OUTSIDE).map(|m| m.nodes).collect();
         Self {
+            id: identity::unique(),
             rounds: [(even, even_parts), (odd, odd_parts)],
             global: (options.global_volume > 0.0).then(|| GlobalVolume::new(outer, shape.rest)),
             global_coefficient: options.global_volume,
@@ -128,7 +130,7 @@ impl PaperModel {
 
     /// Prepares the coefficients for `iterations` per substep, equation (4).
     pub(crate) fn correct(&self, scratch: &mut PaperScratch, iterations: u32) {
-        if scratch.iterations == iterations {
+        if scratch.of == Some((self.id, iterations)) {
             return;
         }
         for (scratch, (_, parts)) in scratch.parts.iter_mut().zip(&self.rounds) {
@@ -136,7 +138,7 @@ impl PaperModel {
             *scratch = parts.iter().map(part).collect();
         }
         scratch.global = per_iteration(self.global_coefficient, iterations);
-        scratch.iterations = iterations;
+        scratch.of = Some((self.id, iterations));
     }
 
     /// Whether something is done for the body as a whole after each iteration.
@@ -157,12 +159,12 @@ impl PaperModel {
         let rounds = [&self.rounds[0].0, &self.rounds[1].0];
         let how = (rounds.map(|r| &r.plans), rounds.map(|r| &r.cuts[..]));
         pool.sweeps(how, count, positions, [even, odd], &|turn, vertices, memory| {
-            let PartScratch { shares, motion, active, .. } = memory;
+            let PartScratch { shares, motion, space } = memory;
             let scope = match extent(turn.sweep) {
                 Extent::Whole => Scope::Whole,
                 Extent::Measured => Scope::Measured(motion),
-                Extent::Predicted if active.is_empty() => return,
-                Extent::Predicted => Scope::Only(active),
+                Extent::Predicted if space.batches().is_empty() => return,
+                Extent::Predicted => Scope::Only(space.batches()),
             };
             widest(Sweep { part: &self.rounds[turn.round].1[turn.part], shares, vertices, scope });
         });

@@ -1,7 +1,7 @@
 //! Vertex block descent with nodal pressures, in single precision.
 
 use super::differences::{DifferenceRows, Differences};
-use super::drift::{Away, Drift};
+use super::drift::Drift;
 use super::elastic::Elastic;
 use super::film::FilmsAround;
 use super::near::Near;
@@ -16,6 +16,7 @@ use crate::bytes;
 use crate::contact::Coupling;
 use crate::fast::{Pool, Row, Turn, WIDTH, widest};
 use crate::model::{Region, Tether};
+use crate::nodes::Apart;
 use crate::rigid::Rigid;
 use crate::slabs::{self, Round, Slabs};
 use crate::vec3::{larger, shift, sub, xyz};
@@ -362,7 +363,7 @@ impl Descent {
             return;
         }
         scratch.displacement.resize(body.positions.len(), [0.0; 4]);
-        widest(Away { positions: body.positions, from: body.rest, out: &mut scratch.displacement });
+        widest(Apart { positions: body.positions, from: body.rest, times: 1.0, out: &mut scratch.displacement });
         let displacement = &scratch.displacement;
         pool.each_part(&mut scratch.far, &self.node_cuts, &mut [(); slabs::PIECES], &|i, far, ()| {
             widest(Differences { rows: &self.far, of: displacement, first: self.node_cuts[i], out: far });
@@ -385,12 +386,8 @@ impl DescentScratch {
         let nodes = bytes::of(&self.target) + bytes::of(&self.far) + bytes::of(&self.displacement);
         let elements = bytes::of(&self.slopes) + self.streams.bytes() + self.still.bytes() + bytes::of(&self.total);
         let memory = |m: &Memory| {
-            bytes::of(&m.steady)
-                + bytes::of(&m.rest)
-                + bytes::of(&m.motion)
-                + bytes::of(&m.way)
-                + bytes::of(&m.active)
-                + bytes::of(&m.before)
+            let noted = bytes::of(&m.steady) + bytes::of(&m.rest) + bytes::of(&m.motion) + bytes::of(&m.way);
+            noted + m.space.bytes()
         };
         nodes + elements + self.near.bytes() + self.memory.iter().flatten().map(memory).sum::<usize>()
     }

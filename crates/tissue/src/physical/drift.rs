@@ -1,23 +1,6 @@
-//! Where nodes are and where they go by themselves, in words that the compiler makes as wide as it may.
+//! Where nodes go by themselves, in words that the compiler makes as wide as it may.
 
 use crate::fast::{Kernel, Lanes};
-
-/// Differences between positions.
-pub(super) struct Away<'a> {
-    pub(super) positions: &'a [[f32; 4]],
-    pub(super) from: &'a [[f32; 4]],
-    pub(super) out: &'a mut [[f32; 4]],
-}
-
-impl Kernel for Away<'_> {
-    type Out = ();
-
-    #[inline(always)]
-    fn run<V: Lanes>(self) {
-        let both = self.positions.as_flattened().iter().zip(self.from.as_flattened());
-        both.zip(self.out.as_flattened_mut()).for_each(|((p, q), out)| *out = p - q);
-    }
-}
 
 /// The way of nodes by inertia, and where loads would take them on it.
 pub(super) struct Drift<'a> {

@@ -29,17 +29,14 @@ pub(super) fn predict(
     let still = STILL * f64::from(reach);
     let mut nodes = 0;
     for (part, memory) in parts.iter().flat_map(|r| &r.1).zip(memory.iter_mut().flatten()) {
-        let Memory { active, before, way, .. } = memory;
-        core::mem::swap(active, before);
-        active.clear();
-        let mut inside = before.iter().filter(|_| !anew).peekable();
-        for (b, (batch, &way)) in (0..).zip(part.batches.iter().zip(&*way)) {
-            let least = (mean * if inside.next_if_eq(&&b).is_some() { LEAVE } else { JOIN }).max(still);
-            if f64::from(way) / batch.count as f64 > least || touching.held(batch) || near.has_any(batch) {
-                active.push(b);
-                nodes += batch.count;
-            }
-        }
+        let Memory { space, way, .. } = memory;
+        space.choose(anew, way.len(), |b, was| {
+            let batch = &part.batches[b];
+            let least = (mean * if was { LEAVE } else { JOIN }).max(still);
+            let joins = f64::from(way[b]) / batch.count as f64 > least || touching.held(batch) || near.has_any(batch);
+            nodes += if joins { batch.count } else { 0 };
+            joins
+        });
     }
     nodes
 }

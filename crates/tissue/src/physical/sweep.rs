@@ -5,6 +5,7 @@ use super::rings::{Batch, Part};
 use super::streams::Stream;
 use super::touch::Touching;
 use crate::fast::{Kernel, Lanes, Row, WIDTH, dot, sum_of_roots};
+use crate::space::Space;
 
 /// What a sweep goes by. Arrays of vertices are those of the part.
 #[derive(Clone, Copy)]
@@ -33,9 +34,8 @@ pub(super) struct Memory {
     pub(super) motion: Vec<Row>,
     /// The way that each batch's vertices went together in the last sweep that was asked to tell, mm.
     pub(super) way: Vec<f32>,
-    /// Batches in the predicted deformation space, and those that were.
-    pub(super) active: Vec<u32>,
-    pub(super) before: Vec<u32>,
+    /// Batches in the predicted deformation space.
+    pub(super) space: Space,
 }
 
 /// What differs from sweep to sweep.
@@ -80,8 +80,8 @@ impl Kernel for Sweep<'_> {
         self.memory.steady.resize(batches, [[0.0; WIDTH]; 3]);
         self.memory.rest.resize(batches, [[[0.0; WIDTH]; 3]; 2]);
         if self.substep.pace.only_active {
-            for i in 0..self.memory.active.len() {
-                let b = self.memory.active[i] as usize;
+            for i in 0..self.memory.space.batches().len() {
+                let b = self.memory.space.batches()[i] as usize;
                 self.batch::<V>(b);
             }
         } else {

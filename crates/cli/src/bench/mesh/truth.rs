@@ -68,7 +68,7 @@ impl Truth {
 }
 
 fn is_ventricle(label: u16) -> bool {
-    u8::try_from(label).ok().and_then(Structure::from_label).is_some_and(Structure::is_ventricle)
+    Structure::from_label(label).is_some_and(Structure::is_ventricle)
 }
 
 fn centroid(corners: [Point<Patient>; 3]) -> Point<Patient> {
