@@ -1,6 +1,7 @@
 //! The constant part of a simulation.
 
 use crate::cuts;
+use crate::identity;
 use crate::membrane::{self, Membranes};
 use crate::options::{AttachmentKind, CollisionResponse, Mode, ModelOptions};
 use crate::paper::{PaperModel, Shape};
@@ -50,6 +51,8 @@ pub(crate) enum Solver {
 /// Mesh, materials, attachments and everything derived from them: constant, to be shared between threads.
 #[derive(Debug, Clone)]
 pub struct Model {
+    /// That of no other model in this process: copies have the same.
+    pub(crate) id: u64,
     /// Where the model's coordinates start: single precision is then exact to nanometres.
     pub(crate) origin: Point<Patient>,
     /// x, y, z at rest (mm from the origin) and inverse mass (1/kg, 0 when fixed), in the model's order.
@@ -135,6 +138,7 @@ impl Model {
         let collision = options.collision;
         let reach = rest.iter().flat_map(|p| &p[..3]).fold(0f32, |m, v| m.max(v.abs()));
         Ok(Self {
+            id: identity::unique(),
             origin,
             rest,
             mass,

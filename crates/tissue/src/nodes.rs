@@ -33,13 +33,6 @@ impl Nodes {
         Self { ones: (0..cuts.len()).collect(), cuts }
     }
 
-    /// Pieces anew if there are not so many nodes: a stepper may come to another model (of physical mode).
-    pub(crate) fn fit(&mut self, count: usize) {
-        if self.cuts.last() != Some(&count) {
-            *self = Self::new(count);
-        }
-    }
-
     /// Where pieces begin, and the end.
     pub(crate) fn cuts(&self) -> &[usize] {
         &self.cuts

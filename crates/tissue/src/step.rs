@@ -54,6 +54,8 @@ pub enum Stage {
 /// Scratch memory of a running simulation: made once, so that a step does not allocate.
 #[derive(Debug, Clone)]
 pub struct Stepper {
+    /// The model that all of it is for.
+    of: u64,
     pub(crate) backup: State,
     pub(crate) previous: Vec<[f32; 4]>,
     pub(crate) spheres: Spheres,
@@ -84,7 +86,12 @@ impl Stepper {
 
     /// Scratch for a model and so many threads, the caller's among them: they change the time, never the result.
     pub fn with_threads(model: &Model, threads: usize) -> Self {
+        Self::with_pool(model, Arc::new(Pool::new(threads)))
+    }
+
+    fn with_pool(model: &Model, pool: Arc<Pool>) -> Self {
         Self {
+            of: model.id,
             backup: model.rest_state(),
             previous: model.rest.clone(),
             spheres: Spheres::default(),
@@ -100,7 +107,7 @@ impl Stepper {
             growth: Vec::new(),
             crushed: Crushed::default(),
             nodes: Nodes::new(model.rest.len()),
-            pool: Arc::new(Pool::new(threads)),
+            pool,
         }
     }
 
@@ -142,7 +149,9 @@ impl Stepper {
         let settings = settings.sane();
         self.pool.wake();
         state.tools.resize_with(tools.len(), ToolState::default);
-        self.nodes.fit(state.positions.len());
+        if self.of != model.id {
+            *self = Self::with_pool(model, Arc::clone(&self.pool));
+        }
         self.nodes.copy(state, &mut self.backup, &self.pool);
         let jumped = self.put_elsewhere(model, state, tools);
         let mut report = StepReport::default();
@@ -187,15 +196,16 @@ impl Stepper {
             }
         }
         report.rollbacks = failures.iter().filter(|e| matches!(e, Event::RolledBack { .. })).count() as u32;
-        self.untie(model, state, &settings);
-        let failed_for_good = failures.contains(&Event::Held);
+        // What was measured last may be the state before, or one that was not accepted.
+        if failures.contains(&Event::Held) || survey.inverted > 0 {
+            survey = self.survey(model, &state.positions);
+        }
+        if self.untie(model, state, &settings) {
+            survey = self.survey(model, &state.positions);
+        }
         report.events = failures;
         report.events.extend(jumped);
         report.events.append(&mut self.events);
-        // Where elements were turned, what was measured last may be the state before.
-        if failed_for_good || survey.inverted > 0 || state.knotted >= PATIENCE {
-            survey = self.survey(model, &state.positions);
-        }
         report.inverted = survey.inverted;
         report.volume_change = survey.growth / model.rest_volume;
         self.fill(model, state, tools, &mut report);
@@ -203,21 +213,22 @@ impl Stepper {
         report
     }
 
-    /// Draws what stays crushed frame after frame, though nothing acts, to where it is at rest.
-    fn untie(&mut self, model: &Model, state: &mut State, settings: &FrameSettings) {
+    /// Draws what stays crushed frame after frame, though nothing acts, to where it is at rest; returns whether there is such a
+    /// thing. The state has just been measured.
+    fn untie(&mut self, model: &Model, state: &mut State, settings: &FrameSettings) -> bool {
         let at_rest = |(p, rest): (&[f32; 4], &[f32; 4])| rest[3] > 0.0 || p == rest;
         // A ventricle that is drained is meant to be crushed.
         let loaded = settings.csf != Csf::AtRest || settings.gravity_mm_s2 != [0.0; 3];
         if loaded || !self.couplings.is_empty() || !state.positions.iter().zip(&model.rest).all(at_rest) {
             state.knotted = 0;
-            return;
+            return false;
         }
         let crushed = &mut self.crushed.list;
         model.volumes.smaller(CRUSHED, 0..model.volumes.rows(), &self.growth, crushed);
         state.knotted = if crushed.is_empty() { 0 } else { state.knotted.saturating_add(1) };
-        if let Some(late) = state.knotted.checked_sub(PATIENCE) {
-            unknot(crushed, (&model.tets, &model.rest), state, (0.1 * late as f32).min(1.0));
-        }
+        let Some(late) = state.knotted.checked_sub(PATIENCE) else { return false };
+        unknot(crushed, (&model.tets, &model.rest), state, (0.1 * late as f32).min(1.0));
+        true
     }
 
     /// A tool that moves further in a frame than the finest cut allows has not gone there, it has been put there: it lets

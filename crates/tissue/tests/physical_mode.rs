@@ -5,8 +5,8 @@ mod common;
 use common::{block, nodes, options, physical, rod};
 use monro_geometry::{Embedding, Point, Vector};
 use monro_tissue::{
-    Event, FrameSettings, Material, Mode, Model, PhysicalOptions, State, StaticOptions, StaticProblem, StepReport,
-    Stepper, TipShape, Tool, ToolMotion, ToolPose,
+    Attachment, AttachmentKind, Csf, Event, FrameSettings, Material, Mode, Model, PhysicalOptions, State,
+    StaticOptions, StaticProblem, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose,
 };
 use proptest::test_runner::{Config, RngAlgorithm, TestRng, TestRunner};
 
@@ -273,11 +273,19 @@ fn the_number_of_threads_changes_no_bit() {
 #[test]
 fn a_stepper_that_comes_to_a_model_of_another_size_does_there_what_a_new_one_does() {
     let model = |cells: [usize; 3], mode: Mode| {
-        let mesh = block(cells, 5.0, |_| 4);
-        Model::new(&mesh, &options(mode, &nodes(&mesh, |p| p.z == 0.0))).expect("model")
+        let mesh = block(cells, 5.0, |c| if c == [1, 1, 1] { 5 } else { 4 });
+        let mut options = options(mode, &nodes(&mesh, |p| p.z == 0.0));
+        let kind = AttachmentKind::Spring { stiffness_mn_per_mm: 3.0 };
+        let tops = nodes(&mesh, |p| p.z == 5.0 * cells[2] as f64);
+        options.attachments.extend(tops.into_iter().map(|node| Attachment { node, kind }));
+        Model::new(&mesh, &options).expect("model")
     };
     let both = |mode: fn() -> Mode| [model([3, 3, 3], mode()), model([9, 5, 6], mode())];
-    let settings = FrameSettings { gravity_mm_s2: [0.0, 0.0, -9810.0], ..FrameSettings::default() };
+    let settings = FrameSettings {
+        gravity_mm_s2: [0.0, 0.0, -9810.0],
+        csf: Csf::Drained { ml: 0.05 },
+        ..FrameSettings::default()
+    };
     let ([small, large], [small_paper, large_paper]) = (both(physical), both(common::paper));
     let pairs = [(&small, &large), (&large, &small), (&small_paper, &large_paper), (&large_paper, &small_paper)];
     for (here, there) in pairs {
@@ -285,8 +293,8 @@ fn a_stepper_that_comes_to_a_model_of_another_size_does_there_what_a_new_one_doe
         stepper.step(here, &mut here.rest_state(), &[], &settings);
         let run = |stepper: &mut Stepper| {
             let mut state = there.rest_state();
-            (0..5).for_each(|_| drop(stepper.step(there, &mut state, &[], &settings)));
-            state
+            let reports: Vec<_> = (0..5).map(|_| stepper.step(there, &mut state, &[], &settings)).collect();
+            (state, reports)
         };
         assert!(run(&mut stepper) == run(&mut Stepper::new(there)));
     }

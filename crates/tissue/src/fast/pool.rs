@@ -122,6 +122,8 @@ impl Pool {
         // One that fell asleep in a long stretch for one thread would else be missing until the next step.
         self.wake();
         let free = Free(&self.busy);
+        // A call in which the caller's own piece panicked, too, may have left it set.
+        self.shared.panicked.store(false, Ordering::SeqCst);
         self.open(&|thread| {
             for (q, queue) in queues.iter().enumerate() {
                 while let Some(piece) = queue.take(thread) {
@@ -505,13 +507,36 @@ mod tests {
     fn a_panic_in_a_piece_reaches_the_caller_and_the_pool_goes_on() {
         let pool = Pool::new(2);
         for _ in 0..20 {
-            let bad = || pool.each(&[Queue::new(8, 2)], &|_, i| assert!(i != 5, "piece five"));
-            assert!(std::panic::catch_unwind(core::panic::AssertUnwindSafe(bad)).is_err());
+            let bad = |i: usize| i == 5;
+            pieces_that_panic(&pool, &bad);
             let done = AtomicUsize::new(0);
             pool.each(&[Queue::new(8, 2)], &|_, _| {
                 done.fetch_add(1, Ordering::SeqCst);
             });
             assert_eq!(done.load(Ordering::SeqCst), 8);
+        }
+    }
+
+    fn pieces_that_panic(pool: &Pool, bad: &(dyn Fn(usize) -> bool + Sync)) {
+        let call = || pool.each(&[Queue::new(8, 2)], &|_, i| assert!(!bad(i), "piece {i}"));
+        assert!(std::panic::catch_unwind(core::panic::AssertUnwindSafe(call)).is_err());
+    }
+
+    #[test]
+    fn pieces_that_panicked_on_both_threads_failed_the_next_call_too() {
+        let pool = Pool::new(2);
+        for _ in 0..50 {
+            // Neither goes on before the other has a piece, so that both panic.
+            let both = AtomicUsize::new(0);
+            let bad = |_: usize| {
+                both.fetch_add(1, Ordering::SeqCst);
+                while both.load(Ordering::SeqCst) < 2 {
+                    std::thread::yield_now();
+                }
+                true
+            };
+            pieces_that_panic(&pool, &bad);
+            pool.each(&[Queue::new(8, 2)], &|_, _| ());
         }
     }
 

@@ -5,6 +5,7 @@ use super::matching::{self, Matching};
 use super::parts::{Constraint, Part, Share, Shares, Solid};
 use super::sweep::{Scope, Sweep};
 use super::{per_iteration, surface};
+use crate::bytes;
 use crate::fast::{Plans, Pool, widest};
 use crate::membrane::{Membranes, OUTSIDE};
 use crate::model::Region;
@@ -12,13 +13,10 @@ use crate::options::{DihedralScope, PaperOptions};
 use crate::slabs::{Round, Slabs};
 use crate::space::Space;
 use crate::vec3::{V3, larger};
-use crate::{bytes, identity};
 
 /// The constraints of a mesh: constant.
 #[derive(Debug, Clone)]
 pub(crate) struct PaperModel {
-    /// Different for each model.
-    id: u64,
     /// Two rounds of parts that can be done at the same time.
     rounds: [(Round, Vec<Part>); 2],
     global: Option<GlobalVolume>,
@@ -31,8 +29,7 @@ pub(crate) struct PaperModel {
 /// Coefficients corrected for a number of iterations, and memory for a sweep.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct PaperScratch {
-    /// The model and the number that they are for.
-    of: Option<(u64, u32)>,
+    iterations: u32,
     pub(super) parts: [Vec<PartScratch>; 2],
     global: f32,
     gradients: Vec<V3>,
@@ -114,7 +111,6 @@ impl PaperModel {
         }
         let outer = shape.membranes.faces.iter().filter(|m| m.outer == OUTSIDE).map(|m| m.nodes).collect();
         Self {
-            id: identity::unique(),
             rounds: [(even, even_parts), (odd, odd_parts)],
             global: (options.global_volume > 0.0).then(|| GlobalVolume::new(outer, shape.rest)),
             global_coefficient: options.global_volume,
@@ -130,7 +126,7 @@ impl PaperModel {
 
     /// Prepares the coefficients for `iterations` per substep, equation (4).
     pub(crate) fn correct(&self, scratch: &mut PaperScratch, iterations: u32) {
-        if scratch.of == Some((self.id, iterations)) {
+        if scratch.iterations == iterations {
             return;
         }
         for (scratch, (_, parts)) in scratch.parts.iter_mut().zip(&self.rounds) {
@@ -138,7 +134,7 @@ impl PaperModel {
             *scratch = parts.iter().map(part).collect();
         }
         scratch.global = per_iteration(self.global_coefficient, iterations);
-        scratch.of = Some((self.id, iterations));
+        scratch.iterations = iterations;
     }
 
     /// Whether something is done for the body as a whole after each iteration.

@@ -1,23 +1,18 @@
 //! The nodal pressures: an augmented Lagrangian of the volume of each patch.
 
 use super::around::Element;
-use super::elastic::{ELEMENT_BULK, Elastic};
+use super::elastic::{self, ELEMENT_BULK, Elastic, KEPT};
 use super::near::Near;
 use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, WIDTH, widest};
 use crate::model::Region;
+use crate::vec3::larger;
 use crate::volumes::Volumes;
-use crate::{bytes, identity, slabs};
+use crate::{bytes, slabs};
 use monro_geometry::Incidence;
-
-/// Volumetric stiffness that the sweeps carry themselves, over the shear modulus; the rest is the pressure's.
-/// With over-relaxed sweeps more than with plain ones, where 2 was best.
-const PENALTY: f64 = 4.0;
 
 /// Constants of elements and patches.
 #[derive(Debug, Clone)]
 pub(super) struct Pressures {
-    /// Different for each model.
-    id: u64,
     /// Of each region: shear modulus, and what the sweeps carry of its volumetric stiffness, kPa.
     regions: Vec<[f64; 2]>,
     /// Number of elements, and the few whose patches do not all have the numbers of their corners, with their patches.
@@ -92,29 +87,38 @@ impl Which<'_> {
 /// What elements are without any pressure.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Still {
-    /// The model that it is for, and the damping time over the time step.
-    of: Option<(u64, f32)>,
+    /// The damping time over the time step that it is for.
+    damping: Option<f32>,
     /// Each element, and one more that is nothing.
     pub(super) elements: Vec<Element>,
     /// What they are without damping.
     pub(super) undamped: Vec<Element>,
-    /// Of each region: the share of an element's second derivative that is the sweeps' own volumetric stiffness.
-    carried: Vec<f32>,
+    /// Of each region.
+    own: Vec<Own>,
+}
+
+/// What the elements of a region do by themselves about their volumes.
+#[derive(Debug, Clone, Copy)]
+struct Own {
+    /// The share of an element's second derivative that is the sweeps' own volumetric stiffness.
+    share: f32,
+    /// The second derivative times the growth from which on down that stiffness is the element's own: patches do not see a single
+    /// element that is crushed while those around it grow.
+    least: f32,
 }
 
 impl Still {
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
-        bytes::of(&self.elements) + bytes::of(&self.undamped) + bytes::of(&self.carried)
+        bytes::of(&self.elements) + bytes::of(&self.undamped) + bytes::of(&self.own)
     }
 }
 
 impl Pressures {
     pub(super) fn new(elastic: &Elastic, region: &[u8], regions: &[Region]) -> Self {
         let patches = elastic.patch_volume.len();
-        let bulk = |r: &Region| r.material.lame_kpa() + (1.0 - ELEMENT_BULK) * r.material.shear_kpa();
-        let carried = |r: &Region| (PENALTY * r.material.shear_kpa()).min(bulk(r));
-        let moduli: Vec<[f64; 2]> = regions.iter().map(|r| [r.material.shear_kpa(), carried(r)]).collect();
+        let moduli: Vec<[f64; 2]> =
+            regions.iter().map(|r| [r.material.shear_kpa(), elastic::carried_kpa(&r.material)]).collect();
         let (mut patch_penalty, mut is_fluid) = (vec![0.0; patches], vec![false; patches]);
         for (corners, &r) in elastic.patch.iter().zip(region) {
             corners.iter().for_each(|&p| patch_penalty[p as usize] = moduli[r as usize][1]);
@@ -124,7 +128,6 @@ impl Pressures {
         let patch_cuts = slabs::even_cuts(patches);
         let wall = (0..).zip(elastic.patch.iter().zip(&elastic.tets));
         Self {
-            id: identity::unique(),
             regions: moduli,
             tets: elastic.tets.len(),
             walls: wall.filter(|(_, (patches, corners))| patches != corners).map(|(t, (p, _))| (t, *p)).collect(),
@@ -157,17 +160,20 @@ impl Pressures {
     /// Sets what elements are without any pressure; `damping` is the damping time over the time step. Done once for each, since
     /// nothing of it changes with the positions: returns whether it was done.
     pub(super) fn still(&self, of: Tissue<'_>, damping: f32, still: &mut Still, pool: &Pool) -> bool {
-        if still.of == Some((self.id, damping)) {
+        if still.damping == Some(damping) {
             return false;
         }
-        still.of = Some((self.id, damping));
+        still.damping = Some(damping);
         let own = |mu: f64, more: f64| ELEMENT_BULK * mu * more;
         let region = |&[mu, carried]: &[f64; 2], more: f64| {
             // Of `-mu` and of what the growth against rest takes off the volume itself.
             [-(mu * more + own(mu, more) + carried) / 6.0, (own(mu, more) + carried) / 6.0].map(|v| v as f32)
         };
         let more = 1.0 + f64::from(damping);
-        still.carried = self.regions.iter().map(|r| (r[1] / (own(r[0], more) + r[1])) as f32).collect();
+        let whole = |r: &[f64; 2]| own(r[0], more) + r[1];
+        let of_region =
+            |r: &[f64; 2]| Own { share: (r[1] / whole(r)) as f32, least: ((KEPT - 1.0) * whole(r) / 6.0) as f32 };
+        still.own = self.regions.iter().map(of_region).collect();
         for (more, elements) in [(more, &mut still.elements), (1.0, &mut still.undamped)] {
             let regions: Vec<[f32; 2]> = self.regions.iter().map(|r| region(r, more)).collect();
             self.elements_of(of, &regions, elements, pool);
@@ -300,9 +306,9 @@ impl Pressures {
             let t = t as usize;
             let [a, b, c, d] = patches.map(|p| spread.total[p as usize]);
             let [start, rise] = spread.still.elements[t];
-            let carried = spread.still.carried[spread.of.region[t] as usize];
+            let Own { share, least } = spread.still.own[spread.of.region[t] as usize];
             let growth = spread.growth.as_flattened()[t];
-            slopes[t - first] = start + (((a + b) + (c + d)) * MEAN - growth * (rise * carried));
+            slopes[t - first] = start + (((a + b) + (c + d)) * MEAN - larger(growth * rise, least) * share);
         }
     }
 
@@ -367,23 +373,67 @@ impl Spread<'_> {
                 (&padded_regions, &padded)
             }
         };
-        let carried = |r: u8| self.still.carried[r as usize];
+        let own = |r: u8| self.still.own[r as usize];
         let alike = regions.iter().fold(true, |alike, r| alike & (*r == regions[0]));
         let mut out = [0.0; WIDTH];
         for lane in (0..WIDTH).step_by(V::N) {
-            let carried = if alike {
-                V::splat(carried(regions[0]))
+            let [share, least] = if alike {
+                let Own { share, least } = own(regions[0]);
+                [share, least].map(V::splat)
             } else {
-                V::load(&core::array::from_fn(|l| carried(regions[l])), lane)
+                let each = |of: fn(Own) -> f32| V::load(&core::array::from_fn(|l| of(own(regions[l]))), lane);
+                [each(|own| own.share), each(|own| own.least)]
             };
             let (a, b): (V, V) = (corners.gather(row, 0, lane), corners.gather(row, 1, lane));
             let (c, d): (V, V) = (corners.gather(row, 2, lane), corners.gather(row, 3, lane));
             let [start, rise] = V::load_pairs(still, lane);
             // The mean of its patches, less what the element's own change from now on will add again.
-            let slope =
-                start + (((a + b) + (c + d)) * V::splat(MEAN) - V::load(&self.growth[row], lane) * (rise * carried));
+            let grown = (V::load(&self.growth[row], lane) * rise).max(least);
+            let slope = start + (((a + b) + (c + d)) * V::splat(MEAN) - grown * share);
             slope.store(&mut out, lane);
         }
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::elastic::Tangent;
+    use super::*;
+    use crate::Model;
+    use crate::model::tests::{block, paper_options};
+    use crate::vec3::{six_volume, xyz};
+
+    #[test]
+    fn derivatives_of_elements_come_to_those_of_the_energy_also_where_they_are_crushed() {
+        let mut mesh = block([4, 3, 3], 5.0);
+        mesh.labels.iter_mut().skip(40).take(60).for_each(|l| *l = 5);
+        let model = Model::new(&mesh, &paper_options()).expect("model");
+        let (region, regions) = (&model.region[..], &model.regions[..]);
+        let elastic = Elastic::new(&model.rest, (&model.tets, &model.membranes), (region, regions), 0.3);
+        let (pressures, pool) = (Pressures::new(&elastic, region, regions), Pool::new(2));
+        let of = Tissue { volumes: &model.volumes, region };
+        let noise = |i: usize| 2.0 * ((i * 7919 % 1000) as f32 / 500.0 - 1.0);
+        let mut positions = model.rest.clone();
+        positions.iter_mut().enumerate().for_each(|(i, p)| (0..3).for_each(|a| p[a] += noise(3 * i + a)));
+        let (mut still, mut growth, mut slopes, mut total) = (Still::default(), Vec::new(), Vec::new(), Vec::new());
+        pressures.still(of, 0.0, &mut still, &pool);
+        let mut nodal = vec![0.0; pressures.len()];
+        for _ in 0..400 {
+            let which = (Which::All { advance: true }, 0.0, &pool);
+            let elements = Some((&still, &mut slopes));
+            pressures.update((of, &positions), (&mut nodal, &mut growth), elements, &mut total, which);
+        }
+        let at: Vec<[f64; 3]> = positions.iter().map(|p| xyz(*p).map(f64::from)).collect();
+        let mut tangent = Tangent::default();
+        elastic.gradient(&at, &mut Vec::new(), &mut tangent);
+        let mut crushed = 0;
+        for (t, tet) in model.tets.iter().enumerate() {
+            let six = six_volume(tet.map(|v| xyz(positions[v as usize])));
+            crushed += usize::from(f64::from(six) < 6.0 * KEPT * elastic.volume[t]);
+            let (ours, energy) = (slopes[t] + still.elements[t][1] * six, tangent.pressure[t] / 6.0);
+            assert!((f64::from(ours) - energy).abs() < 2e-4 * energy.abs().max(1.0), "{t}: {ours} for {energy}");
+        }
+        assert!(crushed > 20 && crushed < model.tets.len() / 2, "{crushed}");
     }
 }
