@@ -137,9 +137,10 @@ mod tests {
         let (mut growth, mut crushed) = (Vec::new(), Crushed::default());
         let mut now = rest.clone();
         now.swap(held[0] as usize, held[1] as usize);
+        let turned = now.clone();
         volumes.survey(&now, &mut growth, &pool);
         let after = untangle((&volumes, &mesh.tets), &mut now, (&mut growth[..], &mut crushed), &pool);
-        assert!(after.inverted > 0 && held.iter().all(|&v| now[v as usize][3] == 0.0));
+        assert!(after.inverted > 0 && held.iter().all(|&v| now[v as usize] == turned[v as usize]));
         assert!(!open(&held, 1.0, &mut now), "it has less, and there is nowhere to push");
     }
 

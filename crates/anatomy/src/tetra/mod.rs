@@ -258,7 +258,10 @@ impl Made {
         let made = Self::conforming(&fields.as_one(), size, wanted, done)?;
         let mut raw = made.raw;
         coarse::label_regions(&mut raw, fields);
-        Some(Self { raw, regions: true, ..made })
+        // Until now there was one label, that of all.
+        let of = |c: Crumb| Crumb { label: fields.label_at(c.place).map_or(c.label, |l| l as u8), ..c };
+        let crumbs = made.crumbs.into_iter().map(of).collect();
+        Some(Self { raw, crumbs, regions: true, ..made })
     }
 
     /// Part that the count is off by.

@@ -16,11 +16,11 @@ pub(crate) struct MeshBenchArgs {
     #[arg(long, value_name = "N,..", value_delimiter = ',', value_parser = elements, default_values_t = [612, 5_824, 20_677, 37_336, 65_691, 500_000])]
     pub(crate) elements: Vec<usize>,
     /// Threads.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub(crate) threads: usize,
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub(crate) threads: u16,
     /// Times that each is meshed; the least time of each stage counts.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub(crate) repeat: usize,
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) repeat: u16,
     /// Bind the outer surface of the voxels to each mesh and move it: "embedding", times and error under a twist.
     #[arg(long)]
     pub(crate) embedding: bool,

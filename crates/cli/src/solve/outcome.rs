@@ -76,8 +76,9 @@ fn stopped(stop: Stop, solved: &StaticSolution) -> String {
 }
 
 fn unfinished(solved: &StaticSolution) -> Option<String> {
-    let finer = solved.unfinished?;
+    let finer = solved.unfinished.as_ref()?;
     let reached = match (finer.stop, finer.residual.is_finite()) {
+        _ if let Some(refused) = &finer.refused => refused.to_string(),
         (None, _) => format!("{} of its elements turned inside out", finer.turned),
         (Some(stop), true) => {
             format!("residual {:.2e}, {} elements turned; {}", finer.residual, finer.turned, why(stop))

@@ -7,7 +7,6 @@
 
 use super::detect::{self, Found, Side};
 use super::{Advance, Coupling, Rule, ToolState, shaft};
-use crate::membrane::OUTSIDE;
 use crate::model::Region;
 use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
@@ -190,7 +189,7 @@ fn yield_membrane(
     };
     let start = *memory.press.get_or_insert(rod.tip);
     let depth = dot(sub(rod.tip, start), forward);
-    if to == u32::from(OUTSIDE) || (press.is_some() && !gives_way(model, to, force, depth)) {
+    if press.is_some() && !gives_way(model, to, force, depth) {
         return 1.0;
     }
     let borne = borne(model, to, force);

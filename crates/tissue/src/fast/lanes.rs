@@ -395,10 +395,10 @@ pub(crate) mod tests {
     struct Everything<'a>(Window<'a, 2>, &'a Row, usize, Pairs<'a, 2>, Numbers<'a, 2>);
 
     impl Kernel for Everything<'_> {
-        type Out = f32;
+        type Out = [Row; 3];
         #[inline(always)]
-        fn run<V: Lanes>(mut self) -> f32 {
-            let mut most = [0f32; WIDTH];
+        fn run<V: Lanes>(mut self) -> [Row; 3] {
+            let mut out = [[0f32; WIDTH]; 3];
             for first in (0..WIDTH).step_by(V::N) {
                 let (p, q): ([V; 4], [V; 4]) = (self.0.gather(0, 0, first), self.0.gather(0, 1, first));
                 let k = V::load(self.1, first);
@@ -409,15 +409,16 @@ pub(crate) mod tests {
                 s[2].store(&mut rows[1], first);
                 let swapped = core::array::from_fn(|l| [rows[0][l], rows[1][l]]);
                 let [q, p]: [V; 2] = V::load_pairs(&swapped, first);
-                (V::load(&most, first) + p * V::splat(0.7) - q).store(&mut most, first);
+                (p * V::splat(0.7) - q).store(&mut out[0], first);
+                p.mul_add(q, k).mul_off(p, k).store(&mut out[1], first);
                 let count = self.2.saturating_sub(first);
                 let [even, odd]: [V; 2] = self.3.gather(0, 1, first);
                 (r[0] + V::choose(0b1011_0001_1110_0100, first, even, odd) * self.4.gather(0, 1, first))
-                    .store(&mut most, first);
+                    .store(&mut out[2], first);
                 self.0.scatter(0, 0, first, r, count);
                 self.0.scatter(0, 1, first, s, count);
             }
-            most.iter().sum()
+            out
         }
     }
 
@@ -434,15 +435,17 @@ pub(crate) mod tests {
             let (mut a, mut b) = (start.clone(), start.clone());
             let wide = widest(Everything(places.over(&mut a), &k, count, places.pairs(&pairs), numbers()));
             let truth = plain(Everything(places.over(&mut b), &k, count, places.pairs(&pairs), numbers()));
-            assert_eq!(wide.to_bits(), truth.to_bits());
-            let bits = |v: &[[f32; 4]]| v.iter().flatten().map(|x| x.to_bits()).collect::<Vec<_>>();
+            let bits = |v: &[[f32; 4]]| v.as_flattened().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+            let told = |v: [Row; 3]| bits(v.as_flattened().as_chunks().0);
+            assert_eq!(told(wide), told(truth));
             assert_eq!(bits(&a), bits(&b), "{count} lanes");
             #[cfg(target_arch = "x86_64")]
             {
                 use super::super::x86;
-                let same = |run: &dyn Fn(Everything<'_>) -> f32| {
+                let same = |run: &dyn Fn(Everything<'_>) -> [Row; 3]| {
                     let mut c = start.clone();
-                    run(Everything(places.over(&mut c), &k, count, places.pairs(&pairs), numbers()));
+                    let wide = run(Everything(places.over(&mut c), &k, count, places.pairs(&pairs), numbers()));
+                    assert_eq!(told(wide), told(truth));
                     assert_eq!(bits(&c), bits(&b), "{count} lanes");
                 };
                 if x86::has_avx2() {

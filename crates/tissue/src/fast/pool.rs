@@ -416,6 +416,8 @@ impl<T> Base<T> {
 mod tests {
     use super::*;
     use core::sync::atomic::AtomicUsize;
+    use core::time::Duration;
+    use std::time::Instant;
 
     #[test]
     fn every_piece_is_done_once_on_any_number_of_threads() {
@@ -478,17 +480,21 @@ mod tests {
     }
 
     #[test]
-    fn sleeping_threads_are_not_waited_for_and_come_when_called() {
+    fn sleeping_threads_come_when_called() {
         let pool = Pool::new(2);
-        std::thread::sleep(std::time::Duration::from_millis(50));
-        let done = AtomicUsize::new(0);
-        let count = |_: usize, _: usize| {
-            done.fetch_add(1, Ordering::SeqCst);
-        };
-        pool.each(&[Queue::new(10, 2)], &count);
-        pool.wake();
-        pool.each(&[Queue::new(10, 2)], &count);
-        assert_eq!(done.load(Ordering::SeqCst), 20);
+        std::thread::sleep(Duration::from_millis(50));
+        let (begun, own) = (AtomicUsize::new(0), std::thread::current().id());
+        let others = AtomicUsize::new(0);
+        // Each of the two pieces waits for the other, so that one thread alone would not get through, for a while.
+        pool.each(&[Queue::new(2, 2)], &|_, _| {
+            begun.fetch_add(1, Ordering::SeqCst);
+            others.fetch_add(usize::from(std::thread::current().id() != own), Ordering::SeqCst);
+            let start = Instant::now();
+            while begun.load(Ordering::SeqCst) < 2 && start.elapsed() < Duration::from_secs(20) {
+                std::thread::yield_now();
+            }
+        });
+        assert_eq!((begun.load(Ordering::SeqCst), others.load(Ordering::SeqCst)), (2, 1));
     }
 
     #[test]

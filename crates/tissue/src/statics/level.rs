@@ -115,18 +115,18 @@ impl Level {
     /// Takes the place of this level, if it is solved; else what was reached.
     fn go_on(&mut self, finer: Refined, how: &mut How<'_>) -> Option<Unfinished> {
         let start = finer.prolonged(&self.solved.displacement);
-        let found = (how.keep_going)().then(|| how.solve(&finer, Some(&start)).ok());
+        let found = (how.keep_going)().then(|| how.solve(&finer, Some(&start)));
         let tets = finer.mesh.tets.len();
         let asked = matches!(how.options.finer, Finer::Times(_));
         match found {
-            Some(Some(solved)) if solved.converged || (asked && is_nearly(&solved)) => {
-                let unfinished = (!solved.converged).then(|| Unfinished::of(tets, Some(Some(&solved))));
+            Some(Ok(solved)) if solved.converged || (asked && is_nearly(&solved)) => {
+                let unfinished = (!solved.converged).then(|| Unfinished::of(tets, Some(Ok(&solved))));
                 let mut next = Self { refined: finer, solved };
                 next.solved.change = Some(self.change(&next));
                 *self = next;
                 unfinished
             }
-            other => Some(Unfinished::of(tets, other.as_ref().map(Option::as_ref))),
+            other => Some(Unfinished::of(tets, other.as_ref().map(|found| found.as_ref().map_err(Clone::clone)))),
         }
     }
 

@@ -36,6 +36,8 @@ struct Zone {
     size: f64,
     /// Only the surface needs small elements, or all that is inside as well.
     surface: bool,
+    /// The longest edge of the smallest given element around it, mm.
+    given_mm: f64,
     /// What it is for: "rod" or "sphere", and which.
     tool: (&'static str, usize),
 }
@@ -70,6 +72,11 @@ impl Refined {
             let old = (self.fine.tets.clone(), self.fine.labels.clone());
             let Some(cuts) = self.fine.bisect(&|fine, t| size(fine.centroid(t))) else { break };
             self.inherit(&cuts, &old, &before, false);
+        }
+        if self.fine.tets.len() >= MOST_TETS {
+            let limited: Vec<_> = self.coarse.iter().map(|c| (c.what, c.index)).collect();
+            let others = zones.iter().filter(|z| !limited.contains(&z.tool));
+            self.coarse.extend(others.filter_map(|z| z.left(&self.fine)));
         }
         for rod in self.problem.rods.iter().filter(|_| keep_going()) {
             snap(&mut self.fine, rod);
@@ -188,11 +195,20 @@ impl Zone {
     /// Keeps the size within reach of the elements that are there; what it should be if it cannot.
     fn limit(&mut self, fine: &Fine) -> Option<Coarse> {
         let around = (0..fine.tets.len()).filter_map(|t| self.edge_around(fine, t));
-        let given_mm = around.min_by(f64::total_cmp)?;
-        let (wanted_mm, least_mm) = (self.size, given_mm / HALVED);
+        self.given_mm = around.min_by(f64::total_cmp)?;
+        let (wanted_mm, least_mm) = (self.size, self.given_mm / HALVED);
         self.size = self.size.max(least_mm);
         let (what, index) = self.tool;
-        (wanted_mm < least_mm).then_some(Coarse { what, index, wanted_mm, least_mm, given_mm })
+        (wanted_mm < least_mm).then_some(Coarse { what, index, wanted_mm, least_mm, given_mm: self.given_mm })
+    }
+
+    /// What it should be, if an element around is still larger.
+    fn left(&self, fine: &Fine) -> Option<Coarse> {
+        let longest = |t: usize| fine.longest_edge(t);
+        let too_long = (0..fine.tets.len()).filter(|&t| longest(t) > self.size_at(fine.centroid(t)));
+        let least_mm = too_long.filter_map(|t| self.edge_around(fine, t)).max_by(f64::total_cmp)?;
+        let (what, index) = self.tool;
+        Some(Coarse { what, index, wanted_mm: self.size, least_mm, given_mm: self.given_mm })
     }
 
     /// The longest edge of an element that the tool may lie in or touch.
@@ -213,6 +229,7 @@ fn zones(problem: &StaticProblem, fine: &Fine) -> Vec<Zone> {
         radius: r.radius_mm,
         size: ROD_SIZE * r.radius_mm,
         surface: true,
+        given_mm: 0.0,
         tool: ("rod", i),
     });
     let contacts = problem.contacts.iter().enumerate().filter_map(|(i, c)| {
@@ -223,6 +240,7 @@ fn zones(problem: &StaticProblem, fine: &Fine) -> Vec<Zone> {
             radius: c.radius_mm,
             size,
             surface: false,
+            given_mm: 0.0,
             tool: ("sphere", i),
         })
     });

@@ -1,5 +1,6 @@
 //! What a solve tells.
 
+use super::StaticError;
 use monro_geometry::{Patient, Vector};
 
 /// Share of the elements turned inside out from which on a body is taken to collapse.
@@ -117,7 +118,7 @@ pub struct MeshChange {
 }
 
 /// What was reached on a finer mesh that was given up.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Unfinished {
     /// Its elements.
     pub tets: usize,
@@ -125,18 +126,20 @@ pub struct Unfinished {
     pub residual: f64,
     /// How many of its elements were turned inside out.
     pub turned: usize,
-    /// Why it ended; `None` when only turned elements spoilt it.
+    /// Why it ended; `None` when only turned elements spoilt it, or when it was refused.
     pub stop: Option<Stop>,
+    /// Why it could not be begun.
+    pub refused: Option<StaticError>,
 }
 
 impl Unfinished {
-    /// Of what was found on a finer mesh: nothing where time was up before, nothing inside where it made no model.
-    pub(super) fn of(tets: usize, found: Option<Option<&StaticSolution>>) -> Self {
-        let (residual, turned) = (f64::INFINITY, 0);
+    /// Of what was found on a finer mesh: nothing where time was up before, an error where it made no problem.
+    pub(super) fn of(tets: usize, found: Option<Result<&StaticSolution, StaticError>>) -> Self {
+        let none = Self { tets, residual: f64::INFINITY, turned: 0, stop: None, refused: None };
         match found {
-            None => Self { tets, residual, turned, stop: Some(Stop::Asked) },
-            Some(None) => Self { tets, residual, turned, stop: Some(Stop::Stuck) },
-            Some(Some(f)) => Self { tets, residual: f.residual, turned: f.turned, stop: f.stop },
+            None => Self { stop: Some(Stop::Asked), ..none },
+            Some(Err(error)) => Self { refused: Some(error), ..none },
+            Some(Ok(f)) => Self { residual: f.residual, turned: f.turned, stop: f.stop, ..none },
         }
     }
 

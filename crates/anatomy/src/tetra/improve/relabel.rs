@@ -118,15 +118,21 @@ impl Work<'_> {
     fn try_label(&mut self, t: u32, to: u8) -> bool {
         let own = std::mem::replace(&mut self.labels[t as usize], to);
         let tet = self.tets[t as usize];
-        let lifts = tet.map(|v| self.lift[v as usize]);
+        let before = tet.map(|v| (self.points[v as usize], self.lift[v as usize]));
         tet.into_iter().for_each(|v| self.refresh_mask(v));
-        let before = self.quality[t as usize];
+        let quality = self.quality[t as usize];
         let better = EDGES.into_iter().any(|[i, j]| self.remove_edge(tet[i], tet[j]))
             || (0..4).any(|i| self.swap_face(t, i))
-            || tet.into_iter().any(|v| self.relax(v) && self.quality[t as usize] > before);
+            || tet.into_iter().any(|v| self.relax(v) && self.quality[t as usize] > quality);
         if !better {
+            // What moved had a freedom that came of the label that is not to be.
+            for (v, (place, _)) in tet.into_iter().zip(before).rev() {
+                if self.points[v as usize] != place {
+                    self.try_move(v, place, f64::NEG_INFINITY);
+                }
+            }
             self.labels[t as usize] = own;
-            for (v, lift) in tet.into_iter().zip(lifts) {
+            for (v, (_, lift)) in tet.into_iter().zip(before) {
                 self.refresh_mask(v);
                 self.lift[v as usize] = lift;
             }

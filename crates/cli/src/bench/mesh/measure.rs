@@ -29,7 +29,7 @@ impl Subject {
         let mut least: Vec<(&'static str, [f64; 2])> = Vec::new();
         let mut last = None;
         reset_peak_memory();
-        for _ in 0..repeat.max(1) {
+        for _ in 0..repeat {
             let mut parts = Vec::new();
             let mut since = (Instant::now(), cpu_seconds());
             let made = tetra::mesh_observed(&self.labels, &options, |stage| {

@@ -28,11 +28,11 @@ const LEAST: usize = 5_824;
 pub(super) fn run(args: &MeshBenchArgs, console: &Console) -> Result<()> {
     // What cannot be read is told before minutes of phantoms.
     let files = args.subjects.iter().map(|path| of_file(path)).collect::<Result<Vec<_>>>()?;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads.max(1)).build()?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads.into()).build()?;
     let mut rows: Vec<Value> = Vec::new();
     let mut measure = |subject: &Subject| {
         for &elements in &args.elements {
-            let row = pool.install(|| subject.measure(elements, args.repeat, args.embedding));
+            let row = pool.install(|| subject.measure(elements, args.repeat.into(), args.embedding));
             console.note(&format!("{} at {elements}: {} s", subject.name, row["seconds"]["without_report"]));
             rows.push(row);
         }
