@@ -345,3 +345,75 @@ fn a_patch_with_a_sharp_edge_gets_finer_elements_there_and_the_change_is_told() 
     assert!(change.displacement > 1e-3 && change.displacement < 0.1, "{change:?}");
     assert!(ask(Finer::Times(0)).0.change.is_none());
 }
+
+/// Faces of the outer surface that lie where `on` says.
+fn outer_where(mesh: &TetMesh, on: impl Fn(Point<Patient>) -> bool) -> Vec<[u32; 3]> {
+    let faces = mesh.boundary(|_| true);
+    faces.into_iter().filter(|f| f.iter().all(|&v| on(mesh.vertices[v as usize]))).collect()
+}
+
+/// The stretch of a bar whose ends are pulled by `kpa` of true stress.
+fn stretched_by(m: &Material, kpa: f64) -> f64 {
+    let (mut low, mut high) = (0.5, 2.0);
+    for _ in 0..60 {
+        let s = 0.5 * (low + high);
+        let (l, force) = uniaxial(m, s);
+        if force < kpa * l * l { low = s } else { high = s }
+    }
+    low
+}
+
+#[test]
+fn a_slender_bar_under_a_pressure_on_its_end_found_no_equilibrium() {
+    // A dead load of 0.07 kPa is what it buckles under; one that turns along with the end does not.
+    let mesh = shaken(block([12, 4, 4], 5.0, |_| 4), 5.0, 0.1);
+    let pin = |x: f64, y: f64| nodes(&mesh, |p| p.to_array() == [x, y, 0.0]);
+    for (poisson, kpa) in [(0.3, -0.09), (0.3, 0.15), (0.45, -0.15)] {
+        let mut problem = StaticProblem::default();
+        problem.supports.extend(held(nodes(&mesh, |p| p.x == 0.0), [Some(0.0), None, None]));
+        problem.supports.extend(held(pin(0.0, 0.0), [None, Some(0.0), Some(0.0)]));
+        problem.supports.extend(held(pin(0.0, 20.0), [None, None, Some(0.0)]));
+        problem.pressures = vec![Pressure { faces: outer_where(&mesh, |p| p.x == 60.0), kpa }];
+        let options = material(poisson);
+        let solved = solve(&mesh, &options, &problem);
+        let expected = 60.0 * (stretched_by(&options.materials[&4], -kpa) - 1.0);
+        for v in nodes(&mesh, |p| p.x == 60.0) {
+            let x = solved.displacement[v as usize].x;
+            assert!((x - expected).abs() < 1e-3 * expected.abs(), "{x} mm for {expected}");
+        }
+    }
+}
+
+/// Deflection of the end of a thin cantilever pushed by a force per length that turns along with it, from the end back to the wall:
+/// Euler's elastica.
+fn curled(length: f64, per_length: f64, stiffness: f64) -> f64 {
+    let steps = 20_000;
+    let du = length / f64::from(steps);
+    let (mut angle, mut moment, mut force, mut way) = (0f64, 0.0, [0.0; 2], [0.0; 2]);
+    for _ in 0..steps {
+        let (along, normal) = ([angle.cos(), angle.sin()], [-angle.sin(), angle.cos()]);
+        (0..2).for_each(|a| force[a] += per_length * normal[a] * du);
+        (0..2).for_each(|a| way[a] += along[a] * du);
+        moment += (force[0] * normal[0] + force[1] * normal[1]) * du;
+        angle -= moment / stiffness * du;
+    }
+    -way[0] * angle.sin() + way[1] * angle.cos()
+}
+
+#[test]
+fn a_cantilever_curls_under_a_pressure_on_its_upper_side() {
+    let mesh = block([20, 4, 4], 5.0, |_| 4);
+    let options = material(0.3);
+    let young = options.materials[&4].young_kpa;
+    for kpa in [0.002 * young, 0.007 * young] {
+        let mut problem = StaticProblem::default();
+        problem.supports.extend(held(nodes(&mesh, |p| p.x == 0.0), [Some(0.0); 3]));
+        problem.pressures = vec![Pressure { faces: outer_where(&mesh, |p| p.z == 20.0), kpa }];
+        let solved = solve(&mesh, &options, &problem);
+        let end = nodes(&mesh, |p| p.to_array() == [100.0, 10.0, 10.0])[0];
+        let (sag, thin) =
+            (-solved.displacement[end as usize].z, curled(100.0, 20.0 * kpa, young * 20f64.powi(4) / 12.0));
+        // It is five times as long as high, and shear adds a twentieth.
+        assert!((sag / thin - 1.0).abs() < 0.12, "{sag} mm, a thin one {thin}");
+    }
+}

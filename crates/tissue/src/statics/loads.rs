@@ -7,6 +7,9 @@ use crate::membrane::OUTSIDE;
 use crate::physical::elastic::{D3, Elastic, cross, dot, sub};
 use std::collections::{BTreeMap, BTreeSet};
 
+/// Part of a pressure's derivative that may be unsymmetric and still counts as rounding.
+const SYMMETRIC: f64 = 1e-9;
+
 pub(crate) struct Loads {
     /// Prescribed displacement of each component; `None` is free.
     pub(crate) support: Vec<[Option<f64>; 3]>,
@@ -97,9 +100,42 @@ impl Loads {
         gradient.iter().map(|g| g.map(|v| -v)).collect()
     }
 
-    /// Adds the product of the loads' Hessian with `d`: the symmetric part of the pressure's derivative, which is all of it
-    /// where the pressed surface is closed, or its border held or guided in a plane.
-    pub(crate) fn add_hessian(&self, share: f64, x: &[D3], d: &[D3], out: &mut [D3]) {
+    /// Whether the loads are the derivatives of something: pressures are where the pressed surface is closed, or its border held or
+    /// guided in a plane, since their own derivative is then symmetric.
+    pub(crate) fn have_potential(&self, rest: &[D3]) -> bool {
+        if self.pushed.is_empty() {
+            return true;
+        }
+        // Numbers without a pattern, the same every time.
+        let some = |i: usize| (i as f64 * 0.618_033_988_749_895).fract() - 0.5;
+        let free = |i: usize, a: usize| if self.support[i][a].is_none() { some(3 * i + a) } else { 0.0 };
+        let d: Vec<D3> = (0..rest.len()).map(|i| core::array::from_fn(|a| free(i, a))).collect();
+        let product = |whole: bool| {
+            let mut out = vec![[0.0; 3]; rest.len()];
+            self.add_hessian((1.0, whole), rest, &d, &mut out);
+            out
+        };
+        let (whole, symmetric) = (product(true), product(false));
+        let components = || (0..rest.len()).flat_map(|i| (0..3).map(move |a| (i, a)));
+        let own = components().filter(|&(i, a)| self.support[i][a].is_none());
+        let (skew, all) = own.fold((0.0, 0.0), |(skew, all), (i, a)| {
+            (skew + (whole[i][a] - symmetric[i][a]).powi(2), all + whole[i][a].powi(2))
+        });
+        skew <= (SYMMETRIC * SYMMETRIC) * all
+    }
+
+    /// Adds the product of the loads' Hessian with `d`: the derivative of the pressures, `whole` or its symmetric part alone.
+    pub(crate) fn add_hessian(&self, (share, whole): (f64, bool), x: &[D3], d: &[D3], out: &mut [D3]) {
+        if whole {
+            for (t, kpa) in &self.pushed {
+                let ([a, b, c], [da, db, dc]) = (t.map(|n| x[n as usize]), t.map(|n| d[n as usize]));
+                let (one, two) = (cross(sub(db, da), sub(c, a)), cross(sub(b, a), sub(dc, da)));
+                for &n in t {
+                    (0..3).for_each(|k| out[n as usize][k] -= share * kpa * (one[k] + two[k]) / 6.0);
+                }
+            }
+            return;
+        }
         for (t, kpa) in &self.pushed {
             let (p, q) = (t.map(|n| x[n as usize]), t.map(|n| d[n as usize]));
             let opposite: [D3; 3] = core::array::from_fn(|i| sub(p[(i + 1) % 3], p[(i + 2) % 3]));

@@ -22,6 +22,7 @@ mod site;
 mod sphere;
 mod told;
 mod uncertain;
+mod unsymmetric;
 
 use crate::{Attachment, AttachmentKind, Model, ModelOptions};
 use level::{How, Level};

@@ -58,9 +58,11 @@ pub(super) struct Solved {
     pub(super) products: u32,
 }
 
-struct Problem<'a> {
-    elastic: &'a Elastic,
+pub(super) struct Problem<'a> {
+    pub(super) elastic: &'a Elastic,
     loads: &'a Loads,
+    /// Whether the loads have no potential.
+    open: bool,
     spheres: Spheres,
     options: StaticOptions,
     keep_going: &'a mut dyn FnMut() -> bool,
@@ -76,11 +78,11 @@ struct Problem<'a> {
 
 /// A state with its derivatives.
 #[derive(Clone)]
-struct Point {
-    x: Vec<D3>,
+pub(super) struct Point {
+    pub(super) x: Vec<D3>,
     /// Of the tissue and of the spheres; what the loads give is told by the way between two states only.
     energy: f64,
-    gradient: Vec<D3>,
+    pub(super) gradient: Vec<D3>,
     tangent: Tangent,
 }
 
@@ -97,8 +99,21 @@ pub(super) fn solve(
     let rounding = rounding(elastic);
     let (share, stop) = (0.0, None);
     let hessian = Products::new(elastic, std::thread::available_parallelism().map_or(1, usize::from));
-    let mut problem =
-        Problem { elastic, loads, spheres, options, keep_going, share, steps: 0, products: 0, stop, rounding, hessian };
+    let open = !loads.have_potential(&elastic.rest);
+    let mut problem = Problem {
+        elastic,
+        loads,
+        open,
+        spheres,
+        options,
+        keep_going,
+        share,
+        steps: 0,
+        products: 0,
+        stop,
+        rounding,
+        hessian,
+    };
     let (at, share) = match start {
         Some(x) if !problem.spheres.rub() => problem.from(x),
         _ => problem.path(),
@@ -134,22 +149,22 @@ fn rounding(elastic: &Elastic) -> Vec<f64> {
     forces.into_iter().map(|f| (ROUNDING * f).powi(2)).collect()
 }
 
-fn shifted(x: &[D3], d: &[D3], s: f64) -> Vec<D3> {
+pub(super) fn shifted(x: &[D3], d: &[D3], s: f64) -> Vec<D3> {
     let mut out = x.to_vec();
     shift(&mut out, d, s);
     out
 }
 
-fn shift(x: &mut [D3], d: &[D3], s: f64) {
+pub(super) fn shift(x: &mut [D3], d: &[D3], s: f64) {
     x.iter_mut().zip(d).for_each(|(x, d)| (0..3).for_each(|a| x[a] += s * d[a]));
 }
 
 /// The largest component.
-fn longest(d: &[D3]) -> f64 {
+pub(super) fn longest(d: &[D3]) -> f64 {
     d.iter().flatten().fold(0.0, |m: f64, v| m.max(v.abs()))
 }
 
-fn inner(a: &[D3], b: &[D3]) -> f64 {
+pub(super) fn inner(a: &[D3], b: &[D3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| dot(*a, *b)).sum()
 }
 
@@ -214,6 +229,10 @@ impl Problem<'_> {
         if patient && self.stop.is_none() && (!settled || through || strayed()) {
             return None;
         }
+        if self.open && !settled {
+            self.stop = self.stop.or(Some(Stop::Stuck));
+            return None;
+        }
         if through {
             self.stop = self.stop.or(Some(Stop::Through));
             return None;
@@ -258,7 +277,8 @@ impl Problem<'_> {
 
     fn newton(&mut self, at: &mut Point, tolerance: f64, patience: u32) -> bool {
         let mut last = f64::INFINITY;
-        for _ in 0..patience {
+        // Whole steps settle soon or never.
+        for _ in 0..if self.open { patience.min(PATIENCE) } else { patience } {
             let residual = self.residual(at);
             let met = residual <= tolerance;
             let out = self.out_of_balance(at);
@@ -273,14 +293,15 @@ impl Problem<'_> {
             }
             let forcing = (0.5 * residual.sqrt()).clamp(1e-8, 0.1);
             let d = self.linear(at, None, forcing);
-            let Some(next) = self.search(at, &d) else { return met };
+            let next = if self.open { self.stride(at, &d) } else { self.search(at, &d) };
+            let Some(next) = next else { return met };
             *at = next;
             self.steps += 1;
         }
         false
     }
 
-    fn evaluate(&self, x: Vec<D3>) -> Point {
+    pub(super) fn evaluate(&self, x: Vec<D3>) -> Point {
         let (mut gradient, mut tangent) = (Vec::new(), Tangent::default());
         let mut energy = self.elastic.gradient(&x, &mut gradient, &mut tangent);
         self.loads.add(self.share, &x, &mut gradient);
@@ -289,7 +310,7 @@ impl Problem<'_> {
     }
 
     /// Whether products or the caller's patience have run out.
-    fn spent(&mut self) -> bool {
+    pub(super) fn spent(&mut self) -> bool {
         if self.stop.is_none() && self.products >= self.options.products {
             self.stop = Some(Stop::Products);
         } else if self.stop.is_none() && !(self.keep_going)() {
@@ -299,7 +320,7 @@ impl Problem<'_> {
     }
 
     /// Keeps only the free components.
-    fn mask(&self, v: &mut [D3]) {
+    pub(super) fn mask(&self, v: &mut [D3]) {
         for (v, s) in v.iter_mut().zip(&self.loads.support) {
             (0..3).for_each(|a| {
                 if s[a].is_some() {
@@ -344,9 +365,9 @@ impl Problem<'_> {
         if loads > 0.0 { dot(sum, sum).sqrt() / loads } else { 0.0 }
     }
 
-    fn product(&mut self, at: &Point, d: &[D3], out: &mut Vec<D3>) {
+    pub(super) fn product(&mut self, at: &Point, d: &[D3], out: &mut Vec<D3>) {
         self.elastic.hessian((&at.x, &at.tangent), d, out, &mut self.hessian);
-        self.loads.add_hessian(self.share, &at.x, d, out);
+        self.loads.add_hessian((self.share, self.open), &at.x, d, out);
         self.spheres.add_hessian(&at.x, d, out);
         self.products += 1;
     }
@@ -362,6 +383,9 @@ impl Problem<'_> {
             shift(&mut r, &hp, -1.0);
         }
         self.mask(&mut r);
+        if self.open {
+            return self.biconjugate(at, (d, r), tolerance);
+        }
         let blocks = self.preconditioner(at);
         let mut z = Vec::new();
         apply(&blocks, &r, &mut z);
@@ -403,14 +427,14 @@ impl Problem<'_> {
     }
 
     /// How far a Newton step may take a node, mm: on to a sphere, not through it, unless it is carried along.
-    fn furthest(&self, carried: bool) -> f64 {
+    pub(super) fn furthest(&self, carried: bool) -> f64 {
         let size = self.size();
         let radius = self.spheres.least_radius().filter(|_| !carried);
         radius.map_or(FURTHEST * size, |radius| radius.min(FURTHEST * size))
     }
 
     /// Inverses of the Hessian's diagonal blocks, prescribed components taken out.
-    fn preconditioner(&self, at: &Point) -> Vec<[f64; 6]> {
+    pub(super) fn preconditioner(&self, at: &Point) -> Vec<[f64; 6]> {
         let mut blocks = self.elastic.diagonal(&at.x, &at.tangent);
         self.spheres.add_diagonal(&at.x, &mut blocks);
         for (b, s) in blocks.iter_mut().zip(&self.loads.support) {
@@ -444,7 +468,7 @@ impl Problem<'_> {
     }
 }
 
-fn apply(blocks: &[[f64; 6]], r: &[D3], out: &mut Vec<D3>) {
+pub(super) fn apply(blocks: &[[f64; 6]], r: &[D3], out: &mut Vec<D3>) {
     let row = |b: &[f64; 6], v: &D3| {
         [
             b[0] * v[0] + b[3] * v[1] + b[4] * v[2],
