@@ -265,6 +265,7 @@ fn as_json(report: &MeshReport, out: &Path, stages: &[(String, f64)], parts: &Pa
         "open_at_border": report.open_at_border,
         "coarse_regions": report.coarse_regions,
         "closed_gaps": report.closed_gaps.map(|g| json!({ "voxels": g.voxels, "at_mm": g.at })),
+        "overlap": report.overlap.map(|o| json!({ "elements": o.elements, "at_mm": o.at.to_array() })),
         "remarks": report.all_remarks(),
         "labels": report.labels.iter().map(label_json).collect::<Vec<_>>(),
         "outer": surface_json(&report.outer),

@@ -5,6 +5,7 @@ use super::report::{
     BadShapes, Boundary, ClosedGaps, InterfaceDistance, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO,
     MOST_VOLUME_ERROR, SurfaceReport,
 };
+use monro_geometry::Overlap;
 use thiserror::Error;
 
 /// What helps parts that the fields do not keep.
@@ -88,6 +89,9 @@ pub enum MeshError {
     /// Holes, tunnels or slits in what is meshed are too thin for smooth surfaces.
     #[error("{0}")]
     ClosedGaps(ClosedGaps),
+    /// Elements lie in others.
+    #[error("{}", overlap_words(.0))]
+    Overlap(Overlap),
     /// More labels than the mesher tells apart.
     #[error("{0} labels to mesh, but at most {MOST_LABELS} are told apart; name those to mesh, or merge some")]
     TooManyLabels(usize),
@@ -155,4 +159,12 @@ pub enum MeshError {
         /// Elements of the nearest mesh found.
         found: usize,
     },
+}
+
+/// Says what elements in others come from.
+pub(super) fn overlap_words(overlap: &Overlap) -> String {
+    format!(
+        "{overlap}; walls that face each other across a narrow gap pass through each other there: ask for more elements, or \
+         widen or close the gap in the labels"
+    )
 }

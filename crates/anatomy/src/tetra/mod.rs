@@ -307,6 +307,9 @@ fn strictly(report: &MeshReport) -> Result<(), MeshError> {
     if let Some(gaps) = report.closed_gaps {
         return Err(MeshError::ClosedGaps(gaps));
     }
+    if let Some(overlap) = report.overlap {
+        return Err(MeshError::Overlap(overlap));
+    }
     if let Some(l) = report.labels.iter().find(|l| l.volume_error.abs() > MOST_VOLUME_ERROR) {
         return Err(MeshError::Volume { label: l.label, error: l.volume_error });
     }

@@ -1,7 +1,7 @@
 //! What a user should know of a mesh, in words.
 
 use super::census::blocks;
-use super::error::COARSE;
+use super::error::{COARSE, overlap_words};
 use super::report::{
     Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR, Source, SurfaceReport,
 };
@@ -57,6 +57,7 @@ pub(super) fn topology(report: &MeshReport) -> Vec<String> {
     }
     all.extend(report.far().map(|(label, interface)| format!("label {label}: {interface}")));
     all.extend(report.closed_gaps.map(|gaps| gaps.to_string()));
+    all.extend(report.overlap.as_ref().map(overlap_words));
     all
 }
 

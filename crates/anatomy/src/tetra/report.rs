@@ -9,7 +9,7 @@ use super::{Crumb, MeshOptions, difference, place, remarks};
 use crate::shapes::ShapeSummary;
 use crate::surface::even::Extent;
 use crate::surface::isosurface;
-use monro_geometry::{Bvh, Patient, Point, TetMesh, TriangleMesh};
+use monro_geometry::{Bvh, Overlap, Patient, Point, TetLocator, TetMesh, TriangleMesh};
 use rayon::prelude::*;
 use std::fmt;
 
@@ -225,6 +225,8 @@ pub struct MeshReport {
     pub coarse_regions: bool,
     /// What was closed although the labels leave it open.
     pub closed_gaps: Option<ClosedGaps>,
+    /// Elements that lie in others, where walls that face each other pass through each other.
+    pub overlap: Option<Overlap>,
     /// What a user should know: labels asked for that are not there, a count or volumes missed, bad shapes, pieces given
     /// away, labels that lost their shape or topology.
     pub remarks: Vec<String>,
@@ -272,6 +274,7 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
         bad_shapes: shapes.bad,
         coarse_regions: source.coarse_regions,
         closed_gaps: closed_gaps(source),
+        overlap: TetLocator::new(mesh).ok().and_then(|l| l.overlap()),
         labels: (0..fields.labels.len()).map(|l| label_report(mesh, source, l)).collect(),
         outer: SurfaceReport::new(&mesh.surface(|_| true), &outer, fields.unit),
         remarks: Vec::new(),

@@ -123,6 +123,20 @@ fn a_tunnel_of_one_voxel_was_filled_without_a_word_strict_or_not() {
 }
 
 #[test]
+fn walls_of_a_slit_passed_through_each_other_without_a_word_strict_or_not() {
+    let labels = labelled([1.0; 3], |v| {
+        let inside = v.iter().map(|&i| (i as f64 - 21.5).powi(2)).sum::<f64>() < 18.0f64.powi(2);
+        let slit = (22..24).contains(&v[0]) && v[2] > 14;
+        4 * u8::from(inside && !slit)
+    });
+    let (_, report) = mesh(&labels, &MeshOptions::new(&[4], &[], 1000)).expect("a mesh");
+    let found = report.overlap.expect("overlapping");
+    assert!(found.elements > 2 && found.at.x.abs() < 3.0 && found.at.z > -8.0, "{found:?}");
+    assert!(told(&report, &["lie in others", "narrow gap"]), "{:?}", report.all_remarks());
+    assert!(matches!(mesh(&labels, &strict(&[4], 1000)).expect_err("refused"), MeshError::Overlap(_)));
+}
+
+#[test]
 fn a_slit_of_one_voxel_was_bridged_without_a_word_strict_or_not() {
     let mut labels = ball_with([1.0; 3], &[]);
     let grid = *labels.grid();

@@ -105,13 +105,7 @@ fn of_shapes(shapes: &ShapeSummary) -> Option<String> {
 }
 
 fn of_overlap(mesh: &TetMesh) -> Option<String> {
-    let found = TetLocator::new(mesh).ok()?.overlap()?;
-    let [one, other] = found.pair;
-    let at = place(found.at.to_array());
-    Some(format!(
-        "{} element(s) lie in others, the first are tetrahedra {one} and {other} at {at} mm: parts of the mesh overlap, and volumes count twice",
-        found.elements
-    ))
+    Some(TetLocator::new(mesh).ok()?.overlap()?.to_string())
 }
 
 /// Where a closed surface meets itself.

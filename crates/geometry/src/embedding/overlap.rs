@@ -2,6 +2,7 @@
 
 use super::TetLocator;
 use crate::{Patient, Point};
+use core::fmt;
 
 /// A point whose weights in an element are all above this lies inside of it, not on its rim.
 const INSIDE: f64 = 1e-4;
@@ -15,6 +16,17 @@ pub struct Overlap {
     pub pair: [usize; 2],
     /// A point in both, mm.
     pub at: Point<Patient>,
+}
+
+impl fmt::Display for Overlap {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (elements, [one, other], [x, y, z]) = (self.elements, self.pair, self.at.to_array());
+        write!(
+            f,
+            "{elements} element(s) lie in others, the first are tetrahedra {one} and {other} at ({x:.1}, {y:.1}, {z:.1}) mm: \
+             parts of the mesh overlap, and volumes count twice"
+        )
+    }
 }
 
 impl TetLocator {
