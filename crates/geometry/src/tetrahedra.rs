@@ -1,6 +1,7 @@
 //! Labelled tetrahedral meshes.
 
 use crate::buckets::sorted_by_point;
+use crate::triangles::is_somewhere;
 use crate::{Patient, Point, TriangleMesh};
 use thiserror::Error;
 
@@ -38,8 +39,8 @@ pub enum TetMeshError {
         /// Vertices in the mesh.
         vertices: usize,
     },
-    /// A vertex is not finite.
-    #[error("vertex {0} has a coordinate that is not finite")]
+    /// A vertex is nowhere.
+    #[error("vertex {0} has a coordinate that is not finite, or beyond 1e100 mm")]
     NotFinite(usize),
     /// An element is flat or inverted.
     #[error("tetrahedron {tet} has volume {volume} mm3")]
@@ -140,7 +141,7 @@ impl TetMesh {
         if self.labels.len() != self.tets.len() {
             return Err(TetMeshError::Labels { labels: self.labels.len(), tets: self.tets.len() });
         }
-        if let Some(i) = self.vertices.iter().position(|p| !p.is_finite()) {
+        if let Some(i) = self.vertices.iter().position(|p| !is_somewhere(*p)) {
             return Err(TetMeshError::NotFinite(i));
         }
         for (tet, t) in self.tets.iter().enumerate() {

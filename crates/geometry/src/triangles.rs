@@ -27,8 +27,8 @@ pub enum TriangleMeshError {
         /// Vertices in the mesh.
         vertices: usize,
     },
-    /// A vertex is not finite.
-    #[error("vertex {0} has a coordinate that is not finite")]
+    /// A vertex is nowhere.
+    #[error("vertex {0} has a coordinate that is not finite, or beyond 1e100 mm")]
     NotFinite(usize),
     /// A triangle uses one vertex twice.
     #[error("triangle {0} uses a vertex twice")]
@@ -110,13 +110,21 @@ impl Topology {
     }
 }
 
+/// Coordinates beyond this are no numbers that a volume could be made of, mm.
+const FURTHEST: f64 = 1e100;
+
+/// Whether a point has coordinates that areas and volumes can be made of.
+pub(crate) fn is_somewhere(p: Point<Patient>) -> bool {
+    p.to_array().iter().all(|v| v.abs() <= FURTHEST)
+}
+
 impl TriangleMesh {
     /// Checks indices, coordinates and repeated vertices.
     ///
     /// # Errors
     /// The first fault found, with its number.
     pub fn validate(&self) -> Result<(), TriangleMeshError> {
-        if let Some(i) = self.vertices.iter().position(|p| !p.is_finite()) {
+        if let Some(i) = self.vertices.iter().position(|p| !is_somewhere(*p)) {
             return Err(TriangleMeshError::NotFinite(i));
         }
         for (triangle, t) in self.triangles.iter().enumerate() {

@@ -4,6 +4,7 @@
 //! `SPACE=RAS` is turned to LPS when it is read.
 
 mod header;
+mod polygon;
 mod read;
 
 use crate::Rounding;
@@ -28,6 +29,9 @@ pub enum PlyError {
         /// What is wrong.
         reason: String,
     },
+    /// There is more than the header counts.
+    #[error("PLY: {0} bytes follow the last element that the header counts; it counts too few")]
+    Surplus(usize),
     /// The mesh itself is faulty.
     #[error("PLY mesh: {0}")]
     Mesh(#[from] TriangleMeshError),

@@ -2,10 +2,11 @@
 
 use super::PlyError;
 use super::header::{Element, Encoding, Property, Scalar, parse_header};
+use super::polygon::Polygon;
 use crate::Space;
 use monro_geometry::{Point, TriangleMesh};
 
-/// Decodes a PLY surface, in LPS whatever the file's axes; polygons are split into fans.
+/// Decodes a PLY surface, in LPS whatever the file's axes; polygons are split into triangles.
 ///
 /// # Errors
 /// A named fault of header, body or mesh. Never allocates more than the file's own size suggests.
@@ -20,18 +21,20 @@ pub fn decode(bytes: &[u8]) -> Result<TriangleMesh, PlyError> {
 pub fn decode_stated(bytes: &[u8]) -> Result<(TriangleMesh, Option<Space>), PlyError> {
     let header = parse_header(bytes)?;
     let mut reader = Reader { bytes: &bytes[header.length..], encoding: header.encoding };
-    let mut mesh = TriangleMesh::default();
+    let (mut mesh, mut polygons) = (TriangleMesh::default(), Vec::new());
     for element in &header.elements {
         let polygon = element.polygon();
         for index in 0..element.count {
-            read_row(&mut reader, element, polygon, &mut mesh).map_err(|reason| PlyError::Body {
+            read_row(&mut reader, element, polygon, (&mut mesh, &mut polygons)).map_err(|reason| PlyError::Body {
                 element: element.name.clone(),
                 index,
                 reason,
             })?;
         }
     }
+    reader.ends()?;
     mesh.validate()?;
+    polygons.iter().for_each(|polygon| polygon.mend(&mut mesh));
     header.space.unwrap_or(Space::Lps).to_lps(&mut mesh.vertices);
     Ok((mesh, header.space))
 }
@@ -40,7 +43,7 @@ fn read_row(
     reader: &mut Reader<'_>,
     element: &Element,
     corners: Option<usize>,
-    mesh: &mut TriangleMesh,
+    (mesh, polygons): (&mut TriangleMesh, &mut Vec<Polygon>),
 ) -> Result<(), String> {
     let mut position = [f64::NAN; 3];
     let mut polygon: Vec<u32> = Vec::new();
@@ -68,7 +71,13 @@ fn read_row(
     match element.name.as_str() {
         "vertex" => mesh.vertices.push(Point::from_array(position)),
         "face" if polygon.len() < 3 => return Err(format!("a face of {} vertices", polygon.len())),
-        "face" => mesh.triangles.extend(polygon[1..].windows(2).map(|w| [polygon[0], w[0], w[1]])),
+        "face" => {
+            let first = mesh.triangles.len();
+            mesh.triangles.extend(polygon[1..].windows(2).map(|w| [polygon[0], w[0], w[1]]));
+            if polygon.len() > 3 {
+                polygons.push(Polygon { corners: polygon, first });
+            }
+        }
         _ => {}
     }
     Ok(())
@@ -87,7 +96,20 @@ struct Reader<'a> {
     encoding: Encoding,
 }
 
+/// Bytes of a triangle: so many more than the header counts are no padding.
+const TRIANGLE: usize = 13;
+
 impl Reader<'_> {
+    /// Refuses what is left behind the last element: a header that counts too few would lose it.
+    fn ends(&self) -> Result<(), PlyError> {
+        let left = match self.encoding {
+            Encoding::Ascii => self.bytes.trim_ascii().len(),
+            _ => self.bytes.len(),
+        };
+        let most = if self.encoding == Encoding::Ascii { 0 } else { TRIANGLE - 1 };
+        if left > most { Err(PlyError::Surplus(left)) } else { Ok(()) }
+    }
+
     fn next(&mut self, kind: Scalar) -> Result<f64, String> {
         if self.encoding == Encoding::Ascii {
             return self.next_word();

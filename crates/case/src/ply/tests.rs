@@ -113,6 +113,36 @@ fn a_polygon_of_more_than_255_corners_was_refused() {
     assert_eq!(decode(text.as_bytes()).expect("large").triangles.len(), 298);
 }
 
+/// An L of six corners in the plane z = 1, from whichever of them it begins.
+#[test]
+fn a_polygon_that_bends_inwards_became_triangles_outside_of_it() {
+    let points = "0 0 1\n2 0 1\n2 1 1\n1 1 1\n1 2 1\n0 2 1\n";
+    for first in 0..6 {
+        for order in [[0, 1, 2, 3, 4, 5], [5, 4, 3, 2, 1, 0]] {
+            let corners = order.map(|i| ((i + first) % 6).to_string()).join(" ");
+            let text = format!(
+                "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_index\nend_header\n{points}6 {corners}\n"
+            );
+            let mesh = decode(text.as_bytes()).expect("an L");
+            let up = if order[0] == 0 { 1.0 } else { -1.0 };
+            let areas: Vec<f64> = (0..mesh.triangles.len()).map(|t| up * mesh.area_vector(t).z).collect();
+            assert!(areas.len() == 4 && areas.iter().all(|a| *a >= 0.0), "{corners}: {areas:?}");
+            assert!((areas.iter().sum::<f64>() - 3.0).abs() < 1e-12, "{corners}: {areas:?}");
+        }
+    }
+}
+
+#[test]
+fn faces_that_the_header_does_not_count_were_lost() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_index\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 2 1\n";
+    assert!(matches!(decode(text.as_bytes()), Err(PlyError::Surplus(7))));
+    let mut own = encode(&pyramid(), None);
+    own.extend([0; 12]);
+    assert_eq!(decode(&own).expect("padded"), pyramid());
+    own.push(0);
+    assert!(matches!(decode(&own), Err(PlyError::Surplus(13))));
+}
+
 #[test]
 fn faces_without_a_polygon_are_refused_with_the_lists_that_are_there() {
     let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar float texcoord\nproperty list uchar int corners\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 3 0 1 2\n";
@@ -122,7 +152,7 @@ fn faces_without_a_polygon_are_refused_with_the_lists_that_are_there() {
     let told = decode(none.as_bytes()).expect_err("no list").to_string();
     assert!(told.contains("none"), "{told}");
     // Points alone are no fault of the header's.
-    let points = text.replace("face 1", "face 0");
+    let points = text.replace("face 1", "face 0").replace("3 0 1 2 3 0 1 2\n", "");
     assert_eq!(decode(points.as_bytes()).expect("points").vertices.len(), 3);
 }
 
