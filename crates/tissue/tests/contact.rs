@@ -284,30 +284,3 @@ fn the_force_was_no_number_in_a_frame_that_no_step_could_solve() {
         assert!(report.tools[0].axial_force_mn.is_finite() && report.residual_mm.is_finite(), "{report:?}");
     }
 }
-
-/// Smallest volume of an element of brain over that at rest, on the way of a rod into a block with a ventricle in it.
-fn most_crushed(x: f64, y: f64) -> f64 {
-    let inside = |c: [usize; 3]| (3..7).contains(&c[0]) && (3..7).contains(&c[1]) && (2..5).contains(&c[2]);
-    let mesh = block([10, 10, 8], 5.0, |c| if inside(c) { 5 } else { 4 });
-    let fixed = nodes(&mesh, |p| p.z == 0.0 || p.x % 50.0 == 0.0 || p.y % 50.0 == 0.0);
-    let model = Model::new(&mesh, &options(physical(), &fixed)).expect("model");
-    let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
-    let at = |frame: i32| [x, y, 41.0 - f64::from(frame) / 6.0];
-    let brain: Vec<usize> = (0..mesh.tets.len()).filter(|&t| mesh.labels[t] == 4).collect();
-    let (mut now, mut least) = (mesh.clone(), f64::INFINITY);
-    for frame in 0..180 {
-        stepper.step(&model, &mut state, &[rod(at(frame), at(frame + 1))], &FrameSettings::default());
-        model.positions_into(&state, &mut now.vertices);
-        least = brain.iter().map(|&t| now.volume(t) / mesh.volume(t)).fold(least, f64::min);
-    }
-    least
-}
-
-#[test]
-fn single_elements_in_front_of_a_tip_were_crushed_while_those_around_them_grew() {
-    // To 0.14 and 0.30 of their volumes.
-    for (x, y, bound) in [(27.7, 26.3, 0.2), (25.9, 27.6, 0.35)] {
-        let least = most_crushed(x, y);
-        assert!(least > bound, "{least} at {x}, {y}");
-    }
-}

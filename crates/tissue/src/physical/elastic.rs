@@ -4,7 +4,7 @@
 //! `W = mu/2 (tr(F^T F) - 3) - mu (J - 1) + lam_hat/2 (J - 1)^2` with `lam_hat = lam + mu` (the reference scenes' energy).
 //! Of `lam_hat`, only `ELEMENT_BULK * mu` stays in the element, enough to keep its energy positive; the rest acts on the
 //! mean of `J` over each node's patch of elements of one region (Bonet and Burton 1998; regions are not mixed, so a wall
-//! between soft and stiff stays sharp), and below `J` = [`KEPT`] a part of it on the element's own, too. A small share of the shear term acts on the patch's mean of `F` likewise (Puso and
+//! between soft and stiff stays sharp). A small share of the shear term acts on the patch's mean of `F` likewise (Puso and
 //! Solberg 2006), which takes away most of the bending stiffness that linear tetrahedra have too much of.
 //!
 //! Two facts make it cheap. The term `mu/2 tr(F^T F)` is quadratic in the positions with a constant scalar matrix, the
@@ -25,22 +25,10 @@ type Shape = (f64, [D3; 4]);
 /// Volumetric stiffness left in the element over its shear modulus. The element's energy stays positive from one third of
 /// the element's share of the shear term on; a little more gave the smallest errors over the reference scenes.
 pub(super) const ELEMENT_BULK: f64 = 0.35;
-/// Volumetric stiffness that the sweeps of vertex block descent carry themselves, over the shear modulus; the rest is the
-/// pressure's. With over-relaxed sweeps more than with plain ones, where 2 was best.
-const PENALTY: f64 = 4.0;
-/// Share of its volume below which an element resists by itself with that stiffness, too. Patches do not see a single element that
-/// is crushed while those around it grow; with nothing but its [`ELEMENT_BULK`] one fell to 0.02, and a wall hung on it by
-/// chance. With 0.3 to 0.7, and half to twice the stiffness, insertions come out alike.
-pub(super) const KEPT: f64 = 0.5;
 
 /// Volumetric stiffness that acts on patches, kPa.
-fn patch_kpa(material: &Material) -> f64 {
+pub(super) fn patch_kpa(material: &Material) -> f64 {
     material.lame_kpa() + (1.0 - ELEMENT_BULK) * material.shear_kpa()
-}
-
-/// What the sweeps carry of it, kPa.
-pub(super) fn carried_kpa(material: &Material) -> f64 {
-    (PENALTY * material.shear_kpa()).min(patch_kpa(material))
 }
 
 /// Rows of a sparse symmetric matrix whose rows sum to zero, without its diagonal.
@@ -60,8 +48,8 @@ pub(crate) struct Elastic {
     pub(crate) volume: Vec<f64>,
     /// Shear modulus of each element, kPa.
     pub(crate) mu: Vec<f64>,
-    /// Volumetric stiffness that stays in the element, and what there is more of it below [`KEPT`], kPa.
-    pub(crate) bulk: Vec<[f64; 2]>,
+    /// Volumetric stiffness that stays in the element, kPa.
+    pub(crate) bulk: Vec<f64>,
     /// Patch of each corner of each element.
     pub(crate) patch: Vec<[u32; 4]>,
     /// Volume of each patch at rest, mm3.
@@ -89,8 +77,6 @@ pub(crate) struct Tangent {
     pub(super) pressure: Vec<f64>,
     /// The same of each patch's, of which that is the mean.
     patch_rate: Vec<f64>,
-    /// Volumetric stiffness of each element by itself, kPa.
-    pub(super) bulk: Vec<f64>,
 }
 
 pub(crate) fn sub(a: D3, b: D3) -> D3 {
@@ -138,7 +124,7 @@ impl Elastic {
         let volume: Vec<f64> = shapes.iter().map(|s| s.0).collect();
         let of = |r: u8| &regions[r as usize].material;
         let mu: Vec<f64> = region.iter().map(|&r| of(r).shear_kpa()).collect();
-        let bulk = region.iter().map(|&r| [ELEMENT_BULK * of(r).shear_kpa(), carried_kpa(of(r))]).collect();
+        let bulk = mu.iter().map(|mu| ELEMENT_BULK * mu).collect();
         let (patch, owners) = patches(tets, region, rest.len());
         let mut patch_volume = vec![0.0; owners.len()];
         for (corners, v) in patch.iter().zip(&volume) {
@@ -173,18 +159,15 @@ impl Elastic {
         let mut energy = self.shear(x, gradient);
         tangent.gradient.clear();
         tangent.pressure.clear();
-        tangent.bulk.clear();
         tangent.patch_rate.clear();
         tangent.patch_rate.resize(self.patch_volume.len(), 0.0);
         for (t, tet) in self.tets.iter().enumerate() {
             let (v, g) = volume_gradient(tet.map(|n| x[n as usize]));
-            let (rest, mu, [bulk, more]) = (self.volume[t], self.mu[t], self.bulk[t]);
+            let (rest, mu, bulk) = (self.volume[t], self.mu[t], self.bulk[t]);
             let dilation = v / rest - 1.0;
-            let lost = (dilation + 1.0 - KEPT).min(0.0);
-            energy += 0.5 * rest * (bulk * dilation * dilation + more * lost * lost) - mu * (v - rest);
+            energy += 0.5 * rest * bulk * dilation * dilation - mu * (v - rest);
             tangent.gradient.push(g);
-            tangent.pressure.push(bulk * dilation + more * lost - mu);
-            tangent.bulk.push(if lost < 0.0 { bulk + more } else { bulk });
+            tangent.pressure.push(bulk * dilation - mu);
             self.patch[t].iter().for_each(|&p| tangent.patch_rate[p as usize] += v / 4.0);
         }
         for (p, v) in tangent.patch_rate.iter_mut().enumerate() {
@@ -256,7 +239,7 @@ impl Elastic {
             .collect();
         for (t, tet) in self.tets.iter().enumerate() {
             let patch = self.patch[t].iter().map(|&p| self.patch_bulk[p as usize]).sum::<f64>() / 16.0;
-            let c = (tangent.bulk[t] + patch) / self.volume[t];
+            let c = (self.bulk[t] + patch) / self.volume[t];
             for (g, &n) in tangent.gradient[t].iter().zip(tet) {
                 add_outer(&mut out[n as usize], c, *g);
             }
@@ -408,8 +391,7 @@ mod tests {
         Elastic::new(&model.rest, (&model.tets, &model.membranes), (&model.region, &regions), share)
     }
 
-    /// The reference energy of one element by its deformation gradient, all of it in the element, and what there is beyond it
-    /// below [`KEPT`].
+    /// The reference energy of one element by its deformation gradient, all of it in the element.
     fn by_definition(e: &Elastic, x: &[D3], t: usize, lam: f64) -> f64 {
         let tet = e.tets[t].map(|n| n as usize);
         let (_, g) = volume_gradient(tet.map(|n| e.rest[n]));
@@ -422,15 +404,14 @@ mod tests {
         let j = dot(f[0], cross(f[1], f[2]));
         let trace: f64 = f.iter().map(|r| dot(*r, *r)).sum();
         let mu = e.mu[t];
-        let more = 0.5 * (4.0 * mu).min(lam + (1.0 - 0.35) * mu) * (0.5 - j).max(0.0).powi(2);
-        e.volume[t] * (0.5 * mu * (trace - 3.0) - mu * (j - 1.0) + 0.5 * (lam + mu) * (j - 1.0) * (j - 1.0) + more)
+        e.volume[t] * (0.5 * mu * (trace - 3.0) - mu * (j - 1.0) + 0.5 * (lam + mu) * (j - 1.0) * (j - 1.0))
     }
 
     #[test]
     fn an_affine_deformation_has_the_reference_energy_whatever_the_split() {
-        for (share, height) in [(0.0, 1.05), (0.3, 1.05), (1.0, 1.05), (0.3, 0.35), (0.0, -0.2)] {
+        for share in [0.0, 0.3, 1.0] {
             let e = elastic(0.49, share);
-            let f = [[1.2, 0.1, -0.05], [0.0, 0.9, 0.2], [0.1, -0.1, height]];
+            let f = [[1.2, 0.1, -0.05], [0.0, 0.9, 0.2], [0.1, -0.1, 1.05]];
             let x: Vec<D3> = e.rest.iter().map(|p| f.map(|r| dot(r, *p))).collect();
             let energy = e.gradient(&x, &mut Vec::new(), &mut Tangent::default());
             let lam = |t: usize| {

@@ -97,7 +97,7 @@ impl Elastic {
         for (t, growth) in (first..).zip(growth) {
             let (tet, pressure) = (&self.tets[t], tangent.pressure[t]);
             let mean = self.patch[t].iter().map(|&p| patches[p as usize]).sum::<f64>() / 4.0;
-            let change = tangent.bulk[t] / self.volume[t] * growth + mean;
+            let change = self.bulk[t] / self.volume[t] * growth + mean;
             let turned = gradient_change(tet.map(|n| x[n as usize]), tet.map(|n| d[n as usize]));
             for ((g, h), &n) in tangent.gradient[t].iter().zip(&turned).zip(tet) {
                 (0..3).for_each(|a| out[n as usize][a] += change * g[a] + pressure * h[a]);
