@@ -111,6 +111,7 @@ impl Model {
             options.materials.iter().map(|(&label, &material)| Region { label, material }).collect();
         let region: Vec<u8> = tet_order.iter().map(|&t| region_of(&regions, mesh.labels[t as usize])).collect();
         let mut rest: Vec<[f32; 4]> = order.iter().map(|&v| local(mesh.vertices[v as usize], origin)).collect();
+        validate::rounded(mesh, (&tets, &tet_order), &rest)?;
         let mass = node_masses(&rest, &tets, &region, &regions);
         for (p, m) in rest.iter_mut().zip(&mass) {
             p[3] = 1.0 / m;
@@ -527,5 +528,38 @@ pub(crate) mod tests {
         m.labels.extend(copy.labels);
         let refused = Model::new(&m, &paper_options()).err();
         assert_eq!(refused, Some(ModelError::DuplicateVertex { first: 0, second: 8 }));
+    }
+
+    /// Single precision counts in 8e-6 mm a hundred millimetres from the middle: an element of less had no volume, and each frame was
+    /// taken back.
+    #[test]
+    fn an_element_that_rounding_leaves_no_volume_was_taken() {
+        let mut mesh = block([1, 1, 1], 1.0);
+        let z = |t: usize, k: usize| mesh.vertices[mesh.tets[t][k] as usize].z;
+        let on_floor = |t: usize| (0..4).find(|&i| (0..4).all(|k| k == i || z(t, k) < 0.5)).map(|i| (t, i));
+        let (tet, high) = (0..6).find_map(on_floor).expect("an element with a face on the floor");
+        let corners = mesh.tets[tet];
+        let mut middle = [0.0, 0.0, 4e-6];
+        for k in (0..4).filter(|&k| k != high) {
+            let p = mesh.vertices[corners[k] as usize];
+            (middle[0], middle[1]) = (middle[0] + p.x / 3.0, middle[1] + p.y / 3.0);
+        }
+        let inner = mesh.vertices.len() as u32;
+        mesh.vertices.push(Point::from_array(middle));
+        mesh.tets.remove(tet);
+        mesh.labels.remove(tet);
+        for k in 0..4 {
+            let mut part = corners;
+            part[k] = inner;
+            mesh.tets.push(part);
+            mesh.labels.push(4);
+        }
+        assert!(Model::new(&mesh, &paper_options()).is_ok(), "near the middle it has a volume");
+        let (far, first) = (block([1, 1, 1], 1.0), mesh.vertices.len() as u32);
+        mesh.vertices.extend(far.vertices.iter().map(|p| Point::new(p.x, p.y, p.z + 400.0)));
+        mesh.tets.extend(far.tets.iter().map(|t| t.map(|v| v + first)));
+        mesh.labels.extend(&far.labels);
+        let refused = Model::new(&mesh, &paper_options()).err();
+        assert!(matches!(refused, Some(ModelError::Flat { tet, .. }) if tet >= 5), "{refused:?}");
     }
 }

@@ -2,9 +2,10 @@
 
 use crate::ModelError;
 use crate::options::{AttachmentKind, Mode, ModelOptions};
+use crate::vec3::{six_volume, xyz};
 use monro_geometry::TetMesh;
 
-/// An element thinner than this share of its longest edge cubed is flat: single precision could not tell its sign.
+/// An element thinner than this share of its longest edge cubed is flat.
 const FLAT: f64 = 1e-7;
 
 pub(crate) fn mesh(mesh: &TetMesh) -> Result<(), ModelError> {
@@ -13,16 +14,34 @@ pub(crate) fn mesh(mesh: &TetMesh) -> Result<(), ModelError> {
         return Err(ModelError::Empty);
     }
     for tet in 0..mesh.tets.len() {
-        let p = mesh.corners(tet);
-        let pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
-        let edge_mm = pairs.iter().map(|&(a, b)| p[a].distance(p[b])).fold(0.0, f64::max);
-        let volume_mm3 = mesh.volume(tet);
-        if volume_mm3 < FLAT * edge_mm.powi(3) {
-            return Err(ModelError::Flat { tet, volume_mm3, edge_mm });
+        if mesh.volume(tet) < FLAT * longest_edge(mesh, tet).powi(3) {
+            return Err(flat(mesh, tet));
         }
     }
     mesh.check_conforming()?;
     duplicate_vertices(mesh)
+}
+
+fn longest_edge(mesh: &TetMesh, tet: usize) -> f64 {
+    let p = mesh.corners(tet);
+    let pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
+    pairs.iter().map(|&(a, b)| p[a].distance(p[b])).fold(0.0, f64::max)
+}
+
+fn flat(mesh: &TetMesh, tet: usize) -> ModelError {
+    ModelError::Flat { tet, volume_mm3: mesh.volume(tet), edge_mm: longest_edge(mesh, tet) }
+}
+
+/// Refuses elements that single precision leaves no volume, far from the middle of the mesh: `tets` and `rest` are the model's, whose
+/// elements stand in `order`.
+pub(crate) fn rounded(
+    mesh: &TetMesh,
+    (tets, order): (&[[u32; 4]], &[u32]),
+    rest: &[[f32; 4]],
+) -> Result<(), ModelError> {
+    let volume = |tet: &[u32; 4]| six_volume(tet.map(|v| xyz(rest[v as usize])));
+    let lost = tets.iter().zip(order).find(|(tet, _)| volume(tet) <= 0.0);
+    lost.map_or(Ok(()), |(_, &tet)| Err(flat(mesh, tet as usize)))
 }
 
 fn duplicate_vertices(mesh: &TetMesh) -> Result<(), ModelError> {
