@@ -200,8 +200,14 @@ fn probed(mesh: &TetMesh, args: &FrameArgs, console: &Console) -> Result<Value> 
     let probe = Probe::new(mesh)?;
     let fixed = [probe.held.clone(), probe.driven.clone()].concat();
     let frames = args.frames.unwrap_or(REST + PUSH + HOLD);
-    let skip = if frames > REST + 5 { REST } else { 1 };
     let depth = |frame: usize| DEPTH_MM * ((frame as f64 + 1.0 - REST as f64) / PUSH as f64).clamp(0.0, 1.0);
+    if frames < REST + PUSH {
+        let deep = depth(frames - 1);
+        console.warn(&format!(
+            "with {frames} frames the probe goes {deep:.1} of {DEPTH_MM:.0} mm deep (the first {REST} are at rest): not the scene that other engines are compared on"
+        ));
+    }
+    let skip = if frames > REST + 5 { REST } else { 1 };
     let run = |predicted: bool| {
         let mut bench = Bench::new(mesh, &fixed, args, predicted)?;
         let mut last = StepReport::default();

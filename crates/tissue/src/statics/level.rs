@@ -150,14 +150,13 @@ impl Level {
         }
     }
 
-    /// Forces of sets, spheres and rods.
+    /// Forces of sets, spheres and rods, as they are told: gathered at the vertices given, of which two sets may share some.
     fn forces(&self) -> Vec<Vector<Patient>> {
+        let reaction = self.refined.gathered(self.solved.reaction.clone());
         let mut sets = BTreeMap::<u32, Vector<_>>::new();
-        for s in &self.refined.problem.supports {
-            let (force, sum) = (
-                self.solved.reaction[s.node as usize].to_array(),
-                sets.entry(s.set).or_insert(Vector::new(0.0, 0.0, 0.0)),
-            );
+        for s in self.refined.problem.supports.iter().filter(|s| (s.node as usize) < reaction.len()) {
+            let (force, sum) =
+                (reaction[s.node as usize].to_array(), sets.entry(s.set).or_insert(Vector::new(0.0, 0.0, 0.0)));
             let held = |a: usize| if s.displacement_mm[a].is_some() { force[a] } else { 0.0 };
             *sum += Vector::from_array([0, 1, 2].map(held));
         }
