@@ -105,8 +105,12 @@ fn of_fine(input: &Input) -> Option<String> {
     if input.fine.is_empty() || input.labels.data().iter().any(there) {
         return None;
     }
-    let instead = if input.path.is_some() { "only the path, where it meets them," } else { "nothing" };
-    Some(format!("none of the labels to be fine around is meshed: {instead} makes the mesh fine"))
+    let instead = if input.path.is_some() {
+        "the mesh is fine along the path only, where that meets what is meshed"
+    } else {
+        "edges are alike everywhere"
+    };
+    Some(format!("none of the labels to be fine around is meshed: {instead}"))
 }
 
 /// Points along a path that are looked at.

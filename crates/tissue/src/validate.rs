@@ -2,7 +2,8 @@
 
 use crate::ModelError;
 use crate::options::{AttachmentKind, Mode, ModelOptions};
-use crate::vec3::{six_volume, xyz};
+use crate::physical::elastic::volume_gradient;
+use crate::vec3::xyz;
 use monro_geometry::TetMesh;
 
 /// An element thinner than this share of its longest edge cubed is flat.
@@ -39,7 +40,8 @@ pub(crate) fn rounded(
     (tets, order): (&[[u32; 4]], &[u32]),
     rest: &[[f32; 4]],
 ) -> Result<(), ModelError> {
-    let volume = |tet: &[u32; 4]| six_volume(tet.map(|v| xyz(rest[v as usize])));
+    let at = |v: u32| xyz(rest[v as usize]).map(f64::from);
+    let volume = |tet: &[u32; 4]| volume_gradient(tet.map(at)).0;
     let lost = tets.iter().zip(order).find(|(tet, _)| volume(tet) <= 0.0);
     lost.map_or(Ok(()), |(_, &tet)| Err(flat(mesh, tet as usize)))
 }

@@ -259,10 +259,12 @@ impl LabelFields {
 
     /// Index of the label at a point; `None` outside of all.
     pub(super) fn label_at(&self, p: [f64; 3]) -> Option<usize> {
+        (self.union.at(p) >= 0.5).then(|| self.likeliest_at(p))
+    }
+
+    /// Index of the label that has the largest part at a point, on the surface or off it, too.
+    pub(super) fn likeliest_at(&self, p: [f64; 3]) -> usize {
         let mut rest = self.union.at(p);
-        if rest < 0.5 {
-            return None;
-        }
         let mut best = (self.parts.len(), f64::NEG_INFINITY);
         for (i, part) in self.parts.iter().enumerate() {
             let value = part.at(p);
@@ -271,7 +273,7 @@ impl LabelFields {
                 best = (i, value);
             }
         }
-        Some(if rest >= best.1 { self.parts.len() } else { best.0 })
+        if rest >= best.1 { self.parts.len() } else { best.0 }
     }
 }
 

@@ -259,7 +259,7 @@ impl Made {
         let mut raw = made.raw;
         coarse::label_regions(&mut raw, fields);
         // Until now there was one label, that of all.
-        let of = |c: Crumb| Crumb { label: fields.label_at(c.place).map_or(c.label, |l| l as u8), ..c };
+        let of = |c: Crumb| Crumb { label: fields.likeliest_at(c.place) as u8, ..c };
         let crumbs = made.crumbs.into_iter().map(of).collect();
         Some(Self { raw, crumbs, regions: true, ..made })
     }

@@ -73,6 +73,16 @@ impl Element {
         self.properties.iter().position(is_polygon).filter(|_| self.name == "face")
     }
 
+    /// Bytes of the smallest row in binary: a polygon has three corners, other lists may be empty.
+    pub(super) fn least_bytes(&self) -> usize {
+        let polygon = self.polygon();
+        let bytes = |(i, property): (usize, &Property)| match property {
+            Property::Scalar(kind, _) => kind.size(),
+            Property::List { count, item, .. } => count.size() + if polygon == Some(i) { 3 * item.size() } else { 0 },
+        };
+        self.properties.iter().enumerate().map(bytes).sum::<usize>().max(1)
+    }
+
     /// Refuses faces whose corners are nowhere.
     fn check(&self) -> Result<(), PlyError> {
         if self.name != "face" || self.count == 0 || self.polygon().is_some() {

@@ -2,27 +2,30 @@
 
 use monro_geometry::{Patient, Point, TriangleMesh, Vector};
 
-/// Polygons with more corners that bend inwards stay fans: cutting off ears looks at all of the others for each.
-const MOST: usize = 2000;
+/// Polygons with more corners that bend inwards stay fans: for each ear that is cut off, all corners may be looked at against all
+/// others.
+const MOST: u32 = 256;
 
-/// A polygon of more than three corners, and the first of the triangles of its fan.
+/// A polygon of more than three corners, which are those of the triangles of its fan from `first` on.
 pub(super) struct Polygon {
-    pub(super) corners: Vec<u32>,
     pub(super) first: usize,
+    pub(super) corners: u32,
 }
 
 impl Polygon {
     /// Puts other triangles in the place of those of the fan, where these do not all face as the polygon does: it bends inwards.
     pub(super) fn mend(&self, mesh: &mut TriangleMesh) {
         let at = |v: u32| mesh.vertices[v as usize];
-        let first = at(self.corners[0]);
-        let fan = self.corners[1..].windows(2).map(|w| (at(w[0]) - first).cross(at(w[1]) - first));
-        let normal = fan.clone().fold(Vector::ZERO, |sum, n| sum + n);
-        if self.corners.len() > MOST || fan.clone().all(|n| n.dot(normal) >= 0.0) {
+        let range = self.first..self.first + self.corners as usize - 2;
+        let fan = &mesh.triangles[range.clone()];
+        let normals = fan.iter().map(|&[a, b, c]| (at(b) - at(a)).cross(at(c) - at(a)));
+        let normal = normals.clone().fold(Vector::ZERO, |sum, n| sum + n);
+        if self.corners > MOST || normals.clone().all(|n| n.dot(normal) >= 0.0) {
             return;
         }
-        if let Some(triangles) = ears(&self.corners, normal, at) {
-            mesh.triangles.splice(self.first..self.first + triangles.len(), triangles);
+        let corners: Vec<u32> = fan[0][..2].iter().copied().chain(fan.iter().map(|t| t[2])).collect();
+        if let Some(triangles) = ears(&corners, normal, at) {
+            mesh.triangles.splice(range, triangles);
         }
     }
 }

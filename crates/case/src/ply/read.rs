@@ -32,7 +32,7 @@ pub fn decode_stated(bytes: &[u8]) -> Result<(TriangleMesh, Option<Space>), PlyE
             })?;
         }
     }
-    reader.ends()?;
+    reader.ends(header.elements.last().map_or(1, Element::least_bytes))?;
     mesh.validate()?;
     polygons.iter().for_each(|polygon| polygon.mend(&mut mesh));
     header.space.unwrap_or(Space::Lps).to_lps(&mut mesh.vertices);
@@ -75,7 +75,7 @@ fn read_row(
             let first = mesh.triangles.len();
             mesh.triangles.extend(polygon[1..].windows(2).map(|w| [polygon[0], w[0], w[1]]));
             if polygon.len() > 3 {
-                polygons.push(Polygon { corners: polygon, first });
+                polygons.push(Polygon { first, corners: polygon.len() as u32 });
             }
         }
         _ => {}
@@ -96,18 +96,16 @@ struct Reader<'a> {
     encoding: Encoding,
 }
 
-/// Bytes of a triangle: so many more than the header counts are no padding.
-const TRIANGLE: usize = 13;
-
 impl Reader<'_> {
-    /// Refuses what is left behind the last element: a header that counts too few would lose it.
-    fn ends(&self) -> Result<(), PlyError> {
-        let left = match self.encoding {
-            Encoding::Ascii => self.bytes.trim_ascii().len(),
-            _ => self.bytes.len(),
+    /// Refuses what is left behind the last element, of `row` bytes at least: a header that counts too few would lose it. Less is
+    /// padding.
+    fn ends(&self, row: usize) -> Result<(), PlyError> {
+        let (left, row) = match self.encoding {
+            // Also control characters that end a file elsewhere.
+            Encoding::Ascii => (self.bytes.split(|b| *b <= b' ').map(<[u8]>::len).sum(), 1),
+            _ => (self.bytes.len(), row),
         };
-        let most = if self.encoding == Encoding::Ascii { 0 } else { TRIANGLE - 1 };
-        if left > most { Err(PlyError::Surplus(left)) } else { Ok(()) }
+        if left >= row { Err(PlyError::Surplus(left)) } else { Ok(()) }
     }
 
     fn next(&mut self, kind: Scalar) -> Result<f64, String> {

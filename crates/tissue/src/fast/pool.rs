@@ -536,7 +536,8 @@ mod tests {
             let both = AtomicUsize::new(0);
             let bad = |_: usize| {
                 both.fetch_add(1, Ordering::SeqCst);
-                while both.load(Ordering::SeqCst) < 2 {
+                let start = Instant::now();
+                while both.load(Ordering::SeqCst) < 2 && start.elapsed() < Duration::from_secs(20) {
                     std::thread::yield_now();
                 }
                 true

@@ -7,8 +7,8 @@ use crate::membrane::OUTSIDE;
 use crate::physical::elastic::{D3, Elastic, cross, dot, sub};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Part of a pressure's derivative that may be unsymmetric and still counts as rounding.
-const SYMMETRIC: f64 = 1e-9;
+/// What is unsymmetric in a pressure's derivative is nothing below this share of the tissue's stiffness.
+const SYMMETRIC: f64 = 1e-6;
 
 pub(crate) struct Loads {
     /// Prescribed displacement of each component; `None` is free.
@@ -100,13 +100,18 @@ impl Loads {
         gradient.iter().map(|g| g.map(|v| -v)).collect()
     }
 
-    /// Whether the loads are the derivatives of something: pressures are where the pressed surface is closed, or its border held or
-    /// guided in a plane, since their own derivative is then symmetric.
-    pub(crate) fn have_potential(&self, rest: &[D3]) -> bool {
-        if self.pushed.is_empty() {
-            return true;
-        }
-        // Numbers without a pattern, the same every time.
+    /// Whether the loads are the derivatives of something, up to what is nothing to the tissue: pressures are where the pressed
+    /// surface is closed, or its border held or guided in a plane, since their own derivative is then symmetric. Looked at are rest
+    /// and where the supports take it.
+    pub(crate) fn have_potential(&self, elastic: &Elastic) -> bool {
+        let moved = |(x, s): (&D3, &[Option<f64>; 3])| core::array::from_fn(|a| x[a] + s[a].unwrap_or(0.0));
+        let there: Vec<D3> = elastic.rest.iter().zip(&self.support).map(moved).collect();
+        self.pushed.is_empty() || [&elastic.rest, &there].into_iter().all(|x| self.is_symmetric(elastic, x))
+    }
+
+    /// Whether the derivative of the pressures is symmetric at `rest`, in the components that are free.
+    fn is_symmetric(&self, elastic: &Elastic, rest: &[D3]) -> bool {
+        // Numbers between -1/2 and 1/2, spread evenly, the same every time.
         let some = |i: usize| (i as f64 * 0.618_033_988_749_895).fract() - 0.5;
         let free = |i: usize, a: usize| if self.support[i][a].is_none() { some(3 * i + a) } else { 0.0 };
         let d: Vec<D3> = (0..rest.len()).map(|i| core::array::from_fn(|a| free(i, a))).collect();
@@ -119,7 +124,8 @@ impl Loads {
         let components = || (0..rest.len()).flat_map(|i| (0..3).map(move |a| (i, a)));
         let own = components().filter(|&(i, a)| self.support[i][a].is_none());
         let (skew, all) = own.fold((0.0, 0.0), |(skew, all), (i, a)| {
-            (skew + (whole[i][a] - symmetric[i][a]).powi(2), all + whole[i][a].powi(2))
+            let tissue = elastic.near.diagonal(i) * d[i][a];
+            (skew + (whole[i][a] - symmetric[i][a]).powi(2), all + tissue.powi(2))
         });
         skew <= (SYMMETRIC * SYMMETRIC) * all
     }
@@ -227,4 +233,73 @@ fn oriented(
 
 pub(super) fn area([a, b, c]: [D3; 3]) -> D3 {
     cross(sub(b, a), sub(c, a)).map(|n| 0.5 * n)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::tests::{block, paper_options};
+    use crate::{Mode, ModelOptions, PhysicalOptions, Pressure, Support};
+    use monro_geometry::{Patient, Point, TetMesh};
+
+    /// A block of 15 x 10 x 10 mm, pressed where `faces` says, with some nodes held in z.
+    fn loads(
+        faces: impl Fn(&TetMesh, Point<Patient>) -> bool,
+        held: impl Fn(Point<Patient>) -> Option<f64>,
+    ) -> (Loads, Elastic) {
+        let mesh = block([3, 2, 2], 5.0);
+        let options = ModelOptions {
+            mode: Mode::Physical(PhysicalOptions::default()),
+            attachments: Vec::new(),
+            ..paper_options()
+        };
+        let model = Model::new(&mesh, &options).expect("model");
+        let all = |f: &[u32; 3]| f.iter().all(|&v| faces(&mesh, mesh.vertices[v as usize]));
+        let pressures = vec![Pressure { faces: mesh.boundary(|_| true).into_iter().filter(all).collect(), kpa: 0.2 }];
+        let support = |(node, p): (u32, &Point<Patient>)| {
+            Some(Support { node, set: 0, displacement_mm: [None, None, Some(held(*p)?)] })
+        };
+        let supports = (0..).zip(&mesh.vertices).filter_map(support).collect();
+        let problem = StaticProblem { supports, pressures, ..StaticProblem::default() };
+        let elastic = model.elastic().expect("physical mode");
+        (Loads::new(&model, &elastic, &problem).expect("loads"), elastic)
+    }
+
+    #[test]
+    fn pressures_have_a_potential_on_closed_surfaces_and_where_the_border_stays_in_its_plane() {
+        let border = |p: Point<Patient>| p.z == 10.0 && (p.x % 15.0 == 0.0 || p.y % 10.0 == 0.0);
+        let top = |_: &TetMesh, p: Point<Patient>| p.z == 10.0;
+        let has = |(loads, elastic): (Loads, Elastic)| loads.have_potential(&elastic);
+        assert!(has(loads(|_, _| true, |_| None)), "closed");
+        assert!(!has(loads(top, |_| None)), "free");
+        assert!(has(loads(top, |p| border(p).then_some(0.0))), "guided");
+        assert!(!has(loads(top, |p| border(p).then_some(0.2 * p.x))), "guided into another plane");
+    }
+
+    #[test]
+    fn the_whole_derivative_of_a_pressure_agrees_with_finite_differences() {
+        let (loads, elastic) = loads(|_, p| p.z == 10.0 || p.x == 15.0, |_| None);
+        let noise = |k: f64| move |i: usize| (i as f64 * k).sin();
+        let field = |k: f64, s: f64| -> Vec<D3> {
+            (0..elastic.rest.len()).map(|i| core::array::from_fn(|a| s * noise(k)(3 * i + a))).collect()
+        };
+        let moved = |x: &[D3], d: &[D3], s: f64| -> Vec<D3> {
+            x.iter().zip(d).map(|(x, d)| core::array::from_fn(|a| x[a] + s * d[a])).collect()
+        };
+        let (x, d) = (moved(&elastic.rest, &field(1.7, 1.0), 1.0), field(2.3, 1.0));
+        let gradient = |s: f64| {
+            let mut g = vec![[0.0; 3]; x.len()];
+            loads.add(0.7, &moved(&x, &d, s), &mut g);
+            g
+        };
+        let mut product = vec![[0.0; 3]; x.len()];
+        loads.add_hessian((0.7, true), &x, &d, &mut product);
+        let (up, down) = (gradient(1e-4), gradient(-1e-4));
+        for i in 0..x.len() {
+            for a in 0..3 {
+                let change = (up[i][a] - down[i][a]) / 2e-4;
+                assert!((change - product[i][a]).abs() < 1e-7, "{change} for {}", product[i][a]);
+            }
+        }
+    }
 }

@@ -1,4 +1,5 @@
-//! Newton's method with conjugate gradients and a line search, along a path of growing motion and load.
+//! Newton's method with conjugate gradients and a line search (where loads have an energy: see [`super::unsymmetric`]), along a path
+//! of growing motion and load.
 
 use super::loads::Loads;
 use super::overlap::Sphere;
@@ -99,7 +100,8 @@ pub(super) fn solve(
     let rounding = rounding(elastic);
     let (share, stop) = (0.0, None);
     let hessian = Products::new(elastic, std::thread::available_parallelism().map_or(1, usize::from));
-    let open = !loads.have_potential(&elastic.rest);
+    // Where spheres push, too, steps are searched for: what touches changes from one to the next.
+    let open = spheres.least_radius().is_none() && !loads.have_potential(elastic);
     let mut problem = Problem {
         elastic,
         loads,
@@ -229,16 +231,16 @@ impl Problem<'_> {
         if patient && self.stop.is_none() && (!settled || through || strayed()) {
             return None;
         }
-        if self.open && !settled {
-            self.stop = self.stop.or(Some(Stop::Stuck));
-            return None;
-        }
         if through {
             self.stop = self.stop.or(Some(Stop::Through));
             return None;
         }
         if !settled && self.lost(&at.x) {
             self.stop = Some(Stop::Lost);
+            return None;
+        }
+        if self.open && !settled {
+            self.stop = self.stop.or(Some(Stop::Stuck));
             return None;
         }
         self.spheres.settle(&at.x);
@@ -334,7 +336,9 @@ impl Problem<'_> {
     fn out_of_balance(&self, at: &Point) -> f64 {
         let mut free = at.gradient.clone();
         self.mask(&mut free);
-        let one = |(g, rounding): (&D3, &f64)| Some(dot(*g, *g)).filter(|g2| g2 > rounding).unwrap_or_default();
+        let one = |(g, rounding): (&D3, &f64)| {
+            Some(dot(*g, *g)).filter(|g2| g2 > rounding || g2.is_nan()).unwrap_or_default()
+        };
         free.iter().zip(&self.rounding).map(one).sum()
     }
 
@@ -372,7 +376,7 @@ impl Problem<'_> {
         self.products += 1;
     }
 
-    /// Solves the Newton system by preconditioned conjugate gradients to the relative residual `tolerance`. With `lift` the
+    /// Solves the Newton system by preconditioned conjugate gradients (where it has no symmetry, by biconjugate ones) to the relative residual `tolerance`. With `lift` the
     /// prescribed components move by it and the rest follows. Stops at negative curvature with what it has.
     fn linear(&mut self, at: &Point, lift: Option<&[D3]>, tolerance: f64) -> Vec<D3> {
         let mut d: Vec<D3> = lift.map_or_else(|| vec![[0.0; 3]; at.x.len()], <[D3]>::to_vec);

@@ -14,7 +14,7 @@ const HALVINGS: u32 = 8;
 
 impl Problem<'_> {
     /// Solves the Newton system by the stabilised biconjugate gradients (van der Vorst 1992), preconditioned, to the relative
-    /// residual `tolerance`, from `d` on; the first residual is `r`. Ends where they break down with what it has.
+    /// residual `tolerance`, from `d` on; the first residual is `r`. Ends where they break down, with the best there was.
     pub(super) fn biconjugate(&mut self, at: &Point, (mut d, mut r): (Vec<D3>, Vec<D3>), tolerance: f64) -> Vec<D3> {
         let blocks = self.preconditioner(at);
         let shadow = r.clone();
@@ -22,8 +22,14 @@ impl Problem<'_> {
         let (mut p, mut v) = (vec![[0.0; 3]; r.len()], vec![[0.0; 3]; r.len()]);
         let (mut y, mut z, mut t) = (Vec::new(), Vec::new(), Vec::new());
         let (mut rho, mut alpha, mut omega) = (1.0, 1.0, 1.0);
+        let mut best = (f64::INFINITY, d.clone());
         for _ in 0..MOST {
-            if inner(&r, &r) <= goal || self.spent() {
+            let left = inner(&r, &r);
+            if left < best.0 {
+                best.0 = left;
+                best.1.clone_from(&d);
+            }
+            if left <= goal || !left.is_finite() || self.spent() {
                 break;
             }
             let next = inner(&shadow, &r);
@@ -47,7 +53,7 @@ impl Problem<'_> {
                 break;
             }
         }
-        d
+        best.1
     }
 
     /// The preconditioned `p`, and the product of the Hessian with it.
@@ -58,7 +64,7 @@ impl Problem<'_> {
         self.mask(v);
     }
 
-    /// The whole step, or the longest of its halves that turns no element inside out.
+    /// The step, no longer than a Newton step may be, or the longest of its halves that turns no element inside out, if none is yet.
     pub(super) fn stride(&self, at: &Point, d: &[D3]) -> Option<Point> {
         let mut s = (self.furthest(false) / longest(d)).min(1.0);
         for _ in 0..HALVINGS {
