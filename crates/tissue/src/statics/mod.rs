@@ -2,7 +2,8 @@
 //!
 //! Newton's method on the energy of physical mode in double precision. Each linear system is solved by conjugate gradients
 //! as far as the step deserves; products with the Hessian come straight from the elements, no matrix is stored. A line
-//! search keeps the energy falling, so inverted trial states do no harm; imposed motion grows in steps that succeed.
+//! search keeps the energy falling, so inverted trial states do no harm; imposed motion grows in steps that succeed. Pressures
+//! on open surfaces have no energy: there systems are solved by biconjugate gradients, and steps are whole ones.
 //!
 //! Around rods and spheres the mesh is refined inside the solver until its elements can tell their radius: what a thin rod
 //! meets then depends on the rod and not on the mesh that happens to be there.

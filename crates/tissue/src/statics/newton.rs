@@ -376,8 +376,9 @@ impl Problem<'_> {
         self.products += 1;
     }
 
-    /// Solves the Newton system by preconditioned conjugate gradients (where it has no symmetry, by biconjugate ones) to the relative residual `tolerance`. With `lift` the
-    /// prescribed components move by it and the rest follows. Stops at negative curvature with what it has.
+    /// Solves the Newton system by preconditioned conjugate gradients (where it has no symmetry, by biconjugate ones) to the
+    /// relative residual `tolerance`. With `lift` the prescribed components move by it and the rest follows. Stops at negative
+    /// curvature with what it has.
     fn linear(&mut self, at: &Point, lift: Option<&[D3]>, tolerance: f64) -> Vec<D3> {
         let mut d: Vec<D3> = lift.map_or_else(|| vec![[0.0; 3]; at.x.len()], <[D3]>::to_vec);
         let mut hp = Vec::new();
