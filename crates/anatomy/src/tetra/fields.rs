@@ -259,12 +259,18 @@ impl LabelFields {
 
     /// Index of the label at a point; `None` outside of all.
     pub(super) fn label_at(&self, p: [f64; 3]) -> Option<usize> {
-        (self.union.at(p) >= 0.5).then(|| self.likeliest_at(p))
+        let whole = self.union.at(p);
+        (whole >= 0.5).then(|| self.largest_part(p, whole))
     }
 
     /// Index of the label that has the largest part at a point, on the surface or off it, too.
     pub(super) fn likeliest_at(&self, p: [f64; 3]) -> usize {
-        let mut rest = self.union.at(p);
+        self.largest_part(p, self.union.at(p))
+    }
+
+    /// Index of the label with the largest part of the whole at a point.
+    fn largest_part(&self, p: [f64; 3], whole: f64) -> usize {
+        let mut rest = whole;
         let mut best = (self.parts.len(), f64::NEG_INFINITY);
         for (i, part) in self.parts.iter().enumerate() {
             let value = part.at(p);

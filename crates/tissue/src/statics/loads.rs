@@ -115,12 +115,9 @@ impl Loads {
         let some = |i: usize| (i as f64 * 0.618_033_988_749_895).fract() - 0.5;
         let free = |i: usize, a: usize| if self.support[i][a].is_none() { some(3 * i + a) } else { 0.0 };
         let d: Vec<D3> = (0..rest.len()).map(|i| core::array::from_fn(|a| free(i, a))).collect();
-        let product = |whole: bool| {
-            let mut out = vec![[0.0; 3]; rest.len()];
-            self.add_hessian((1.0, whole), rest, &d, &mut out);
-            out
-        };
-        let (whole, symmetric) = (product(true), product(false));
+        let (mut whole, mut symmetric) = (vec![[0.0; 3]; rest.len()], vec![[0.0; 3]; rest.len()]);
+        self.add_derivative(1.0, rest, &d, &mut whole);
+        self.add_hessian(1.0, rest, &d, &mut symmetric);
         let components = || (0..rest.len()).flat_map(|i| (0..3).map(move |a| (i, a)));
         let own = components().filter(|&(i, a)| self.support[i][a].is_none());
         let (skew, all) = own.fold((0.0, 0.0), |(skew, all), (i, a)| {
@@ -130,18 +127,19 @@ impl Loads {
         skew <= (SYMMETRIC * SYMMETRIC) * all
     }
 
-    /// Adds the product of the loads' Hessian with `d`: the derivative of the pressures, `whole` or its symmetric part alone.
-    pub(crate) fn add_hessian(&self, (share, whole): (f64, bool), x: &[D3], d: &[D3], out: &mut [D3]) {
-        if whole {
-            for (t, kpa) in &self.pushed {
-                let ([a, b, c], [da, db, dc]) = (t.map(|n| x[n as usize]), t.map(|n| d[n as usize]));
-                let (one, two) = (cross(sub(db, da), sub(c, a)), cross(sub(b, a), sub(dc, da)));
-                for &n in t {
-                    (0..3).for_each(|k| out[n as usize][k] -= share * kpa * (one[k] + two[k]) / 6.0);
-                }
+    /// Adds the product of the loads' derivative with `d`, all of it.
+    pub(crate) fn add_derivative(&self, share: f64, x: &[D3], d: &[D3], out: &mut [D3]) {
+        for (t, kpa) in &self.pushed {
+            let ([a, b, c], [da, db, dc]) = (t.map(|n| x[n as usize]), t.map(|n| d[n as usize]));
+            let (one, two) = (cross(sub(db, da), sub(c, a)), cross(sub(b, a), sub(dc, da)));
+            for &n in t {
+                (0..3).for_each(|k| out[n as usize][k] -= share * kpa * (one[k] + two[k]) / 6.0);
             }
-            return;
         }
+    }
+
+    /// The same of its symmetric part alone, which is all of it where the loads [have a potential](Self::have_potential).
+    pub(crate) fn add_hessian(&self, share: f64, x: &[D3], d: &[D3], out: &mut [D3]) {
         for (t, kpa) in &self.pushed {
             let (p, q) = (t.map(|n| x[n as usize]), t.map(|n| d[n as usize]));
             let opposite: [D3; 3] = core::array::from_fn(|i| sub(p[(i + 1) % 3], p[(i + 2) % 3]));
@@ -293,7 +291,7 @@ mod tests {
             g
         };
         let mut product = vec![[0.0; 3]; x.len()];
-        loads.add_hessian((0.7, true), &x, &d, &mut product);
+        loads.add_derivative(0.7, &x, &d, &mut product);
         let (up, down) = (gradient(1e-4), gradient(-1e-4));
         for i in 0..x.len() {
             for a in 0..3 {

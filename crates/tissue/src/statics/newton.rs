@@ -371,7 +371,11 @@ impl Problem<'_> {
 
     pub(super) fn product(&mut self, at: &Point, d: &[D3], out: &mut Vec<D3>) {
         self.elastic.hessian((&at.x, &at.tangent), d, out, &mut self.hessian);
-        self.loads.add_hessian((self.share, self.open), &at.x, d, out);
+        if self.open {
+            self.loads.add_derivative(self.share, &at.x, d, out);
+        } else {
+            self.loads.add_hessian(self.share, &at.x, d, out);
+        }
         self.spheres.add_hessian(&at.x, d, out);
         self.products += 1;
     }

@@ -204,9 +204,8 @@ impl Zone {
 
     /// What it should be, if an element around is still larger.
     fn left(&self, fine: &Fine) -> Option<Coarse> {
-        let longest = |t: usize| fine.longest_edge(t);
-        let too_long = (0..fine.tets.len()).filter(|&t| longest(t) > self.size_at(fine.centroid(t)));
-        let least_mm = too_long.filter_map(|t| self.edge_around(fine, t)).max_by(f64::total_cmp)?;
+        let too_long = |t: usize| self.edge_around(fine, t).filter(|edge| *edge > self.size_at(fine.centroid(t)));
+        let least_mm = (0..fine.tets.len()).filter_map(too_long).max_by(f64::total_cmp)?;
         let (what, index) = self.tool;
         Some(Coarse { what, index, wanted_mm: self.size, least_mm, given_mm: self.given_mm })
     }

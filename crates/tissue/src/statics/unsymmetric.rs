@@ -66,10 +66,11 @@ impl Problem<'_> {
 
     /// The step, no longer than a Newton step may be, or the longest of its halves that turns no element inside out, if none is yet.
     pub(super) fn stride(&self, at: &Point, d: &[D3]) -> Option<Point> {
+        let was_turned = self.elastic.turned(&at.x).next().is_some();
         let mut s = (self.furthest(false) / longest(d)).min(1.0);
         for _ in 0..HALVINGS {
             let x = shifted(&at.x, d, s);
-            if self.elastic.turned(&x).next().is_none() || self.elastic.turned(&at.x).next().is_some() {
+            if was_turned || self.elastic.turned(&x).next().is_none() {
                 return Some(self.evaluate(x)).filter(|next| next.gradient.iter().flatten().all(|g| g.is_finite()));
             }
             s *= 0.5;
