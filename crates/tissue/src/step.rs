@@ -36,7 +36,7 @@ const RETRIES: u32 = 4;
 /// Frames that tissue is given to come out of a knot by itself.
 const PATIENCE: u32 = 15;
 /// Bound points that are moved together.
-const POINTS: usize = 2048;
+const POINTS: usize = 1024;
 /// Elements that are worth a thread of their own.
 const THREAD_TETS: usize = 4000;
 

@@ -2,6 +2,7 @@
 
 use crate::fast::{Kernel, Lanes, Places, Pool, Row, View, WIDTH, cross, dot, widest};
 use crate::{bytes, slabs};
+use core::ops::Range;
 use monro_geometry::Incidence;
 
 /// Corners and volumes at rest of all elements, sixteen a row.
@@ -131,15 +132,24 @@ impl Volumes {
 
     /// Sums over all elements; `growth` is memory to work in.
     pub(crate) fn survey(&self, positions: &[[f32; 4]], growth: &mut Vec<Row>, pool: &Pool) -> Survey {
-        self.measure(positions, growth, pool);
-        self.measured(growth, pool)
+        growth.resize(self.rest.len(), [0.0; WIDTH]);
+        self.sums(growth, pool, &|rows, out| {
+            let first = rows.start;
+            widest(Growth { of: self, positions, rows, first, out });
+        })
     }
 
     /// Sums over all elements, as `growth` was measured.
     pub(crate) fn measured(&self, growth: &mut [Row], pool: &Pool) -> Survey {
+        self.sums(growth, pool, &|_, _| {})
+    }
+
+    /// Sums over all elements after something was done with each piece of the rows.
+    fn sums(&self, growth: &mut [Row], pool: &Pool, first: &(dyn Fn(Range<usize>, &mut [Row]) + Sync)) -> Survey {
         let mut pieces = [Survey::default(); slabs::PIECES];
         pool.each_part(growth, &self.cuts, &mut pieces, &|i, growth, piece| {
             let rows = self.cuts[i]..self.cuts[i + 1];
+            first(rows.clone(), growth);
             let last = (self.tets + WIDTH - rows.end * WIDTH).min(WIDTH);
             *piece = widest(Sums { growth, rest: &self.rest[rows], last });
         });
