@@ -5,13 +5,16 @@
 //! work, and the cuts that let threads finish first win. Meshes that are fine in one place and coarse elsewhere have few
 //! layers with most of the work in two of them: these are cut well along an axis or not at all.
 
-use crate::fast::Plans;
+use crate::fast::span;
+use crate::slabs::lent;
 use monro_geometry::by_point;
 
 /// Vertices that a slab should have at least: below that threads wait more than they work.
 const LEAST: usize = 200;
 /// Numbers of slabs that are tried.
 const COUNTS: [usize; 12] = [2, 3, 4, 5, 6, 8, 10, 12, 16, 24, 32, 64];
+/// How much less than its share of the work a slab begins with, over the number of slabs.
+const SPARE: f64 = 0.25;
 /// Elements around vertices that a part costs beside its own: its last batches of vertices are not full.
 const BESIDE: usize = 600;
 /// Numbers of threads that the cuts are weighed for, and how much: most machines that guide have few cores to spare.
@@ -96,9 +99,11 @@ impl Rings {
 struct Way {
     /// Place of each vertex in the order.
     position: Vec<u32>,
-    /// For a cut before each place: the first place where the next may be, and the work of the vertices that begin before.
+    /// For a cut before each place: the first place where the next may be, and the work of the vertices that begin before,
+    /// and of those that end before.
     next: Vec<u32>,
     work: Vec<usize>,
+    ended: Vec<usize>,
 }
 
 impl Way {
@@ -108,27 +113,32 @@ impl Way {
         let mut position = vec![0u32; vertices];
         (0..).zip(&order).for_each(|(place, &v)| position[v as usize] = place);
         let (mut next, mut work) = (vec![0u32; vertices + 1], vec![0; vertices + 1]);
+        let mut ended = work.clone();
         for v in 0..vertices {
             let ends = rings.around(v).fold((u32::MAX, 0), |(l, h), n| (l.min(position[n]), h.max(position[n])));
             // Whoever begins before a cut must end before the next.
             let after = ends.0 as usize + 1;
             next[after] = next[after].max(ends.1 + 1);
             work[after] += rings.work[v];
+            ended[ends.1 as usize + 1] += rings.work[v];
         }
         for place in 0..vertices {
             next[place + 1] = next[place + 1].max(next[place]);
             work[place + 1] += work[place];
+            ended[place + 1] += ended[place];
         }
-        Self { position, next, work }
+        Self { position, next, work, ended }
     }
 
     fn end(&self) -> usize {
         self.position.len()
     }
 
-    /// Cuts into at most so many slabs of equal work.
+    /// Cuts into at most so many slabs of equal work, but for the last, which has somewhat more: work may go to the slab
+    /// before (see [`slabs::lent`]), not to the one after.
     fn cuts(&self, count: usize) -> Vec<u32> {
-        let share = self.work[self.end()].div_ceil(count).max(1);
+        let even = self.work[self.end()] as f64 / count as f64;
+        let share = (even * (1.0 - SPARE / count as f64)).ceil().max(1.0) as usize;
         let (mut cuts, mut last) = (Vec::new(), 0);
         loop {
             let enough = self.work.partition_point(|&w| w < self.work[last] + share);
@@ -145,16 +155,15 @@ impl Way {
 
     /// How long the threads take with these cuts, over all numbers of threads.
     fn cost(&self, cuts: &[u32]) -> usize {
-        let mut ends = vec![0];
-        ends.extend(cuts.iter().map(|&c| self.work[c as usize]));
-        ends.push(self.work[self.end()]);
-        let slabs: Vec<usize> = ends.windows(2).map(|e| e[1] - e[0] + BESIDE).collect();
+        let ends: Vec<usize> = [0].into_iter().chain(cuts.iter().map(|&c| c as usize)).chain([self.end()]).collect();
+        let begins: Vec<usize> = ends.windows(2).map(|e| self.work[e[1]] - self.work[e[0]]).collect();
+        let within: Vec<usize> = ends.windows(2).map(|e| self.ended[e[1]].saturating_sub(self.work[e[0]])).collect();
+        let lent = lent(&begins, &within);
+        let own = |s: usize| begins[s] - lent[s] + lent.get(s + 1).copied().unwrap_or(0) + BESIDE;
+        let slabs: Vec<usize> = (0..begins.len()).map(own).collect();
         let rounds = [0, 1].map(|first| slabs.iter().copied().skip(first).step_by(2).collect::<Vec<usize>>());
-        let cost = |round: &Vec<usize>| {
-            let plans = Plans::new(round);
-            THREADS.iter().map(|&(threads, much)| much * threads * plans.span(round, threads)).sum::<usize>()
-        };
-        rounds.iter().map(cost).sum()
+        let span = |threads: usize| span([&rounds[0], &rounds[1]], threads);
+        THREADS.iter().map(|&(threads, much)| much * threads * span(threads)).sum()
     }
 }
 

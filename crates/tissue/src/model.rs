@@ -96,7 +96,8 @@ impl Model {
         let points: Vec<[f64; 3]> = mesh.vertices.iter().map(|&p| (p - origin).to_array()).collect();
         let slab_of = cuts::slabs(&points, &mesh.tets, &held(points.len(), options));
         let mut order = spatial_order(points.into_iter());
-        order.sort_by_key(|&v| slab_of[v as usize]);
+        let border = borders(&mesh.tets, &slab_of);
+        order.sort_by_key(|&v| (slab_of[v as usize], border[v as usize]));
         let slabs = Slabs::new(&order.iter().map(|&v| slab_of[v as usize]).collect::<Vec<u32>>());
         if let Some(vertices) = slabs.too_full() {
             return Err(ModelError::Dense { vertices });
@@ -335,6 +336,21 @@ fn spatial_order(points: impl Iterator<Item = [f64; 3]>) -> Vec<u32> {
     let mut order: Vec<u32> = (0..points.len() as u32).collect();
     order.sort_by_key(|&i| (key(&points[i as usize]), i));
     order
+}
+
+/// Whether each vertex has a neighbour in the slab before (-1) or after (1) its own, or in neither.
+fn borders(tets: &[[u32; 4]], slab_of: &[u32]) -> Vec<i8> {
+    let mut out = vec![0; slab_of.len()];
+    for tet in tets {
+        for (v, n) in tet.iter().flat_map(|&v| tet.iter().map(move |&n| (v as usize, n as usize))) {
+            match slab_of[n].cmp(&slab_of[v]) {
+                core::cmp::Ordering::Less => out[v] = -1,
+                core::cmp::Ordering::Equal => {}
+                core::cmp::Ordering::Greater => out[v] = 1,
+            }
+        }
+    }
+    out
 }
 
 fn inverse(order: &[u32]) -> Vec<u32> {

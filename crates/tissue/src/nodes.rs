@@ -71,23 +71,21 @@ impl Nodes {
         });
     }
 
-    /// The longest way between positions of the same nodes, mm; endless if one of them is not finite.
-    pub(crate) fn longest_way(&self, positions: &[[f32; 4]], from: &[[f32; 4]], pool: &Pool) -> f32 {
+    /// The longest way from `rest`, mm, endless if a coordinate is not finite; and whether no coordinate has gone further than
+    /// `most`, mm, since `before` and all velocities are finite.
+    pub(crate) fn look(
+        &self,
+        (now, before, rest): (&State, &State, &[[f32; 4]]),
+        most: f32,
+        pool: &Pool,
+    ) -> (f32, bool) {
         let found = self.each(pool, &|own| {
-            let square = widest(Ways { positions: &positions[own.clone()], from: &from[own] });
-            Found { square, sane: true }
+            let (positions, velocities) = (&now.positions[own.clone()], &now.velocities[own.clone()]);
+            let square = widest(Ways { positions, from: &rest[own.clone()] });
+            let sane = widest(Sane { positions, before: &before.positions[own], velocities, most });
+            Found { square, sane }
         });
-        found.square.sqrt()
-    }
-
-    /// Whether no coordinate has gone further than `most`, mm, and all velocities are finite.
-    pub(crate) fn are_sane(&self, (now, before): (&State, &State), most: f32, pool: &Pool) -> bool {
-        let found = self.each(pool, &|own| {
-            let (now, velocities) = (&now.positions[own.clone()], &now.velocities[own.clone()]);
-            let sane = widest(Sane { positions: now, before: &before.positions[own], velocities, most });
-            Found { square: 0.0, sane }
-        });
-        found.sane
+        (found.square.sqrt(), found.sane)
     }
 
     /// What is found in all pieces together.
@@ -101,7 +99,7 @@ impl Nodes {
     }
 }
 
-/// As [`Nodes::longest_way`], on one thread.
+/// The longest way between positions of the same nodes, mm; endless if a coordinate is not finite. On one thread.
 pub(crate) fn longest_way(positions: &[[f32; 4]], from: &[[f32; 4]]) -> f32 {
     widest(Ways { positions, from }).sqrt()
 }
@@ -193,8 +191,7 @@ mod tests {
             let (p, q) = (nodes(count, 0.4), nodes(count, 0.1));
             let way = |i: usize| norm(sub(xyz(p[i]), xyz(q[i])));
             let longest = (0..count).map(way).fold(0f32, f32::max);
-            assert!((all.longest_way(&p, &q, &pool) - longest).abs() <= 1e-6 * longest);
-            assert_eq!(all.longest_way(&p, &q, &pool), longest_way(&p, &q));
+            assert!((longest_way(&p, &q) - longest).abs() <= 1e-6 * longest);
             let mut velocities = vec![[f32::NAN; 4]; count];
             all.set_velocities((&p, &q), &mut velocities, 0.25, &pool);
             for (i, v) in velocities.iter().enumerate() {
@@ -210,6 +207,7 @@ mod tests {
                 time_s: 4.0,
             };
             let (from, mut to) = (state(&p), State { time_s: 0.0, ..state(&q) });
+            assert_eq!(all.look((&from, &to, &q), longest, &pool), (longest_way(&p, &q), true));
             all.copy(&from, &mut to, &pool);
             assert_eq!(from, to);
         }
@@ -228,18 +226,18 @@ mod tests {
             knotted: 0,
             time_s: 0.0,
         };
-        assert!(all.are_sane((&good, &good), 1.0, &pool));
+        assert_eq!(all.look((&good, &good, &good.positions), 1.0, &pool), (0.0, true));
         for i in 0..count {
             for a in 0..3 {
                 for (bad, longest) in [(f32::NAN, f32::INFINITY), (f32::INFINITY, f32::INFINITY), (500.0, 300.0)] {
                     let mut now = good.clone();
                     now.positions[i][a] = bad;
-                    assert!(!all.are_sane((&now, &good), 200.0, &pool), "{i} {a} {bad}");
-                    assert!(all.longest_way(&now.positions, &good.positions, &pool) >= longest, "{i} {a} {bad}");
+                    let (way, sane) = all.look((&now, &good, &good.positions), 200.0, &pool);
+                    assert!(!sane && way >= longest, "{i} {a} {bad}");
                 }
                 let mut now = good.clone();
                 now.velocities[i][a] = f32::NAN;
-                assert!(!all.are_sane((&now, &good), 200.0, &pool), "{i} {a}");
+                assert!(!all.look((&now, &good, &good.positions), 200.0, &pool).1, "{i} {a}");
             }
         }
     }

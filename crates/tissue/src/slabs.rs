@@ -5,8 +5,6 @@
 //! done at once, slab by slab, and after it all that begins in an odd one: two rounds in a sweep, however many threads, and
 //! the same result for any number of them.
 
-use crate::fast::Plans;
-
 /// Vertices of two slabs at most: places within them have 16 bits.
 const FIT: usize = 1 << 16;
 
@@ -22,8 +20,6 @@ pub(crate) struct Slabs {
 pub(crate) struct Round {
     /// First vertex of each part, and at the end where the last one ends.
     pub(crate) cuts: Vec<usize>,
-    /// Which thread begins with which part, by the work that they turn out to be.
-    pub(crate) plans: Plans,
 }
 
 /// Pieces that work without any order is cut into: enough for all threads, each worth the while.
@@ -77,6 +73,28 @@ impl Slabs {
         self.starts.partition_point(|&s| s <= vertex as usize) - 1
     }
 
+    /// The slab with whose part each item is done, so that the parts are as even as they can be. An item is the lowest and
+    /// the highest of its vertices, which lie in one slab or in two that follow each other, and its weight.
+    pub(crate) fn shares(&self, items: &[(u32, u32, usize)]) -> Vec<usize> {
+        let mut begins = vec![0; self.len()];
+        let mut within = begins.clone();
+        for &(low, high, weight) in items {
+            let slab = self.of(low);
+            begins[slab] += weight;
+            within[slab] += if self.of(high) == slab { weight } else { 0 };
+        }
+        let mut left = lent(&begins, &within);
+        let share = |&(low, high, weight): &(u32, u32, usize)| {
+            let slab = self.of(low);
+            let goes = self.of(high) == slab && 2 * left[slab] > weight;
+            if goes {
+                left[slab] = left[slab].saturating_sub(weight);
+            }
+            slab - usize::from(goes)
+        };
+        items.iter().map(share).collect()
+    }
+
     /// The largest number of vertices in two slabs that follow each other, if more than fit.
     pub(crate) fn too_full(&self) -> Option<usize> {
         let pairs = (0..self.len()).map(|s| self.starts[(s + 2).min(self.len())] - self.starts[s]);
@@ -91,9 +109,28 @@ impl Slabs {
             if cuts.last().is_some_and(|&c| c < end) {
                 cuts.push(end);
             }
-            Round { cuts, plans: Plans::default() }
+            Round { cuts }
         })
     }
+}
+
+/// How much of the work within each slab goes to the part that begins with the slab before, whose end it is. `begins` is all
+/// work that begins in each slab, `within` that of it that ends there.
+pub(crate) fn lent(begins: &[usize], within: &[usize]) -> Vec<usize> {
+    let mut lent = vec![0; begins.len()];
+    let mut shared: usize = begins.iter().sum();
+    for s in 0..begins.len().saturating_sub(1) {
+        // One part alone in its round is best small: all others wait for it.
+        let goal = match begins.len() {
+            3 if s == 1 => 0,
+            3 => shared / 2,
+            slabs => shared / (slabs - s),
+        };
+        let own = begins[s] - lent[s];
+        lent[s + 1] = goal.saturating_sub(own).min(within[s + 1]);
+        shared -= own + lent[s + 1];
+    }
+    lent
 }
 
 impl Round {

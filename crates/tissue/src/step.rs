@@ -9,7 +9,7 @@ use crate::contact::{self, Coupling, Rule, ToolState};
 use crate::csf::FluidSpace;
 use crate::fast::{MOST_THREADS, Pool, Row, widest};
 use crate::model::Solver;
-use crate::nodes::Nodes;
+use crate::nodes::{Nodes, longest_way};
 use crate::options::FrameSettings;
 use crate::paper::{self, Extent, Inertia, PaperModel, PaperScratch, Predict, WHOLE_EVERY};
 use crate::physical::descent::{Body, Descent, DescentScratch};
@@ -67,6 +67,8 @@ pub struct Stepper {
     fluid: FluidSpace,
     events: Vec<Event>,
     residual: f32,
+    /// Longest way of a node from rest in the state that was measured last, mm.
+    farthest: f32,
     /// Share of the tissue in the predicted deformation space.
     space: f64,
     /// Memory for volumes.
@@ -103,6 +105,7 @@ impl Stepper {
             fluid: FluidSpace::new(model),
             events: Vec::new(),
             residual: 0.0,
+            farthest: 0.0,
             space: 1.0,
             growth: Vec::new(),
             crushed: Crushed::default(),
@@ -198,10 +201,10 @@ impl Stepper {
         report.rollbacks = failures.iter().filter(|e| matches!(e, Event::RolledBack { .. })).count() as u32;
         // What was measured last may be the state before, or one that was not accepted.
         if failures.contains(&Event::Held) || survey.inverted > 0 {
-            survey = self.survey(model, &state.positions);
+            survey = self.survey_anew(model, state);
         }
         if self.untie(model, state, &settings) {
-            survey = self.survey(model, &state.positions);
+            survey = self.survey_anew(model, state);
         }
         report.events = failures;
         report.events.extend(jumped);
@@ -420,7 +423,7 @@ impl Stepper {
     }
 
     fn fill(&self, model: &Model, state: &State, tools: &[ToolMotion], report: &mut StepReport) {
-        report.max_displacement_mm = f64::from(self.nodes.longest_way(&state.positions, &model.rest, &self.pool));
+        report.max_displacement_mm = f64::from(self.farthest);
         report.residual_mm = self.residual.into();
         report.csf_kpa = state.csf_kpa;
         // The state has just been surveyed.
@@ -439,10 +442,19 @@ impl Stepper {
         model.volumes.survey(positions, &mut self.growth, &self.pool)
     }
 
+    /// Measures a state that is not the one that was judged last.
+    fn survey_anew(&mut self, model: &Model, state: &State) -> Survey {
+        self.farthest = longest_way(&state.positions, &model.rest);
+        self.survey(model, &state.positions)
+    }
+
     /// The one place where a state is accepted.
     fn judge(&mut self, model: &Model, state: &State, inverted: usize) -> Verdict {
         // Tissue thrown across the whole model within a frame is as bad as no number.
-        if !self.nodes.are_sane((state, &self.backup), 3.0 * model.reach, &self.pool) {
+        let states = (state, &self.backup, &model.rest[..]);
+        let (farthest, sane) = self.nodes.look(states, 3.0 * model.reach, &self.pool);
+        self.farthest = farthest;
+        if !sane {
             return Verdict::NotFinite;
         }
         // Elements that were turned already are left to the solver to turn back.

@@ -20,7 +20,7 @@ mod x86;
 pub(crate) use lanes::{
     Kernel, Lanes, Line, Numbers, Pairs, Places, Row, View, WIDTH, Window, cross, dot, plain, sum_of_roots, widest,
 };
-pub(crate) use plan::Plans;
+pub(crate) use plan::{Plans, span};
 pub(crate) use pool::{Pool, Turn};
 pub(crate) use sums::Sums;
 

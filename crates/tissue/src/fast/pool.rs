@@ -165,14 +165,14 @@ impl Pool {
         });
     }
 
-    /// So many sweeps over the same data, each of two rounds of parts by a plan of who begins with what. A part is begun as
+    /// So many sweeps over the same data, each of two rounds of parts by plans of who begins with what. A part is begun as
     /// soon as those of the round before that it shares data with are done. `work` is told whose turn it is.
     ///
     /// # Panics
     /// As [`Pool::each_part`], and when a plan is for other parts.
     pub(crate) fn sweeps<T: Send, S: Send>(
         &self,
-        (plans, cuts): ([&Plans; 2], [&[usize]; 2]),
+        (plans, cuts): (&Plans, [&[usize]; 2]),
         count: usize,
         data: &mut [T],
         [even, odd]: [&mut [S]; 2],
@@ -187,18 +187,18 @@ impl Pool {
     /// At most [`AT_ONCE`] sweeps.
     fn sweeps_at_once<T: Send, S: Send>(
         &self,
-        (plans, cuts): ([&Plans; 2], [&[usize]; 2]),
+        (plans, cuts): (&Plans, [&[usize]; 2]),
         sweeps: core::ops::Range<usize>,
         data: &mut [T],
         slots: [&mut [S]; 2],
         work: &TurnWork<'_, T, S>,
     ) {
         let parts = cuts.map(|c| c.len().saturating_sub(1));
-        let queue = |round: usize| {
-            let even = || Queue::new(parts[round], self.threads());
-            plans[round].of(self.threads()).map_or_else(even, Queue::planned)
-        };
-        let queues: [Queue<'_>; 2 * AT_ONCE] = core::array::from_fn(|q| queue(q % 2));
+        let plan = plans.of(self.threads());
+        let even = |round: usize| Queue::new(parts[round], self.threads());
+        let queue = |round: usize| plan.map_or_else(|| even(round), |p| Queue::planned(&p[round]));
+        let needed = |q: usize| if q < 2 * sweeps.len() { queue(q % 2) } else { Queue::new(0, 1) };
+        let queues: [Queue<'_>; 2 * AT_ONCE] = core::array::from_fn(needed);
         for round in 0..2 {
             check(&queues[round], data.len(), cuts[round], slots[round].len());
         }
@@ -458,11 +458,12 @@ mod tests {
             let pool = Pool::new(threads);
             // Each even part shares data with two odd ones, but for the first, and the last shares none.
             let cuts = [(0..=pieces + 1).map(|i| 4 * i).collect::<Vec<_>>(), (0..pieces).map(|i| 4 * i + 2).collect()];
-            let plans = [&cuts[0], &cuts[1]].map(|c| Plans::new(&vec![1; c.len() - 1]));
+            let weights = [&cuts[0], &cuts[1]].map(|c| vec![1; c.len() - 1]);
+            let plans = Plans::new([&weights[0], &weights[1]]);
             for _ in 0..if pieces > 100 { 3 } else { 100 } {
                 let mut data = vec![0usize; 4 * (pieces + 1)];
                 let (mut even, mut odd) = (vec![0; pieces + 1], vec![0; pieces - 1]);
-                let how = ([&plans[0], &plans[1]], [&cuts[0][..], &cuts[1][..]]);
+                let how = (&plans, [&cuts[0][..], &cuts[1][..]]);
                 pool.sweeps(how, sweeps, &mut data, [&mut even, &mut odd], &|turn, own, slot| {
                     assert_eq!(*slot, turn.sweep, "{turn:?}");
                     *slot += 1;

@@ -24,8 +24,8 @@ impl<'a> Queue<'a> {
     }
 
     fn cut(order: Option<&'a [usize]>, threads: usize, count: usize, end: impl Fn(usize) -> usize) -> Self {
-        let end = |t: usize| end(t.min(threads)) as u64;
-        let stretches = core::array::from_fn(|t| AtomicU64::new(end(t) << 32 | end(t + 1)));
+        let stretch = |t: usize| if t < threads { (end(t) as u64) << 32 | end(t + 1) as u64 } else { 0 };
+        let stretches = core::array::from_fn(|t| AtomicU64::new(stretch(t)));
         Self { order, stretches, threads, left: AtomicUsize::new(count) }
     }
 

@@ -19,6 +19,7 @@ use crate::vec3::{V3, larger};
 pub(crate) struct PaperModel {
     /// Two rounds of parts that can be done at the same time.
     rounds: [(Round, Vec<Part>); 2],
+    plans: Plans,
     global: Option<GlobalVolume>,
     global_coefficient: f64,
     counts: Vec<(&'static str, usize)>,
@@ -104,14 +105,13 @@ impl PaperModel {
             // A last slab without a partner in an odd round begins where the round ends.
             own.take(round.parts()).enumerate().map(part).collect::<Vec<Part>>()
         };
-        let [mut even, mut odd] = rounds;
+        let [even, odd] = rounds;
         let (even_parts, odd_parts) = (parts(&even, 0), parts(&odd, 1));
-        for (round, parts) in [(&mut even, &even_parts), (&mut odd, &odd_parts)] {
-            round.plans = Plans::new(&parts.iter().map(Part::work).collect::<Vec<_>>());
-        }
+        let work = [&even_parts, &odd_parts].map(|parts| parts.iter().map(Part::work).collect::<Vec<_>>());
         let outer = shape.membranes.faces.iter().filter(|m| m.outer == OUTSIDE).map(|m| m.nodes).collect();
         Self {
             rounds: [(even, even_parts), (odd, odd_parts)],
+            plans: Plans::new([&work[0], &work[1]]),
             global: (options.global_volume > 0.0).then(|| GlobalVolume::new(outer, shape.rest)),
             global_coefficient: options.global_volume,
             counts,
@@ -153,7 +153,7 @@ impl PaperModel {
     ) {
         let [even, odd] = &mut scratch.parts;
         let rounds = [&self.rounds[0].0, &self.rounds[1].0];
-        let how = (rounds.map(|r| &r.plans), rounds.map(|r| &r.cuts[..]));
+        let how = (&self.plans, rounds.map(|r| &r.cuts[..]));
         pool.sweeps(how, count, positions, [even, odd], &|turn, vertices, memory| {
             let PartScratch { shares, motion, space } = memory;
             let scope = match extent(turn.sweep) {
@@ -180,30 +180,25 @@ impl PaperScratch {
 /// The constraints that begin in each slab, and how many there are of each kind.
 fn shares(shape: &Shape<'_>, options: &PaperOptions) -> (Vec<Share>, Vec<(&'static str, usize)>) {
     let of = |r: u8| shape.regions[r as usize].material.paper;
-    let owner = |nodes: &[u32]| shape.slabs.of(nodes.iter().copied().min().unwrap_or(0));
     let mut out = vec![Share::default(); shape.slabs.len()];
     // What holds only nodes that never move can change nothing, and is left out.
     let moves = |nodes: &[u32]| nodes.iter().any(|&v| shape.rest[v as usize][3] > 0.0);
     let matching = matching::of_tets(shape.tets, |v| moves(&[v]));
     let stretch = stretches(&matching, shape);
-    for (t, tet) in shape.tets.iter().enumerate().filter(|(_, tet)| moves(*tet)) {
+    let moving = shape.tets.iter().enumerate().filter(|(_, tet)| moves(*tet));
+    let solid = |(t, tet): (usize, &[u32; 4])| {
         let k = of(shape.region[t]);
-        let stretch = |e: u32| stretch[e as usize];
-        let solid = Solid::new(*tet, matching.of_tet[t], stretch, k.volume as f32, k.hetero as f32);
-        out[owner(tet)].solids.push(solid);
-    }
-    for &e in &matching.loose {
-        let nodes = matching.edges[e as usize];
-        out[owner(&nodes)].edges.push(Constraint { nodes, coefficient: stretch[e as usize] });
-    }
-    for (nodes, r) in hinges(shape, options.dihedral).into_iter().filter(|h| moves(&h.0)) {
-        let coefficient = of(r).dihedral as f32;
-        out[owner(&nodes)].hinges.push(Constraint { nodes, coefficient });
-    }
-    let strips = surface::strips(shape.membranes, shape.rest);
-    for (nodes, r) in strips.into_iter().filter(|s| of(s.1).triangle > 0.0 && moves(&s.0)) {
-        out[owner(&nodes)].strips.push(Constraint { nodes, coefficient: of(r).triangle as f32 });
-    }
+        Solid::new(*tet, matching.of_tet[t], |e| stretch[e as usize], k.volume as f32, k.hetero as f32)
+    };
+    share_out(shape.slabs, moving.map(solid).collect(), |s| s.nodes, |share, s| out[share].solids.push(s));
+    let loose = matching.loose.iter().map(|&e| (matching.edges[e as usize], stretch[e as usize]));
+    share_out(shape.slabs, constraints(loose), |c| c.nodes, |share, c| out[share].edges.push(c));
+    let hinges = hinges(shape, options.dihedral).into_iter().filter(|h| moves(&h.0));
+    let hinges = constraints(hinges.map(|(nodes, r)| (nodes, of(r).dihedral as f32)));
+    share_out(shape.slabs, hinges, |c| c.nodes, |share, c| out[share].hinges.push(c));
+    let strips = surface::strips(shape.membranes, shape.rest).into_iter();
+    let strips = strips.map(|(nodes, r)| (nodes, of(r).triangle as f32)).filter(|s| s.1 > 0.0 && moves(&s.0));
+    share_out(shape.slabs, constraints(strips), |c| c.nodes, |share, c| out[share].strips.push(c));
     let acting = |k: &dyn Fn(u8) -> f64| {
         shape.tets.iter().zip(shape.region).filter(|(tet, r)| k(**r) > 0.0 && moves(*tet)).count()
     };
@@ -217,6 +212,26 @@ fn shares(shape: &Shape<'_>, options: &PaperOptions) -> (Vec<Share>, Vec<(&'stat
         ("global_volume", usize::from(options.global_volume > 0.0)),
     ];
     (out, counts)
+}
+
+fn constraints<const N: usize>(all: impl Iterator<Item = ([u32; N], f32)>) -> Vec<Constraint<N>> {
+    all.map(|(nodes, coefficient)| Constraint { nodes, coefficient }).collect()
+}
+
+/// Puts each of `all`, which take as long as one another, to the share of a slab that its nodes belong to.
+fn share_out<T, const N: usize>(
+    slabs: &Slabs,
+    all: Vec<T>,
+    nodes: impl Fn(&T) -> [u32; N],
+    mut put: impl FnMut(usize, T),
+) {
+    let ends = |n: [u32; N]| n.iter().fold((u32::MAX, 0), |(low, high), &v| (low.min(v), high.max(v)));
+    let item = |one: &T| {
+        let (low, high) = ends(nodes(one));
+        (low, high, 1)
+    };
+    let shares = slabs.shares(&all.iter().map(item).collect::<Vec<_>>());
+    all.into_iter().zip(shares).for_each(|(one, share)| put(share, one));
 }
 
 /// Coefficient of each edge: the mean of the elements around.

@@ -14,7 +14,7 @@ use super::sweep::{Memory, Pace, Substep as Shared, Sweep, Task};
 use super::touch::{Touches, Touching, penalty_force};
 use crate::bytes;
 use crate::contact::Coupling;
-use crate::fast::{Pool, Row, Turn, WIDTH, widest};
+use crate::fast::{Plans, Pool, Row, Turn, WIDTH, widest};
 use crate::model::{Region, Tether};
 use crate::nodes::Apart;
 use crate::rigid::Rigid;
@@ -31,6 +31,7 @@ const CALM: f64 = 1e-3;
 pub(crate) struct Descent {
     /// Two rounds of parts that can be done at the same time.
     rounds: [(Round, Vec<Part>); 2],
+    plans: Plans,
     visits: Visits,
     far: DifferenceRows,
     node_cuts: Vec<usize>,
@@ -136,9 +137,11 @@ impl Descent {
         slabs: &Slabs,
     ) -> Self {
         let rounds = rings::rounds(elastic, rest, mass, slabs);
+        let [even, odd] = rounds.each_ref().map(|r| r.1.iter().map(|p| p.weight.len()).collect::<Vec<_>>());
         Self {
             visits: Visits::new(&rounds, elastic.tets.len()),
             rounds,
+            plans: Plans::new([&even, &odd]),
             far: DifferenceRows::new(&elastic.far),
             node_cuts: slabs::even_cuts(rest.len()),
             pressures: Pressures::new(elastic, region, regions),
@@ -344,7 +347,7 @@ impl Descent {
         let films = &self.films;
         let [even, odd] = memory;
         let rounds = [&self.rounds[0].0, &self.rounds[1].0];
-        let how = (rounds.map(|r| &r.plans), rounds.map(|r| &r.cuts[..]));
+        let how = (&self.plans, rounds.map(|r| &r.cuts[..]));
         pool.sweeps(how, count, positions, [even, odd], &|Turn { sweep, round, part: i }, vertices, memory| {
             let own = rounds[round].cuts[i]..rounds[round].cuts[i + 1];
             let touching = Touching { touches, films, couplings, rest, first: own.start };

@@ -3,7 +3,7 @@
 use super::elastic::Elastic;
 use super::strips::{self, Spoke, Step};
 use crate::bytes;
-use crate::fast::{Line, Places, Plans, Row, WIDTH};
+use crate::fast::{Line, Places, Row, WIDTH};
 use crate::slabs::{Round, Slabs};
 use monro_geometry::by_point;
 
@@ -80,21 +80,22 @@ pub(super) fn rounds(elastic: &Elastic, rest: &[[f32; 4]], mass: &[f32], slabs: 
     let free = |v: u32| rest[v as usize][3] > 0.0;
     let walk = |v: u32| if free(v) { strips::walk(rings.of(v)) } else { Vec::new() };
     rings.walks = (0..rest.len() as u32).map(walk).collect();
-    let mut owned = vec![Vec::new(); slabs.len()];
-    for v in (0..rest.len() as u32).filter(|&v| free(v)) {
+    let moving: Vec<u32> = (0..rest.len() as u32).filter(|&v| free(v)).collect();
+    let item = |&v: &u32| {
         let ring = rings.of(v).iter().flat_map(|s| s.1).chain([v]);
-        owned[slabs.of(ring.min().unwrap_or(v))].push(v);
-    }
+        let (low, high) = ring.fold((v, v), |(low, high), n| (low.min(n), high.max(n)));
+        (low, high, rings.walks[v as usize].len())
+    };
+    let shares = slabs.shares(&moving.iter().map(item).collect::<Vec<_>>());
+    let mut owned = vec![Vec::new(); slabs.len()];
+    moving.iter().zip(shares).for_each(|(&v, share)| owned[share].push(v));
     let [even, odd] = slabs.rounds();
     let parts = |round: &Round, first: usize| {
         let own = owned.iter().skip(first).step_by(2).take(round.parts()).enumerate();
         own.map(|(i, own)| rings.part(own, &rest[round.cuts[i]..round.cuts[i + 1]], round.cuts[i])).collect::<Vec<_>>()
     };
     let (even_parts, odd_parts) = (parts(&even, 0), parts(&odd, 1));
-    [(even, even_parts), (odd, odd_parts)].map(|(mut round, parts)| {
-        round.plans = Plans::new(&parts.iter().map(|p| p.weight.len()).collect::<Vec<_>>());
-        (round, parts)
-    })
+    [(even, even_parts), (odd, odd_parts)]
 }
 
 impl Rings<'_> {
