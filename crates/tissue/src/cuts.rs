@@ -184,6 +184,7 @@ fn neighbours(vertices: usize, tets: &[[u32; 4]]) -> (Vec<u32>, Vec<u32>) {
 mod tests {
     use super::*;
     use crate::model::tests::block;
+    use crate::slabs::Slabs;
     use monro_geometry::TetMesh;
 
     fn cut(mesh: &TetMesh, held: &[bool]) -> Vec<u32> {
@@ -218,12 +219,20 @@ mod tests {
         let mesh = block([48, 14, 14], 1.0);
         let held: Vec<bool> = mesh.vertices.iter().map(|p| p.x < 30.0).collect();
         let slab = cut(&mesh, &held);
-        let work = work(&mesh, &slab, &held);
-        for first in [0, 1] {
-            let round: Vec<usize> = work.iter().copied().skip(first).step_by(2).collect();
-            let (span, all) = (Plans::new(&round).span(&round, 2), round.iter().sum::<usize>());
-            assert!(span as f64 <= 0.6 * all as f64, "{work:?}");
-        }
+        work(&mesh, &slab, &held);
+        let mut order: Vec<usize> = (0..slab.len()).collect();
+        order.sort_by_key(|&v| slab[v]);
+        let mut place = vec![0; slab.len()];
+        (0..).zip(&order).for_each(|(i, &v)| place[v] = i);
+        let slabs = Slabs::new(&order.iter().map(|&v| slab[v]).collect::<Vec<_>>());
+        let rings = Rings::new(slab.len(), &mesh.tets, &held);
+        let ends = |v: usize| rings.around(v).map(|n| place[n]).fold((u32::MAX, 0), |(l, h), n| (l.min(n), h.max(n)));
+        let items: Vec<_> = (0..slab.len()).map(|v| (ends(v).0, ends(v).1, rings.work[v])).collect();
+        let mut shares = vec![0; slabs.len()];
+        items.iter().zip(slabs.shares(&items)).for_each(|(item, share)| shares[share] += item.2);
+        let [even, odd] = [0, 1].map(|first| shares.iter().copied().skip(first).step_by(2).collect::<Vec<_>>());
+        let (span, all) = (span([&even, &odd], 2), shares.iter().sum::<usize>());
+        assert!(span as f64 <= 0.53 * all as f64, "{span} of {all}: {even:?} {odd:?}");
     }
 
     #[test]

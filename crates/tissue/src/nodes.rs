@@ -207,7 +207,7 @@ mod tests {
                 time_s: 4.0,
             };
             let (from, mut to) = (state(&p), State { time_s: 0.0, ..state(&q) });
-            assert_eq!(all.look((&from, &to, &q), longest, &pool), (longest_way(&p, &q), true));
+            assert_eq!(all.look((&from, &to, &q), 2.0 * longest + 1.0, &pool), (longest_way(&p, &q), true));
             all.copy(&from, &mut to, &pool);
             assert_eq!(from, to);
         }

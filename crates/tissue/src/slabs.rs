@@ -154,4 +154,32 @@ mod tests {
         let one = Slabs::new(&[0, 0]).rounds();
         assert_eq!((one[0].parts(), one[1].parts()), (1, 0));
     }
+
+    #[test]
+    fn parts_get_as_much_to_do_as_one_another_and_nothing_that_is_not_theirs() {
+        for (slabs, size) in [(1, 30), (2, 30), (4, 30), (5, 21), (8, 300)] {
+            let count: u32 = slabs * size;
+            let all = Slabs::new(&(0..count).map(|v| v / size).collect::<Vec<_>>());
+            // Each vertex reaches the one two further on; those of the first slab weigh nothing in the beginning.
+            let weight = |v: u32| if v < size / 4 { 0 } else { 1 + (v * 7919 % 5) as usize };
+            let items: Vec<_> = (0..count).map(|v| (v, (v + 2).min(count - 1), weight(v))).collect();
+            let shares = all.shares(&items);
+            let mut work = vec![0; all.len()];
+            for (&(low, high, weight), &share) in items.iter().zip(&shares) {
+                let (first, last) = (all.of(low), all.of(high));
+                assert!(first == share || first == last && first == share + 1, "{first} {last} {share}");
+                work[share] += weight;
+            }
+            let even = work.iter().sum::<usize>() / work.len();
+            assert!(slabs == 1 || work.iter().all(|&w| w.abs_diff(even) <= 5 * work.len()), "{work:?}");
+        }
+    }
+
+    #[test]
+    fn a_part_alone_in_its_round_gets_no_more_than_it_must() {
+        assert_eq!(lent(&[60, 50, 70], &[55, 40, 65]), [0, 30, 0]);
+        assert_eq!(lent(&[60, 50, 70], &[55, 20, 65]), [0, 20, 0]);
+        assert_eq!(lent(&[10, 50, 70, 90], &[5, 40, 60, 90]), [0, 40, 46, 33]);
+        assert_eq!(lent(&[], &[]), [0usize; 0]);
+    }
 }
