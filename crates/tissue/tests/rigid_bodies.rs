@@ -5,8 +5,8 @@ mod common;
 use common::{block, nodes, options, physical};
 use monro_geometry::{Point, TetMesh, Vector};
 use monro_tissue::{
-    EmbeddedRod, Finer, Material, Model, ModelOptions, SphereContact, StaticError, StaticOptions, StaticProblem,
-    StaticSolution, Stop, Support, equilibrium,
+    EmbeddedRod, Finer, Material, Model, ModelOptions, Pressure, SphereContact, StaticError, StaticOptions,
+    StaticProblem, StaticSolution, Stop, Support, equilibrium,
 };
 
 fn material(poisson: f64) -> ModelOptions {
@@ -304,4 +304,29 @@ fn a_rod_through_a_held_surface_is_told_of_the_vertices_that_do_not_go_with_it()
     assert!(solve(&mesh, &material(0.3), &problem).contested[0] > 0);
     problem.rods = vec![rod(8.0, 14.0)];
     assert_eq!(solve(&mesh, &material(0.3), &problem).contested, [0]);
+}
+
+#[test]
+fn a_sphere_beside_a_pressure_that_follows_a_free_end_found_no_equilibrium() {
+    let mesh = block([12, 4, 4], 5.0, |_| 4);
+    let end = mesh.boundary(|_| true).into_iter().filter(|f| f.iter().all(|&v| mesh.vertices[v as usize].x == 60.0));
+    let end: Vec<[u32; 3]> = end.collect();
+    // A tenth of Young's modulus, pushed and pulled.
+    for kpa in [0.3, -0.3] {
+        let mut problem = StaticProblem::default();
+        hold(&mut problem, 0, nodes(&mesh, |p| p.x == 0.0), [Some(0.0); 3]);
+        problem.pressures.push(Pressure { faces: end.clone(), kpa });
+        let (from, to) = (Point::new(41.0, 9.0, 28.0), Point::new(41.0, 9.0, 26.0));
+        problem.contacts.push(SphereContact { radius_mm: 8.0, friction: 0.0, from, to });
+        let options = StaticOptions { finer: Finer::Times(0), ..StaticOptions::default() };
+        let solved = equilibrium(&mesh, &material(0.3), &problem, &options, &mut || true).expect("solved");
+        assert!(solved.converged && solved.steps < 200, "{} after {} steps", solved.residual, solved.steps);
+        // What presses on the faces as they lie in the end, the sphere and the supports are in balance.
+        let at = |v: u32| mesh.vertices[v as usize] + solved.displacement[v as usize];
+        let area = |f: &[u32; 3]| (at(f[1]) - at(f[0])).cross(at(f[2]) - at(f[0])) * 0.5;
+        let pushed = end.iter().fold(Vector::ZERO, |s, f| s - area(f) * kpa);
+        let left = sum(&solved.reaction) + solved.contacts[0] + pushed;
+        assert!(left.norm() < 1e-3 * pushed.norm(), "{left:?} of {pushed:?}");
+        assert!(solved.contacts[0].z < -1.0, "{:?}", solved.contacts[0]);
+    }
 }

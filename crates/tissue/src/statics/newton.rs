@@ -100,8 +100,7 @@ pub(super) fn solve(
     let rounding = rounding(elastic);
     let (share, stop) = (0.0, None);
     let hessian = Products::new(elastic, std::thread::available_parallelism().map_or(1, usize::from));
-    // Where spheres push, too, steps are searched for: what touches changes from one to the next.
-    let open = spheres.least_radius().is_none() && !loads.have_potential(elastic);
+    let open = !loads.have_potential(elastic);
     let mut problem = Problem {
         elastic,
         loads,
