@@ -279,10 +279,12 @@ fn hold(grid: &UnstructuredGrid, entry: &Value, nodes: &[u32], set: u32, out: &m
 
 fn pressure(mesh: &Value, p: &Value) -> Result<Pressure> {
     let name = p["faces"].as_str().context("an entry of \"pressure\" names no faces")?;
-    let lists = mesh["face_sets"].as_object().or_else(|| mesh["faces"].as_object());
-    let there = || lists.map(Map::keys).into_iter().flatten().map(String::as_str).collect::<Vec<_>>().join(", ");
-    let faces = lists.and_then(|l| l.get(name));
-    let faces = faces.with_context(|| format!("the mesh has no face list \"{name}\"; there are: {}", there()))?;
+    let lists = || ["face_sets", "faces"].into_iter().filter_map(|k| mesh[k].as_object());
+    let there = || lists().flat_map(Map::keys).map(String::as_str).collect::<Vec<_>>().join(", ");
+    let found: Vec<&Value> = lists().filter_map(|l| l.get(name)).collect();
+    ensure!(found.len() < 2, "the mesh has two face lists \"{name}\", in \"face_sets\" and in \"faces\"; keep one");
+    let faces =
+        found.first().with_context(|| format!("the mesh has no face list \"{name}\"; there are: {}", there()))?;
     let faces =
         faces.as_array().with_context(|| format!("the face list \"{name}\" is {faces}, wanted a list of faces"))?;
     ensure!(!faces.is_empty(), "the face list \"{name}\" is empty: its pressure would push nothing");
@@ -298,10 +300,18 @@ fn pressure(mesh: &Value, p: &Value) -> Result<Pressure> {
 
 fn contact(c: &Value) -> Result<SphereContact> {
     ensure!(c.is_object(), "a \"contact\" is {c}, wanted an object with radius, centre_start and centre_end");
-    let kind = ["kind", "type", "shape"].iter().map(|k| &c[*k]).find(|v| !v.is_null()).unwrap_or(&Value::Null);
-    let kind = word(kind, "kind", "rigid_sphere")?;
-    ensure!(kind == "rigid_sphere", "contact of kind \"{kind}\"; only rigid_sphere is known");
-    let c = if c["rigid_sphere"].is_object() { &c["rigid_sphere"] } else { c };
+    for name in ["kind", "type", "shape"] {
+        let kind = word(&c[name], name, "rigid_sphere")?;
+        ensure!(kind == "rigid_sphere", "contact of {name} \"{kind}\"; only rigid_sphere is known");
+    }
+    let nested = c["rigid_sphere"].is_object();
+    let twice = ["radius", "friction", "centre_start", "centre_end"].into_iter().find(|k| nested && !c[*k].is_null());
+    ensure!(
+        twice.is_none(),
+        "a \"contact\" has \"{}\" beside its object \"rigid_sphere\"; all numbers belong into one of the two",
+        twice.unwrap_or_default()
+    );
+    let c = if nested { &c["rigid_sphere"] } else { c };
     let place = |name: &str| Ok::<_, anyhow::Error>(Point::from_array(vector(&c[name], name)?.map(|v| v * MM)));
     let friction = if c["friction"].is_null() { 0.0 } else { number(&c["friction"], "friction")? };
     Ok(SphereContact {

@@ -221,6 +221,36 @@ fn a_weight_that_nothing_bears_is_refused() {
 }
 
 #[test]
+fn entries_that_say_two_things_at_once_were_taken_for_one_of_them() {
+    let faces = json!({ "top": [[4, 5, 6]] });
+    let pressed = json!([{ "faces": "top", "pressure": 10.0 }]);
+    let sphere = json!({ "radius": 0.01, "centre_start": [0.01, 0.01, 0.041], "centre_end": [0.01, 0.01, 0.037] });
+    let edits: [(&dyn Fn(&mut Value), &str); 3] = [
+        (
+            &|s| s["cases"]["stretch"]["contact"] = json!([{ "rigid_sphere": sphere, "radius": 0.02 }]),
+            "\"radius\" beside",
+        ),
+        (
+            &|s| s["cases"]["stretch"]["contact"] = json!([{ "type": "rigid_sphere", "shape": "cone" }]),
+            "shape \"cone\"",
+        ),
+        (
+            &|s| {
+                (s["meshes"]["cube"]["faces"], s["meshes"]["cube"]["face_sets"]) = (faces.clone(), faces.clone());
+                s["cases"]["stretch"]["pressure"] = pressed.clone();
+            },
+            "two face lists",
+        ),
+    ];
+    for (edit, expected) in edits {
+        let dir = tempfile::tempdir().expect("temp");
+        let args = changed(dir.path(), |s| edit(s));
+        let told = refusal(&args.each_ref().map(String::as_str));
+        assert!(told.contains(expected), "{told}");
+    }
+}
+
+#[test]
 fn what_is_odd_but_legal_is_solved_and_remarked_upon() {
     let dir = tempfile::tempdir().expect("temp");
     // E 3 kPa and nu 0.3 by their Lamé constants, a misspelt weight, the end pulled by two sets, the latter as before.
