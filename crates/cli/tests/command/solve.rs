@@ -225,26 +225,17 @@ fn entries_that_say_two_things_at_once_were_taken_for_one_of_them() {
     let faces = json!({ "top": [[4, 5, 6]] });
     let pressed = json!([{ "faces": "top", "pressure": 10.0 }]);
     let sphere = json!({ "radius": 0.01, "centre_start": [0.01, 0.01, 0.041], "centre_end": [0.01, 0.01, 0.037] });
-    let edits: [(&dyn Fn(&mut Value), &str); 3] = [
-        (
-            &|s| s["cases"]["stretch"]["contact"] = json!([{ "rigid_sphere": sphere, "radius": 0.02 }]),
-            "\"radius\" beside",
-        ),
-        (
-            &|s| s["cases"]["stretch"]["contact"] = json!([{ "type": "rigid_sphere", "shape": "cone" }]),
-            "shape \"cone\"",
-        ),
-        (
-            &|s| {
-                (s["meshes"]["cube"]["faces"], s["meshes"]["cube"]["face_sets"]) = (faces.clone(), faces.clone());
-                s["cases"]["stretch"]["pressure"] = pressed.clone();
-            },
-            "two face lists",
-        ),
+    let cases = [
+        ("contact", json!([{ "rigid_sphere": sphere, "radius": 0.02 }]), "\"radius\" beside"),
+        ("contact", json!([{ "type": "rigid_sphere", "shape": "cone" }]), "shape \"cone\""),
+        ("pressure", pressed, "two face lists"),
     ];
-    for (edit, expected) in edits {
+    for (entry, value, expected) in cases {
         let dir = tempfile::tempdir().expect("temp");
-        let args = changed(dir.path(), |s| edit(s));
+        let args = changed(dir.path(), |s| {
+            (s["meshes"]["cube"]["faces"], s["meshes"]["cube"]["face_sets"]) = (faces.clone(), faces.clone());
+            s["cases"]["stretch"][entry] = value.clone();
+        });
         let told = refusal(&args.each_ref().map(String::as_str));
         assert!(told.contains(expected), "{told}");
     }
