@@ -3,7 +3,8 @@
 //! No vertex has neighbours in more than two slabs, and these follow each other (`cuts`): so everything that an element, or
 //! two elements with a common edge, holds together lies in one slab or in two. All that begins in an even slab can then be
 //! done at once, slab by slab, and after it all that begins in an odd one: two rounds in a sweep, however many threads, and
-//! the same result for any number of them.
+//! the same result for any number of them. What lies within a slab may as well be done with what begins in the slab before,
+//! and evens out their work.
 
 /// Vertices of two slabs at most: places within them have 16 bits.
 const FIT: usize = 1 << 16;

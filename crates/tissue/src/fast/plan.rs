@@ -64,24 +64,14 @@ fn plan(weights: [&[usize]; 2], threads: usize) -> ([Plan; 2], usize) {
 /// from its end: threads that follow each other come last to where they meet, so that neither waits for the other there.
 fn runs(weights: [&[usize]; 2], threads: usize, shift: isize) -> [Plan; 2] {
     let count = 2 * weights[0].len().max(weights[1].len());
-    let sums: Vec<usize> = (0..count)
-        .scan(0, |sum, i| {
-            *sum += weights[i % 2].get(i / 2).copied().unwrap_or(0);
-            Some(*sum)
-        })
-        .collect();
-    let all = sums.last().copied().unwrap_or(0);
+    let mut sums = vec![0];
+    (0..count).for_each(|i| sums.push(sums[i] + weights[i % 2].get(i / 2).copied().unwrap_or(0)));
+    // Where more than half of a part lies before the goal, it does too.
+    let before = |t: usize| sums.windows(2).take_while(|s| (s[0] + s[1]) * threads <= 2 * sums[count] * t).count();
     let cut = |t: usize| match t {
         0 => 0,
         t if t == threads => count,
-        // Where more than half of a part lies before the goal, it does too.
-        t => sums
-            .iter()
-            .zip([0].iter().chain(&sums))
-            .take_while(|&(to, from)| (to + from) * threads <= 2 * all * t)
-            .count()
-            .saturating_add_signed(shift)
-            .min(count),
+        t => before(t).saturating_add_signed(shift).min(count),
     };
     let ends: Vec<usize> = (0..=threads).map(cut).collect();
     [0, 1].map(|round| {
@@ -97,7 +87,7 @@ fn runs(weights: [&[usize]; 2], threads: usize, shift: isize) -> [Plan; 2] {
 /// of the round before that it shares data with are done.
 fn time(plan: &[Plan; 2], weights: [&[usize]; 2]) -> usize {
     let mut free = vec![(0, 0); plan[0].ends.len() - 1];
-    let mut queues: Vec<Queue<'_>> = (0..2 * SWEEPS).map(|q| Queue::planned(&plan[q % 2])).collect();
+    let queues: Vec<Queue<'_>> = (0..2 * SWEEPS).map(|q| Queue::planned(&plan[q % 2])).collect();
     let mut done = weights.map(|w| vec![0; w.len()]);
     // The thread that is free first goes on; whatever it waits for has been begun.
     while let Some(t) = (0..free.len()).filter(|&t| free[t].1 < queues.len()).min_by_key(|&t| free[t]) {
@@ -112,7 +102,6 @@ fn time(plan: &[Plan; 2], weights: [&[usize]; 2]) -> usize {
         done[round][part] = start + weights[round][part];
         free[t].0 = done[round][part];
     }
-    queues.clear();
     done.iter().flatten().copied().max().unwrap_or(0)
 }
 
