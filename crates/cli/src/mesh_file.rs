@@ -154,7 +154,9 @@ impl Format {
     pub(crate) fn encode(self, mesh: &AnyMesh) -> Result<Encoded> {
         let objects = match (self, mesh) {
             (Self::Vtu, AnyMesh::Tetrahedra(m)) => return Ok(vtu::encode(&UnstructuredGrid::from_mesh(m)).into()),
-            (Self::Msh, AnyMesh::Tetrahedra(m)) => return Ok(msh::encode(m).into()),
+            (Self::Msh, AnyMesh::Tetrahedra(m)) => {
+                return Ok(Encoded { bytes: msh::encode(m), remark: unnumbered(m) });
+            }
             (Self::Vtu | Self::Msh, AnyMesh::Surface(_)) => {
                 bail!("a surface has no tetrahedra; write it as .ply, .stl, .obj or .glb")
             }
@@ -197,6 +199,15 @@ impl Format {
         let coloured = objects.iter().enumerate().map(|(i, (name, mesh))| (name.as_str(), glb::colour(i), mesh));
         glb::encode(&coloured.collect::<Vec<_>>())
     }
+}
+
+/// What Gmsh makes of a physical group 0.
+fn unnumbered(mesh: &TetMesh) -> Option<String> {
+    mesh.labels.contains(&0).then(|| {
+        "label 0 becomes a physical group 0, which Gmsh takes for one without a number: it numbers it anew and gives its name \
+         to another label; number the labels from 1 if Gmsh is to read the file (this program and meshio read it as it is)"
+            .to_owned()
+    })
 }
 
 /// The closed surface of each label.

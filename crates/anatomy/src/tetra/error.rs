@@ -3,9 +3,10 @@
 use super::improve::MOST_LABELS;
 use super::report::{
     BadShapes, Boundary, ClosedGaps, InterfaceDistance, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO,
-    MOST_VOLUME_ERROR, SurfaceReport,
+    MOST_VOLUME_ERROR, SelfCrossing, SurfaceReport,
 };
 use monro_geometry::Overlap;
+use std::fmt;
 use thiserror::Error;
 
 /// What helps parts that the fields do not keep.
@@ -92,6 +93,9 @@ pub enum MeshError {
     /// Elements lie in others.
     #[error("{}", overlap_words(.0))]
     Overlap(Overlap),
+    /// The outer surface passes through itself.
+    #[error("{}", overlap_words(.0))]
+    SelfCrossing(SelfCrossing),
     /// More labels than the mesher tells apart.
     #[error("{0} labels to mesh, but at most {MOST_LABELS} are told apart; name those to mesh, or merge some")]
     TooManyLabels(usize),
@@ -151,7 +155,7 @@ pub enum MeshError {
     },
     /// The count cannot be met.
     #[error(
-        "{wanted} elements were asked for, the nearest mesh has {found}; ask for a count near that or change the grading"
+        "{wanted} elements were asked for, and of the sizes that were tried none came nearer than {found}: thin labels take more than their share, and counts between may not be met either; change the grading or the labels to be fine around, leave out thin ones, or ask for more"
     )]
     Count {
         /// Elements wanted.
@@ -161,8 +165,8 @@ pub enum MeshError {
     },
 }
 
-/// Says what elements in others come from.
-pub(super) fn overlap_words(overlap: &Overlap) -> String {
+/// Says what elements in others, or a surface through itself, come from.
+pub(super) fn overlap_words(overlap: &impl fmt::Display) -> String {
     format!(
         "{overlap}; walls that face each other across a narrow gap pass through each other there: ask for more elements, or \
          widen or close the gap in the labels"

@@ -51,7 +51,7 @@ mod voxels;
 pub use error::MeshError;
 pub use report::{
     BadShapes, Boundary, ClosedGaps, EdgeBand, InterfaceDistance, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO,
-    LabelReport, MOST_VOLUME_ERROR, MeshReport, SurfaceReport,
+    LabelReport, MOST_VOLUME_ERROR, MeshReport, SelfCrossing, SurfaceReport,
 };
 
 use cut::RawMesh;
@@ -309,6 +309,9 @@ fn strictly(report: &MeshReport) -> Result<(), MeshError> {
     }
     if let Some(overlap) = report.overlap {
         return Err(MeshError::Overlap(overlap));
+    }
+    if let Some(crossing) = report.self_crossing {
+        return Err(MeshError::SelfCrossing(crossing));
     }
     if let Some(l) = report.labels.iter().find(|l| l.volume_error.abs() > MOST_VOLUME_ERROR) {
         return Err(MeshError::Volume { label: l.label, error: l.volume_error });

@@ -57,7 +57,8 @@ pub(super) fn topology(report: &MeshReport) -> Vec<String> {
     }
     all.extend(report.far().map(|(label, interface)| format!("label {label}: {interface}")));
     all.extend(report.closed_gaps.map(|gaps| gaps.to_string()));
-    all.extend(report.overlap.as_ref().map(overlap_words));
+    let crossing = report.self_crossing.as_ref().filter(|_| report.overlap.is_none());
+    all.extend(report.overlap.as_ref().map(overlap_words).or_else(|| crossing.map(overlap_words)));
     all
 }
 

@@ -93,6 +93,33 @@ impl fmt::Display for ClosedGaps {
     }
 }
 
+/// Where the outer surface passes through itself.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SelfCrossing {
+    /// Pairs of triangles that cross or lie on each other.
+    pub pairs: usize,
+    /// Where the first of them do, LPS mm.
+    pub at: [f64; 3],
+}
+
+impl SelfCrossing {
+    fn of(outer: &TriangleMesh) -> Option<Self> {
+        let pairs = outer.crossings().pairs;
+        pairs.first().map(|&first| Self { pairs: pairs.len(), at: outer.crossing_place(first).to_array() })
+    }
+}
+
+impl fmt::Display for SelfCrossing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { pairs, at } = *self;
+        write!(
+            f,
+            "the outer surface passes through itself: {pairs} pair(s) of triangles cross or lie on each other, the first at {}",
+            place(at)
+        )
+    }
+}
+
 /// Which surface of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Boundary {
@@ -227,6 +254,8 @@ pub struct MeshReport {
     pub closed_gaps: Option<ClosedGaps>,
     /// Elements that lie in others, where walls that face each other pass through each other.
     pub overlap: Option<Overlap>,
+    /// The same where no element is deep enough in another to be found so.
+    pub self_crossing: Option<SelfCrossing>,
     /// What a user should know: labels asked for that are not there, a count or volumes missed, bad shapes, pieces given
     /// away, labels that lost their shape or topology.
     pub remarks: Vec<String>,
@@ -261,6 +290,7 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
     let outer = without_specks(isosurface(fields.union.volume(), 0.5), fields.step.powi(3), |p, inside| {
         source.voxels.is_separate(p, fields.step, |l| source.options.keep.contains(&l) == inside)
     });
+    let surface = mesh.surface(|_| true);
     let mut report = MeshReport {
         elements: mesh.tets.len(),
         vertices: mesh.vertices.len(),
@@ -275,8 +305,9 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
         coarse_regions: source.coarse_regions,
         closed_gaps: closed_gaps(source),
         overlap: TetLocator::new(mesh).ok().and_then(|l| l.overlap()),
+        self_crossing: SelfCrossing::of(&surface),
         labels: (0..fields.labels.len()).map(|l| label_report(mesh, source, l)).collect(),
-        outer: SurfaceReport::new(&mesh.surface(|_| true), &outer, fields.unit),
+        outer: SurfaceReport::new(&surface, &outer, fields.unit),
         remarks: Vec::new(),
         topology: Vec::new(),
         open_at_border: fields.at_border,

@@ -217,10 +217,10 @@ proptest! {
                 sound(&mesh, &report);
             }
             Err(e) => {
-                use MeshError::{ClosedGaps, Count, Empty, Euler, Lost, Overlap, Shape, TooFew, TooThin, Topology, Volume};
+                use MeshError::{ClosedGaps, Count, Empty, Euler, Lost, Overlap, SelfCrossing, Shape, TooFew, TooThin, Topology, Volume};
                 let named = matches!(
                     e,
-                    Count { .. } | Empty { .. } | Euler { .. } | Lost { .. } | Shape { .. } | TooThin { .. } | TooFew { .. } | ClosedGaps(_) | Overlap(_)
+                    Count { .. } | Empty { .. } | Euler { .. } | Lost { .. } | Shape { .. } | TooThin { .. } | TooFew { .. } | ClosedGaps(_) | Overlap(_) | SelfCrossing(_)
                         | Topology { .. } | Volume { .. }
                 );
                 prop_assert!(named, "{e}");
