@@ -435,3 +435,21 @@ fn forces_of_sets_that_share_vertices_were_said_to_change_with_the_mesh() {
     // The row that both hold is as wide as the elements given, however fine the mesh becomes.
     assert!(solved.converged && force < 0.01, "{force}");
 }
+
+#[test]
+fn forces_that_are_rounding_where_loads_balance_each_other_were_said_to_change() {
+    let mesh = shaken(block([3, 3, 3], 5.0, |_| 4), 5.0, 0.1);
+    // Three corners hold what moves as a whole, and bear nothing.
+    let corner = |at: [f64; 3]| nodes(&mesh, |p| p.to_array() == at);
+    let mut problem = StaticProblem::default();
+    problem.supports.extend(held(corner([0.0; 3]), [Some(0.0); 3]));
+    problem.supports.extend(held(corner([15.0, 0.0, 0.0]), [None, Some(0.0), Some(0.0)]));
+    problem.supports.extend(held(corner([0.0, 15.0, 0.0]), [None, None, Some(0.0)]));
+    problem.pressures.push(Pressure { faces: mesh.boundary(|_| true), kpa: 0.5 });
+    let options = StaticOptions { finer: Finer::Times(1), ..StaticOptions::default() };
+    let solved = equilibrium(&mesh, &material(0.3), &problem, &options, &mut || true).expect("solved");
+    let force = solved.change.expect("a finer mesh").force;
+    assert!(solved.converged && force < 1e-4, "{force}");
+    let loads = 0.5 * 6.0 * 225.0;
+    assert!(solved.loads_mn < loads && solved.loads_mn > 0.8 * loads, "{} of {loads} mN at rest", solved.loads_mn);
+}

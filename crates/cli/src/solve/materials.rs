@@ -1,7 +1,7 @@
 //! Materials of a scene: regions by number, moduli in Pa.
 
 use anyhow::{Context, Result, bail, ensure};
-use monro_case::vtu::{self, UnstructuredGrid};
+use monro_case::vtu::{self, DataArray, UnstructuredGrid};
 use monro_tissue::Material;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -36,7 +36,9 @@ pub(super) fn odd(materials: &BTreeMap<u16, Material>) -> Vec<String> {
 
 /// The materials of a case by region.
 pub(super) fn read(case: &Value) -> Result<BTreeMap<u16, Material>> {
-    let entries = case["materials"].as_object().context("no \"materials\"")?;
+    let entries = case["materials"].as_object();
+    let entries = entries.with_context(|| wanted_materials(&case["materials"]))?;
+    ensure!(!entries.is_empty(), "\"materials\" is empty: each region of the mesh needs one");
     let one = |(region, m): (&String, &Value)| {
         let label = region.parse::<u16>().ok();
         // One spelling for each: of two the second would count.
@@ -46,6 +48,11 @@ pub(super) fn read(case: &Value) -> Result<BTreeMap<u16, Material>> {
         Ok((label, Material { young_kpa: young * 1e-3, poisson, ..Material::BRAIN }))
     };
     entries.iter().map(one).collect()
+}
+
+fn wanted_materials(value: &Value) -> String {
+    let there = if value.is_null() { "there is no \"materials\"" } else { "\"materials\" is of another kind" };
+    format!("{there}; wanted an object of materials by region, like {{\"1\": {{\"E\": 3000, \"nu\": 0.45}}}}")
 }
 
 /// Young's modulus (Pa) and Poisson's ratio.
@@ -115,6 +122,23 @@ fn wanted(poisson: f64) -> String {
         "below 0 are only foams that widen when they are pulled; say 0 for what keeps its width"
     };
     format!("wanted from {low} to below {high}: {why}")
+}
+
+/// Arrays that may be meant for the regions, where the mesh has no array of that name and one material counts everywhere.
+pub(super) fn unread(grid: &UnstructuredGrid) -> Option<String> {
+    let is_label = |v: &f64| v.fract() == 0.0 && (0.0..65536.0).contains(v);
+    let differ = |a: &&DataArray| a.components == 1 && a.values.iter().any(|v| *v != a.values[0]);
+    let like = |a: &&DataArray| differ(a) && a.values.iter().all(is_label);
+    let named = vtu::find(&grid.cell_data, "region").is_some();
+    let names: Vec<&str> = grid.cell_data.iter().filter(|_| !named).filter(like).map(|a| a.name.as_str()).collect();
+    let told = || {
+        format!(
+            "the mesh has no cell array \"region\", so its one material counts everywhere; not read: {} (call it \"region\" if \
+             it tells the regions)",
+            names.join(", ")
+        )
+    };
+    (!names.is_empty()).then(told)
 }
 
 /// The region of each element, each with a material.

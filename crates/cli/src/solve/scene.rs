@@ -116,6 +116,7 @@ fn of_case(
     let tets = mesh_mm(&grid, &materials).with_context(|| file.display().to_string())?;
     let (problem, sets) = problem(&grid, mesh, case).with_context(in_case)?;
     let mut remarks = remarks::all(&problem, &sets);
+    remarks.extend(materials::unread(&grid));
     remarks.extend(materials::odd(&materials));
     remarks.extend(materials::unused(&materials, &tets.labels));
     remarks.extend(remarks::nothing_to_find(tets.vertices.len(), &problem));

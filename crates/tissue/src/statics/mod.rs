@@ -165,6 +165,7 @@ impl Model {
             converged: stop.is_none() && turned.is_empty(),
             stop,
             overlaps,
+            loads_mn: solved.loads,
             unborne: solved.unborne,
             coarse: Vec::new(),
             points: Vec::new(),

@@ -46,6 +46,8 @@ pub(super) struct Solved {
     /// Force of each sphere on the tissue, mN.
     pub(super) contacts: Vec<D3>,
     pub(super) spheres: Vec<Sphere>,
+    /// Sum of the sizes of the loads, mN.
+    pub(super) loads: f64,
     /// Sum of the forces out of balance over the sum of the loads.
     pub(super) unborne: f64,
     pub(super) residual: f64,
@@ -127,7 +129,7 @@ pub(super) fn solve(
     let spheres =
         problem.spheres.centres().into_iter().zip(firm).map(|(centre, firm)| Sphere { centre, firm }).collect();
     let turned = elastic.turned(&at.x).collect();
-    let unborne = problem.unborne(&at, &contacts);
+    let (unborne, loads) = (problem.unborne(&at, &contacts), problem.loads.sum(&at.x));
     let (steps, products) = (problem.steps, problem.products);
     let met = residual <= options.tolerance && share >= 1.0;
     let stop = match (met, unborne > UNBORNE) {
@@ -135,7 +137,7 @@ pub(super) fn solve(
         (true, true) => Some(Stop::Unborne),
         (false, _) => problem.stop.or(Some(Stop::Stuck)),
     };
-    Solved { x: at.x, reaction, contacts, spheres, unborne, residual, share, turned, stop, steps, products }
+    Solved { x: at.x, reaction, contacts, spheres, loads, unborne, residual, share, turned, stop, steps, products }
 }
 
 /// Square of what rounding leaves at each node.

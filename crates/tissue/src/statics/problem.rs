@@ -169,7 +169,7 @@ pub enum StaticError {
     },
     /// The loads move a part of the body that nothing holds.
     #[error(
-        "the loads push the part of the body with vertex {vertex} away: {force_mn:.4?} mN and a moment of {moment_mn_mm:.4?} mN mm about its centre are borne by no support, so there is no equilibrium; hold vertices against them"
+        "the loads push the part of the body with vertex {vertex} away: {force_mn:.4?} mN and a moment of {moment_mn_mm:.4?} mN mm about its centre are borne by no support where the body lies, so it is carried away or swings round; hold vertices against them"
     )]
     Unheld {
         /// A vertex of the part.

@@ -41,6 +41,8 @@ pub struct StaticSolution {
     pub change: Option<MeshChange>,
     /// Where spheres and tissue overlap in the end.
     pub overlaps: Vec<Overlap>,
+    /// Sum of the sizes of the loads (pressures over their faces, weights), mN.
+    pub loads_mn: f64,
     /// Sum of the forces out of balance over the sum of the loads and of the spheres' forces.
     pub unborne: f64,
     /// Tools whose elements were not made as small as they should be.
@@ -113,7 +115,7 @@ pub struct MeshChange {
     /// Relative L2 change of the displacement at the vertices of the given mesh.
     pub displacement: f64,
     /// Largest change of the force of a set of supports, a sphere or a rod, over the largest of these forces (or a tenth of what
-    /// all vertices bear, where a set's forces balance each other).
+    /// all vertices bear or of all loads, where a set's forces or the loads balance each other).
     pub force: f64,
 }
 
