@@ -2,7 +2,7 @@
 
 use super::test_head::head;
 use super::*;
-use monro_geometry::Grid;
+use monro_geometry::{Affine, Grid, Matrix3, Vector};
 
 /// Labels of voxels by their indices, in a volume of 44 x 44 x 44 around the origin.
 fn labelled(spacing: [f64; 3], label: impl Fn([usize; 3]) -> u8) -> Volume<u8> {
@@ -333,4 +333,23 @@ fn a_skin_of_one_voxel_had_its_volume_and_a_quarter_of_its_voxels_outside_withou
     let (_, report) = mesh(&fin, &MeshOptions::new(&[1, 2], &[2], 30_000)).expect("a mesh");
     assert!(told(&report, &["label 2", "% of its volume", "more elements do not help"]), "{:?}", report.remarks);
     assert!(!told(&report, &["label 1", words[0]]), "{:?}", report.remarks);
+}
+
+#[test]
+fn furrows_whose_walls_only_graze_each_other_passed_strict_without_a_word() {
+    let along = |x, y, z| Vector::<Patient>::new(x, y, z);
+    let flipped = Matrix3::from_columns(along(-1.0, 0.0, 0.0), along(0.0, -1.0, 0.0), along(0.0, 0.0, 1.0));
+    let grid = Grid::new([60; 3], Affine::new(flipped, [0.0; 3])).expect("grid");
+    let labels = (0..grid.len()).map(|at| {
+        let [x, y, z] = grid.voxel(at).map(|i| i as f64 - 30.0);
+        let far = (x * x + y * y + z * z).sqrt();
+        let furrow = (0..6).any(|k| ((0.52 * f64::from(k)).cos() * x + (0.52 * f64::from(k)).sin() * y).abs() < 1.2);
+        if far >= 26.0 || (furrow && far > 14.0) { 0 } else { 1 + u8::from(far < 12.0) }
+    });
+    let labels = Volume::new(grid, labels.collect()).expect("count");
+    let (_, report) = mesh(&labels, &MeshOptions::new(&[1, 2], &[1, 2], 12_000)).expect("a mesh");
+    let found = report.self_crossing.expect("crossing");
+    assert!(report.overlap.is_none() && found.pairs > 0, "{found:?}");
+    assert!(told(&report, &["passes through itself", "narrow gap"]), "{:?}", report.all_remarks());
+    assert!(matches!(mesh(&labels, &strict(&[1, 2], 12_000)).expect_err("refused"), MeshError::SelfCrossing(_)));
 }

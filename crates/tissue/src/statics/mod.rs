@@ -39,7 +39,7 @@ pub use told::{Coarse, MeshChange, Overlap, StaticSolution, Stop, Unfinished};
 pub struct StaticOptions {
     /// Largest allowed ratio of the force out of balance to the forces that act.
     pub tolerance: f64,
-    /// Most Newton steps, and most steps of the imposed motion.
+    /// Most Newton steps, and most steps of the imposed motion; ten times as many (and products) where spheres rub.
     pub steps: u32,
     /// Most products with the Hessian, over all steps.
     pub products: u32,

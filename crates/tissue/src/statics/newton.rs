@@ -17,6 +17,9 @@ const SHORTEST: f64 = 1.0 / 128.0;
 /// Most steps of a contact's pressures.
 const AUGMENTATIONS: u32 = 30;
 
+/// Where spheres rub, so many times the steps and products may be taken: they follow the way, which is as long as it is.
+const RUBBING: u32 = 10;
+
 /// Newton steps after which a step of motion and load counts as too long.
 const PATIENCE: u32 = 40;
 
@@ -98,7 +101,11 @@ pub(super) fn solve(
     options: &StaticOptions,
     keep_going: &mut dyn FnMut() -> bool,
 ) -> Solved {
-    let options = *options;
+    let mut options = *options;
+    if spheres.rub() {
+        options.steps = options.steps.saturating_mul(RUBBING);
+        options.products = options.products.saturating_mul(RUBBING);
+    }
     let rounding = rounding(elastic);
     let (share, stop) = (0.0, None);
     let hessian = Products::new(elastic, std::thread::available_parallelism().map_or(1, usize::from));
