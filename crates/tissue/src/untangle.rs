@@ -25,8 +25,8 @@ pub(crate) const CRUSHED: f32 = 0.3;
 /// hundred of a probe at 37,000 elements took 34 ms instead of 1.3, with 20 at most 9, with 60 at most 2.
 const PASSES: u32 = 20;
 const ROUNDS: u32 = 60;
-/// An element is pushed by this multiple of what it lacks, since neighbours push back. With 1.3 it took three to eight times
-/// as many pushes, and single frames four times as long.
+/// An element is pushed by this multiple of what it lacks, since neighbours push back. With 1.3 it took three to six times
+/// as many pushes.
 const EAGERNESS: f32 = 1.6;
 
 /// Memory to work in.
