@@ -5,7 +5,7 @@
 //! in one element are just two surfaces after each other.
 
 use super::adjacency::Incidence;
-use super::fields::LabelFields;
+use super::fields::{ABSENT, LabelFields};
 use super::lattice::PackedMap;
 use super::quality::quality;
 use super::vec3::{V3, add, distance, lerp, scale};
@@ -17,8 +17,6 @@ const WARP: f64 = 0.25;
 const SNAP: f64 = 0.02;
 /// A warp may not leave an element worse than this.
 const WORST: f64 = 0.08;
-/// Where the field of the last label is not above this, it is not there: at its surface it is a sixth at least.
-const ABSENT: f64 = 0.1;
 /// Label of elements not yet given away.
 pub(super) const PENDING: u8 = u8::MAX;
 /// Label of elements outside.

@@ -1,8 +1,10 @@
 //! The labels as smooth fields whose level sets are the surfaces to mesh.
 //!
-//! One field for everything that is kept, and one for each label but the last, which is what remains. Inside, a point
-//! carries the label of the largest field, so a septum thinner than a cell survives between two ventricles.
+//! One field for everything that is kept, and one for each label but the last, which is what remains, in the order in which
+//! they are cut off ([`cutting_order`]). Inside, a point carries the label of the largest field, so a septum thinner than a
+//! cell survives between two ventricles.
 
+use super::order::cutting_order;
 use super::smooth::smoothed;
 use super::vec3::{V3, sub};
 use crate::surface::even::{Extent, even, even_step, extents};
@@ -17,6 +19,12 @@ const USUAL: Range<f64> = 12.0..500.0;
 const HEAD: f64 = 180.0;
 /// It is not less than this part of a cell, however small the extent.
 const FINEST_UNIT: f64 = 0.2;
+
+/// A label has a part in a cell where its field is above this: on either side of a surface along the cells it is 0.2.
+const COMMON: f32 = 0.15;
+
+/// Where the field of a label is not above this, it is not there: at its surface it is a sixth at least.
+pub(super) const ABSENT: f64 = 0.1;
 
 /// A field sampled trilinearly in patient mm, with one value outside its box.
 #[derive(Debug, Clone)]
@@ -63,6 +71,18 @@ impl Field {
                 row.iter_mut().zip(from).for_each(|(v, &o)| change(v, o));
             }
         }
+    }
+
+    /// In how many cells this field and `other`, on the same lattice, have a part each.
+    fn shared_with(&self, other: &Self) -> usize {
+        let (offset, [nx, ny, nz]) = (self.offset_of(other), self.volume.grid().dims());
+        let rows = (0..nz).flat_map(|k| (0..ny).map(move |j| [j, k]));
+        let both = rows.filter_map(|[j, k]| {
+            let (first, theirs) = self.row_over(other, offset, [j, k])?;
+            let own = &self.volume.data()[(k * ny + j) * nx + first..];
+            Some(own.iter().zip(theirs).filter(|&(&a, &b)| a > COMMON && b > COMMON).count())
+        });
+        both.sum()
     }
 
     /// Where row `j`, `k` of this field and one of `other`, a field on the same lattice, lie over each other: the first cell
@@ -154,15 +174,16 @@ impl LabelFields {
         let mut present: Vec<(u16, Extent)> = keep.iter().zip(found).filter_map(|(&k, e)| Some((k, e?))).collect();
         let largest = (0..present.len()).max_by_key(|&i| (present[i].1.count, std::cmp::Reverse(i)))?;
         let rest = present.remove(largest);
-        present.push(rest);
         let union = even(labels, &all, &whole, step, MARGIN)?;
         let (at_border, union) = (union.at_border, Field::new(smoothed(union.field, false)));
-        let parts = present[..present.len() - 1].iter();
-        let parts = parts.map(|(k, e)| {
+        let parts = present.iter().map(|(k, e)| {
             Some(Field::new(smoothed(even(labels, &|l: T| l.into() == *k, e, step, MARGIN)?.field, true)))
         });
         let parts: Vec<Field> = parts.collect::<Option<_>>()?;
-        let fronts = parts.iter().map(|own| front(own, &union, &parts)).collect();
+        let fronts: Vec<Field> = parts.iter().map(|own| front(own, &union, &parts)).collect();
+        let order = cutting_order(&shared(&parts, &fronts));
+        let (parts, fronts) = (put_in_order(parts, &order), put_in_order(fronts, &order));
+        present = order.iter().map(|&l| present[l]).chain([rest]).collect();
         Some(Self {
             union,
             parts,
@@ -205,7 +226,8 @@ impl LabelFields {
             let own = self.parts[s - 1].at(p);
             later.iter().for_each(|other| side = side.min(own - other.at(p)));
         }
-        side
+        // Where neither it nor any later one is, what is left of others has no side by rounding.
+        if side.abs() < ABSENT { side.min(self.parts[s - 1].at(p) - ABSENT) } else { side }
     }
 
     /// Positive on the side of label `a`, zero on its surface with label `b` (`None`: with the outside); and the gradient
@@ -295,6 +317,25 @@ fn rest_on(like: &Field, union: &Field, parts: &[Field]) -> Field {
     rest.combine(union, |value, union| *value = union);
     parts.iter().for_each(|part| rest.combine(part, |value, part| *value -= part));
     rest
+}
+
+fn put_in_order<T>(items: Vec<T>, order: &[usize]) -> Vec<T> {
+    let mut items: Vec<Option<T>> = items.into_iter().map(Some).collect();
+    order.iter().filter_map(|&i| items[i].take()).collect()
+}
+
+/// In how many cells two labels have a part each, for all of them, what remains last: about twice the cells of the surface
+/// between them.
+fn shared(parts: &[Field], fronts: &[Field]) -> Vec<Vec<usize>> {
+    let last = parts.len();
+    let mut shared = vec![vec![0; last + 1]; last + 1];
+    for (a, own) in parts.iter().enumerate() {
+        let rest = own.volume.data().iter().zip(fronts[a].volume.data());
+        let mut share = |b: usize, cells: usize| (shared[a][b], shared[b][a]) = (cells, cells);
+        share(last, rest.filter(|&(&v, &front)| v > COMMON && v - front > COMMON).count());
+        parts[..a].iter().enumerate().for_each(|(b, other)| share(b, own.shared_with(other)));
+    }
+    shared
 }
 
 /// How far a part exceeds what [`rest_on`] its lattice gives, row by row. Far from a label the rest is all there is.

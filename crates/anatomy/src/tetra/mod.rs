@@ -35,6 +35,7 @@ mod fields;
 mod improve;
 mod lattice;
 mod octree;
+mod order;
 mod quality;
 mod region;
 mod remarks;

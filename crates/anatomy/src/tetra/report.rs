@@ -314,6 +314,7 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
     };
     report.remarks = remarks::remarks(&report, source);
     report.topology = remarks::topology(&report);
+    report.labels.sort_by_key(|l| l.label);
     report
 }
 

@@ -94,6 +94,28 @@ fn a_head_with_folds_was_meshed_twice() {
 }
 
 #[test]
+fn layers_as_thick_as_an_element_were_torn_beside_the_largest_one() {
+    // A ball of nine layers three voxels thick, the largest in the middle. Labels were cut off in the order of their numbers, so
+    // the one above the largest lost both its surfaces at once: 0.5 mm off on average, up to 2.9 mm, for 0.1 and 0.7.
+    let grid = Grid::axis_aligned([60; 3], [1.0; 3], [0.0; 3]).expect("grid");
+    let layer = |at| {
+        let [i, j, k] = grid.voxel(at);
+        let own = ((k as f64 - 30.0) / 3.0).floor() + 5.0;
+        let inside = (grid.centre(i, j, k) - Point::new(30.0, 30.0, 30.0)).norm() < 28.0;
+        if inside && (1.0..10.0).contains(&own) { own as u16 } else { 0 }
+    };
+    let labels = Volume::new(grid, (0..grid.len()).map(layer).collect()).expect("count");
+    let keep: Vec<u16> = (1..10).collect();
+    let (_, report) = mesh(&labels, &MeshOptions::new(&keep, &keep, 20_677)).expect("mesh");
+    assert!(!report.coarse_regions && report.all_remarks().is_empty(), "{:?}", report.all_remarks());
+    assert!(report.labels.iter().map(|l| l.label).eq(keep), "{:?}", report.labels);
+    for l in &report.labels {
+        let off = l.interface.expect("a surface");
+        assert!(off.mean < 0.2 && off.max < 1.2, "label {}: {off:?}", l.label);
+    }
+}
+
+#[test]
 fn the_largest_label_turned_up_where_others_meet_far_from_it() {
     // Cells around points: where three or four of them met, rounding left elements to the largest, up to its whole distance off.
     let (n, sites) = (54, 20);
