@@ -268,7 +268,7 @@ fn as_json(report: &MeshReport, out: &Path, stages: &[(String, f64)], parts: &Pa
         "open_at_border": report.open_at_border,
         "coarse_regions": report.coarse_regions,
         "closed_gaps": report.closed_gaps.map(|g| json!({ "voxels": g.voxels, "at_mm": g.at })),
-        "self_crossing": report.self_crossing.map(|c| json!({ "pairs": c.pairs, "at_lps_mm": c.at })),
+        "self_crossing": meeting::crossing_json(report.self_crossing.as_ref()),
         "overlap": report.overlap.map(|o| json!({ "elements": o.elements, "at_mm": o.at.to_array() })),
         "remarks": report.all_remarks(),
         "labels": report.labels.iter().map(label_json).collect::<Vec<_>>(),

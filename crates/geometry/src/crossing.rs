@@ -11,6 +11,7 @@ mod finder;
 pub use finder::CrossingFinder;
 
 use crate::{Patient, Point, TriangleMesh, Vector};
+use std::fmt;
 
 /// What is parted by a shift of this share of the larger triangle's extent does not cross: well above what single precision
 /// makes of a clean surface.
@@ -27,7 +28,39 @@ pub struct Crossings {
     pub cut_short: bool,
 }
 
+/// Where a surface passes through itself, in short.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SelfCrossing {
+    /// Pairs of triangles that cross or lie on each other.
+    pub pairs: usize,
+    /// There may be more of them: the search was cut short.
+    pub or_more: bool,
+    /// Where the first of them do, mm.
+    pub at: Point<Patient>,
+}
+
+impl fmt::Display for SelfCrossing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (pairs, more, [x, y, z]) = (self.pairs, if self.or_more { " or more" } else { "" }, self.at.to_array());
+        write!(
+            f,
+            "surface passes through itself: {pairs}{more} pair(s) of triangles cross or lie on each other, the first at \
+             ({x:.1}, {y:.1}, {z:.1}) mm"
+        )
+    }
+}
+
 impl TriangleMesh {
+    /// Where the surface passes through itself: its [`TriangleMesh::crossings`] in short. `None` where it does not.
+    ///
+    /// # Panics
+    /// As those do.
+    pub fn self_crossing(&self) -> Option<SelfCrossing> {
+        let Crossings { pairs, cut_short } = self.crossings();
+        let first = *pairs.first()?;
+        Some(SelfCrossing { pairs: pairs.len(), or_more: cut_short, at: self.crossing_place(first) })
+    }
+
     /// All pairs of triangles that cross, as [`triangles_cross`] has it; neighbours that only share a corner or an edge do
     /// not, triangles that lie on each other do. O(n log n) for surfaces; the same for the same mesh.
     ///

@@ -32,7 +32,7 @@ mod walls;
 pub use affine::Affine;
 pub use buckets::by_point;
 pub use bvh::{Bvh, Hit, Nearest, nearest_on_triangle};
-pub use crossing::{CrossingFinder, Crossings, triangles_cross};
+pub use crossing::{CrossingFinder, Crossings, SelfCrossing, triangles_cross};
 pub use disjoint_sets::DisjointSets;
 pub use embedding::{Binder, BoundChunk, Embedding, EmbeddingError, Located, NearestFace, Overlap, TetLocator};
 pub use frame::{Display, Frame, Patient, Tool, Tracker, Voxel};

@@ -5,7 +5,7 @@ use crate::plan::{self, Planned};
 use crate::{Labels, NOTICE, Observer, PrepareError, Request, Stage};
 use monro_anatomy::segment::{self, Doubt, Segmentation};
 use monro_anatomy::surface::{self, Surface, SurfaceOptions};
-use monro_anatomy::tetra::{self, MeshOptions, MeshReport};
+use monro_anatomy::tetra::{self, LabelReport, MeshOptions, MeshReport};
 use monro_case::{Case, Confidence, DoubtfulSpot, Manifest, SCHEMA, Source};
 use monro_geometry::{Patient, Point, Structure, TetMesh, TriangleMesh, Volume};
 use monro_scan::Scan;
@@ -239,17 +239,25 @@ fn of_mesh(mesh: &MeshReport) -> Vec<String> {
         })
     };
     let mut all: Vec<String> = mesh.remarks.iter().map(|remark| format!("tetrahedra: {}", named(remark))).collect();
-    let differ = mesh.labels.iter().filter(|l| l.surface.differs_at.is_some());
-    let known = differ.filter_map(|l| Structure::from_label(l.label));
-    let names: Vec<String> = known.map(Structure::words).collect();
-    if !names.is_empty() {
-        all.push(format!(
-            "tetrahedra: thin bridges or gaps of the {} are joined or parted otherwise than in the labels; volumes hold, and \
-             only a path through such a place would notice (\"monro mesh CASE\" says where)",
-            names.join(" and the ")
-        ));
-    }
+    all.extend(bridges(mesh));
     all
+}
+
+/// Where surfaces have other handles or pieces than those of the labels; of coarse regions that is said anyway.
+fn bridges(mesh: &MeshReport) -> Option<String> {
+    let differ = mesh.labels.iter().filter(|_| !mesh.coarse_regions).filter(|l| l.surface.differs_at.is_some());
+    let place = |[x, y, z]: [f64; 3]| format!("({x:.1}, {y:.1}, {z:.1}) mm");
+    let named = |l: &LabelReport| Some((Structure::from_label(l.label)?.words(), place(l.surface.differs_at?)));
+    let places: Vec<String> = differ.filter_map(named).map(|(name, at)| format!("the {name} (as at {at})")).collect();
+    let held = mesh.labels.iter().all(|l| l.volume_error.abs() < tetra::MOST_VOLUME_ERROR);
+    let held = if held { "volumes hold, and " } else { "" };
+    (!places.is_empty()).then(|| {
+        format!(
+            "tetrahedra: thin bridges or gaps of {} are joined or parted otherwise than in the labels; {held}only a path \
+             through such a place would notice",
+            places.join(" and ")
+        )
+    })
 }
 
 /// Short description of a series: its hashed id and description, where it has them.

@@ -3,9 +3,9 @@
 use super::improve::MOST_LABELS;
 use super::report::{
     BadShapes, Boundary, ClosedGaps, InterfaceDistance, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO,
-    MOST_VOLUME_ERROR, SelfCrossing, SurfaceReport,
+    MOST_VOLUME_ERROR, SurfaceReport,
 };
-use monro_geometry::Overlap;
+use monro_geometry::{Overlap, SelfCrossing};
 use std::fmt;
 use thiserror::Error;
 
@@ -94,7 +94,7 @@ pub enum MeshError {
     #[error("{}", overlap_words(.0))]
     Overlap(Overlap),
     /// The outer surface passes through itself.
-    #[error("{}", overlap_words(.0))]
+    #[error("{}", crossing_words(.0))]
     SelfCrossing(SelfCrossing),
     /// More labels than the mesher tells apart.
     #[error("{0} labels to mesh, but at most {MOST_LABELS} are told apart; name those to mesh, or merge some")]
@@ -163,6 +163,11 @@ pub enum MeshError {
         /// Elements of the nearest mesh found.
         found: usize,
     },
+}
+
+/// Of the outer surface of a mesh, and what that comes from.
+pub(super) fn crossing_words(crossing: &SelfCrossing) -> String {
+    overlap_words(&format!("the outer {crossing}"))
 }
 
 /// Says what elements in others, or a surface through itself, come from.

@@ -52,7 +52,7 @@ mod voxels;
 pub use error::MeshError;
 pub use report::{
     BadShapes, Boundary, ClosedGaps, EdgeBand, InterfaceDistance, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO,
-    LabelReport, MOST_VOLUME_ERROR, MeshReport, SelfCrossing, SurfaceReport,
+    LabelReport, MOST_VOLUME_ERROR, MeshReport, SurfaceReport,
 };
 
 use cut::RawMesh;

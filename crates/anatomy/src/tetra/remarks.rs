@@ -1,7 +1,7 @@
 //! What a user should know of a mesh, in words.
 
 use super::census::blocks;
-use super::error::{COARSE, overlap_words};
+use super::error::{COARSE, crossing_words, overlap_words};
 use super::report::{
     Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR, Source, SurfaceReport,
 };
@@ -16,6 +16,8 @@ const SURFACE_ERROR: f64 = 1.5;
 /// Where the centres of more than this part of a label's voxels are not in it, it is too thin for smooth surfaces.
 const MOST_ABSENT: f64 = 0.1;
 const THICKER: &str = "thicken it or resample the labels to voxels of half the size, more elements do not help";
+/// What helps the volume of a region.
+const REGIONS: &str = "a region is made of whole elements: ask for more";
 /// Densities over those wanted that are not remarked upon.
 const DENSITY: Range<f64> = 0.75..1.33;
 /// Places along a path are so far apart, mm.
@@ -58,7 +60,7 @@ pub(super) fn topology(report: &MeshReport) -> Vec<String> {
     all.extend(report.far().map(|(label, interface)| format!("label {label}: {interface}")));
     all.extend(report.closed_gaps.map(|gaps| gaps.to_string()));
     let crossing = report.self_crossing.as_ref().filter(|_| report.overlap.is_none());
-    all.extend(report.overlap.as_ref().map(overlap_words).or_else(|| crossing.map(overlap_words)));
+    all.extend(report.overlap.as_ref().map(overlap_words).or_else(|| crossing.map(crossing_words)));
     all
 }
 
@@ -225,7 +227,8 @@ fn of_label(l: &LabelReport, coarse_regions: bool, thin: bool, far: f64) -> Vec<
     let pinch = of_pinch(Boundary::Label(l.label), &l.surface).filter(|_| !coarse_regions);
     let mut all: Vec<String> = pinch.into_iter().collect();
     if l.volume_error.abs() > MOST_VOLUME_ERROR {
-        let way_out = if thin { THICKER } else { COARSE };
+        let way_out = if coarse_regions { REGIONS } else { COARSE };
+        let way_out = if thin { THICKER } else { way_out };
         all.push(format!("label {}: {:+.1} % of its volume; {way_out}", l.label, l.volume_error * 100.0));
     }
     if let Some(d) = l.interface.filter(|d| d.mean > far) {

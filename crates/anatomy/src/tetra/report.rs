@@ -9,7 +9,7 @@ use super::{Crumb, MeshOptions, difference, place, remarks};
 use crate::shapes::ShapeSummary;
 use crate::surface::even::Extent;
 use crate::surface::isosurface;
-use monro_geometry::{Bvh, Overlap, Patient, Point, TetLocator, TetMesh, TriangleMesh};
+use monro_geometry::{Bvh, Overlap, Patient, Point, SelfCrossing, TetLocator, TetMesh, TriangleMesh};
 use rayon::prelude::*;
 use std::fmt;
 
@@ -88,33 +88,6 @@ impl fmt::Display for ClosedGaps {
         write!(
             f,
             "{voxels} voxel(s) of none of the labels, one at {}, lie in the mesh: holes, tunnels or slits that are no wider than a cell or two of the smooth fields ({step:.2} mm) close in them; label them, or resample the labels to voxels of half the size if these are not smaller than such cells already (in what is large, cells are)",
-            place(at)
-        )
-    }
-}
-
-/// Where the outer surface passes through itself.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SelfCrossing {
-    /// Pairs of triangles that cross or lie on each other.
-    pub pairs: usize,
-    /// Where the first of them do, LPS mm.
-    pub at: [f64; 3],
-}
-
-impl SelfCrossing {
-    fn of(outer: &TriangleMesh) -> Option<Self> {
-        let pairs = outer.crossings().pairs;
-        pairs.first().map(|&first| Self { pairs: pairs.len(), at: outer.crossing_place(first).to_array() })
-    }
-}
-
-impl fmt::Display for SelfCrossing {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { pairs, at } = *self;
-        write!(
-            f,
-            "the outer surface passes through itself: {pairs} pair(s) of triangles cross or lie on each other, the first at {}",
             place(at)
         )
     }
@@ -305,7 +278,7 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
         coarse_regions: source.coarse_regions,
         closed_gaps: closed_gaps(source),
         overlap: TetLocator::new(mesh).ok().and_then(|l| l.overlap()),
-        self_crossing: SelfCrossing::of(&surface),
+        self_crossing: surface.self_crossing(),
         labels: (0..fields.labels.len()).map(|l| label_report(mesh, source, l)).collect(),
         outer: SurfaceReport::new(&surface, &outer, fields.unit),
         remarks: Vec::new(),

@@ -2,7 +2,7 @@
 //! that are doubled but for rounding.
 
 use super::facts::place;
-use monro_geometry::{Crossings, HangingNode, LooseFaces, TetMesh, TriangleMesh};
+use monro_geometry::{HangingNode, LooseFaces, SelfCrossing, TetMesh, TriangleMesh};
 use serde_json::{Value, json};
 
 /// What was found, and what is to be said of it.
@@ -13,9 +13,9 @@ pub(super) struct Meeting {
 
 /// Triangles of a surface that pass through each other.
 pub(super) fn of_surface(mesh: &TriangleMesh) -> Meeting {
-    let found = mesh.crossings();
-    let json = json!({ "self_crossing": crossing_json(mesh, &found) });
-    Meeting { json, doubts: crossing_words("the surface passes through itself", mesh, &found).into_iter().collect() }
+    let found = mesh.self_crossing();
+    let doubts = found.map(|found| format!("the {found}")).into_iter().collect();
+    Meeting { json: json!({ "self_crossing": crossing_json(found.as_ref()) }), doubts }
 }
 
 /// Elements that do not share what they meet in.
@@ -23,36 +23,22 @@ pub(super) fn of_tetrahedra(mesh: &TetMesh) -> Meeting {
     let (hanging, loose) = mesh.unshared();
     let mut doubts: Vec<String> = hanging.map(hanging_words).into_iter().chain(loose.map(loose_words)).collect();
     let boundary = TriangleMesh { vertices: mesh.vertices.clone(), triangles: mesh.boundary(|_| true) };
-    let found = boundary.crossings();
+    let found = boundary.self_crossing();
     // Where elements share nothing, the faces in which they should lie on each other: not to be told twice.
     if doubts.is_empty() {
-        doubts.extend(crossing_words("the outer surface passes through itself", &boundary, &found));
+        doubts.extend(found.map(|found| format!("the outer {found}")));
     }
     let json = json!({
         "hanging_nodes": hanging.map_or(0, |h| h.vertices),
         "loose_faces": loose.map_or(0, |l| l.faces),
-        "self_crossing": crossing_json(&boundary, &found),
+        "self_crossing": crossing_json(found.as_ref()),
     });
     Meeting { json, doubts }
 }
 
 /// How many pairs of triangles cross, and where the first do; null where none do.
-fn crossing_json(mesh: &TriangleMesh, found: &Crossings) -> Value {
-    found.pairs.first().map_or(
-        Value::Null,
-        |&first| json!({ "pairs": found.pairs.len(), "at_lps_mm": mesh.crossing_place(first).to_array() }),
-    )
-}
-
-fn crossing_words(what: &str, mesh: &TriangleMesh, found: &Crossings) -> Option<String> {
-    let &first = found.pairs.first()?;
-    let more = if found.cut_short { " or more" } else { "" };
-    let at = mesh.crossing_place(first).to_array();
-    Some(format!(
-        "{what}: {}{more} pair(s) of triangles cross or lie on each other, the first at {} mm",
-        found.pairs.len(),
-        place(at)
-    ))
+pub(super) fn crossing_json(found: Option<&SelfCrossing>) -> Value {
+    found.map_or(Value::Null, |found| json!({ "pairs": found.pairs, "at_lps_mm": found.at.to_array() }))
 }
 
 fn hanging_words(h: HangingNode) -> String {
