@@ -137,7 +137,7 @@ pub(crate) struct PrepareArgs {
     /// Folder of the new case.
     #[arg(long, value_name = "CASE")]
     pub(crate) out: PathBuf,
-    /// Wanted number of tetrahedra.
+    /// Wanted number of tetrahedra (500 to 20 million).
     #[arg(long, value_name = "N", default_value_t = DEFAULT_ELEMENTS, value_parser = elements)]
     pub(crate) elements: usize,
     /// Side of the entry (default: right, or the side of --plan).
@@ -466,7 +466,7 @@ pub(crate) struct MeshArgs {
     /// A path to be fine along, LPS mm (default: the plan of a case).
     #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true)]
     pub(crate) path: Option<String>,
-    /// Wanted number of tetrahedra (37336 if not given).
+    /// Wanted number of tetrahedra (500 to 20 million; 37336 if not given).
     #[arg(long, value_name = "N", value_parser = elements)]
     pub(crate) elements: Option<usize>,
     /// How many more elements a volume of a label gets than the others, e.g. 4=8,7=0.125 (0.01 to 100). Cells halve, so what

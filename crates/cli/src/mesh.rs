@@ -158,7 +158,7 @@ fn input(args: &MeshArgs) -> Result<Input> {
         if args.labels.is_dir() {
             input.labels = monro_scan::read_labels(&args.labels.join("labels.nii.gz"))?;
         }
-        input.keep.clone_from(keep);
+        input.keep = each_once(keep);
         if input.structures {
             input.fine.retain(|l| keep.contains(l));
         } else {
@@ -166,7 +166,7 @@ fn input(args: &MeshArgs) -> Result<Input> {
         }
     }
     if let Some(fine) = &args.fine {
-        input.fine.clone_from(fine);
+        input.fine = each_once(fine);
     } else if !input.structures {
         input.remarks.extend(taken_for_ventricles(&input.keep, &input.fine));
     }
@@ -174,6 +174,17 @@ fn input(args: &MeshArgs) -> Result<Input> {
         input.path = Some(options::path(path)?);
     }
     Ok(input)
+}
+
+/// The labels without those that come again.
+fn each_once(labels: &[u16]) -> Vec<u16> {
+    let mut once = Vec::new();
+    labels.iter().for_each(|l| {
+        if !once.contains(l) {
+            once.push(*l)
+        }
+    });
+    once
 }
 
 /// A case is meshed as `prepare` does it: all inside the skull, fine around ventricles and path.

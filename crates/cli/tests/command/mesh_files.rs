@@ -355,6 +355,8 @@ fn labels_and_paths_that_are_not_in_the_volume_are_told() {
     assert!(said.contains("holds the labels 4, 5"), "{said}");
     let said = refusal(&mesh(&["--keep", "4,x"]));
     assert!(said.contains("\"x\" is no label") && said.contains("as in 4,5"), "{said}");
+    let twice = json(&mesh(&["--keep", "4,5,5", "--fine", "5,4,5"]));
+    assert_eq!(twice["fine"], serde_json::json!([5, 4]), "{twice}");
     let done = json(&mesh(&["--keep", "4,5,9", "--path", "500,0,0:520,0,0"]));
     let remarks = done["remarks"].as_array().expect("remarks").iter().filter_map(|r| r.as_str()).collect::<Vec<_>>();
     assert!(remarks.iter().any(|r| r.contains("label 9") && r.contains("4, 5")), "{remarks:?}");
