@@ -178,13 +178,7 @@ fn input(args: &MeshArgs) -> Result<Input> {
 
 /// The labels without those that come again.
 fn each_once(labels: &[u16]) -> Vec<u16> {
-    let mut once = Vec::new();
-    labels.iter().for_each(|l| {
-        if !once.contains(l) {
-            once.push(*l)
-        }
-    });
-    once
+    labels.iter().enumerate().filter(|(i, l)| !labels[..*i].contains(l)).map(|(_, &l)| l).collect()
 }
 
 /// A case is meshed as `prepare` does it: all inside the skull, fine around ventricles and path.

@@ -30,7 +30,37 @@ pub(super) fn all(problem: &StaticProblem, sets: &[(String, Vec<u32>)]) -> Vec<S
     let loaded = !problem.pressures.is_empty() || problem.body_force_mn_mm3 != [0.0; 3];
     let pushed = !held && !loaded && problem.contacts.len() == 1;
     let loose = "nothing holds the body: a sphere by itself only pushes it along; hold a set".to_owned();
-    pushed.then_some(loose).into_iter().chain(conflicts(problem, sets)).chain(repeated(problem)).collect()
+    pushed
+        .then_some(loose)
+        .into_iter()
+        .chain(conflicts(problem, sets))
+        .chain(repeated(problem))
+        .chain(rigid(problem))
+        .collect()
+}
+
+/// Rigid bodies that leave the tissue no room, or are one body.
+fn rigid(problem: &StaticProblem) -> Vec<String> {
+    let mut out = Vec::new();
+    for (i, sphere) in problem.contacts.iter().enumerate() {
+        for (j, rod) in problem.rods.iter().enumerate() {
+            let [from, to] = rod.ends.map(|end| end + rod.displacement_mm);
+            let gap = sphere.to.distance(sphere.to.nearest_on_segment(from, to)) - sphere.radius_mm - rod.radius_mm;
+            if gap < 0.0 {
+                out.push(format!(
+                    "the sphere of \"contact\" {i} ends {:.3} mm deep in the rod of \"embedded_rod\" {j}: the tissue that goes \
+                     with the rod has no room there, and no equilibrium is to be expected; end the sphere before it",
+                    -gap
+                ));
+            }
+        }
+        if let Some(first) = problem.contacts[..i].iter().position(|other| other == sphere) {
+            out.push(format!(
+                "\"contact\" {first} and {i} are the same sphere on the same way: they share its force; remove one of them"
+            ));
+        }
+    }
+    out
 }
 
 /// Entries that nothing reads, of a scene of which one mesh and one case are meant.
@@ -144,4 +174,35 @@ pub(super) fn nothing_to_find(nodes: usize, problem: &StaticProblem) -> Option<S
             first.map(Option::unwrap_or_default)
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_geometry::{Point, Vector};
+    use monro_tissue::{EmbeddedRod, SphereContact};
+
+    #[test]
+    fn a_sphere_driven_into_a_rod_was_only_told_not_to_converge() {
+        let sphere = |depth: f64| SphereContact {
+            radius_mm: 4.0,
+            friction: 0.0,
+            from: Point::new(0.0, 0.0, 30.0),
+            to: Point::new(0.0, 0.0, 30.0 - depth),
+        };
+        let rod = EmbeddedRod {
+            radius_mm: 1.5,
+            ends: [Point::new(-10.0, 0.0, 15.0), Point::new(10.0, 0.0, 15.0)],
+            displacement_mm: Vector::new(0.0, 0.0, 2.0),
+        };
+        let of = |contacts: &[SphereContact]| {
+            rigid(&StaticProblem { contacts: contacts.to_vec(), rods: vec![rod], ..StaticProblem::default() })
+        };
+        // The rod ends at 17 mm, so that a sphere has 5.5 mm from there on.
+        assert!(of(&[sphere(7.4)]).is_empty());
+        let told = of(&[sphere(7.4), sphere(7.6)]);
+        assert!(told.len() == 1 && told[0].contains("\"contact\" 1 ends 0.100 mm deep"), "{told:?}");
+        let told = of(&[sphere(1.0), sphere(2.0), sphere(1.0)]);
+        assert!(told.len() == 1 && told[0].contains("0 and 2 are the same"), "{told:?}");
+    }
 }
