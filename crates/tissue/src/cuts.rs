@@ -6,7 +6,7 @@
 //! layers with most of the work in two of them: these are cut well along an axis or not at all.
 
 use crate::fast::span;
-use crate::slabs::lent;
+use crate::slabs::{ends, lent};
 use monro_geometry::by_point;
 
 /// Vertices that a slab should have at least: below that threads wait more than they work.
@@ -115,7 +115,7 @@ impl Way {
         let (mut next, mut work) = (vec![0u32; vertices + 1], vec![0; vertices + 1]);
         let mut ended = work.clone();
         for v in 0..vertices {
-            let ends = rings.around(v).fold((u32::MAX, 0), |(l, h), n| (l.min(position[n]), h.max(position[n])));
+            let ends = ends(rings.around(v).map(|n| position[n]));
             // Whoever begins before a cut must end before the next.
             let after = ends.0 as usize + 1;
             next[after] = next[after].max(ends.1 + 1);
@@ -197,7 +197,7 @@ mod tests {
         let rings = Rings::new(slab.len(), &mesh.tets, held);
         let mut work = vec![0; *slab.iter().max().expect("vertices") as usize + 1];
         for v in 0..slab.len() {
-            let ends = rings.around(v).fold((u32::MAX, 0), |(l, h), n| (l.min(slab[n]), h.max(slab[n])));
+            let ends = ends(rings.around(v).map(|n| slab[n]));
             assert!(ends.1 - ends.0 <= 1, "{v}: {ends:?}");
             work[ends.0 as usize] += rings.work[v];
         }
@@ -226,7 +226,7 @@ mod tests {
         (0..).zip(&order).for_each(|(i, &v)| place[v] = i);
         let slabs = Slabs::new(&order.iter().map(|&v| slab[v]).collect::<Vec<_>>());
         let rings = Rings::new(slab.len(), &mesh.tets, &held);
-        let ends = |v: usize| rings.around(v).map(|n| place[n]).fold((u32::MAX, 0), |(l, h), n| (l.min(n), h.max(n)));
+        let ends = |v: usize| ends(rings.around(v).map(|n| place[n]));
         let items: Vec<_> = (0..slab.len()).map(|v| (ends(v).0, ends(v).1, rings.work[v])).collect();
         let mut shares = vec![0; slabs.len()];
         items.iter().zip(slabs.shares(&items)).for_each(|(item, share)| shares[share] += item.2);

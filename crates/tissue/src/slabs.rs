@@ -32,6 +32,11 @@ pub(crate) fn even_cuts(count: usize) -> Vec<usize> {
     (0..=pieces).map(|i| count * i / pieces).collect()
 }
 
+/// The lowest and the highest of some numbers.
+pub(crate) fn ends(numbers: impl IntoIterator<Item = u32>) -> (u32, u32) {
+    numbers.into_iter().fold((u32::MAX, 0), |(low, high), n| (low.min(n), high.max(n)))
+}
+
 /// The pieces of both between the cuts.
 pub(crate) fn split_both<'a, S, T>(
     (mut one, mut other): (&'a mut [S], &'a mut [T]),

@@ -10,7 +10,7 @@ use crate::fast::{Plans, Pool, widest};
 use crate::membrane::{Membranes, OUTSIDE};
 use crate::model::Region;
 use crate::options::{DihedralScope, PaperOptions};
-use crate::slabs::{Round, Slabs};
+use crate::slabs::{Round, Slabs, ends};
 use crate::space::Space;
 use crate::vec3::{V3, larger};
 
@@ -225,7 +225,6 @@ fn share_out<T, const N: usize>(
     nodes: impl Fn(&T) -> [u32; N],
     mut put: impl FnMut(usize, T),
 ) {
-    let ends = |n: [u32; N]| n.iter().fold((u32::MAX, 0), |(low, high), &v| (low.min(v), high.max(v)));
     let item = |one: &T| {
         let (low, high) = ends(nodes(one));
         (low, high, 1)

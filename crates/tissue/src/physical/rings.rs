@@ -4,7 +4,7 @@ use super::elastic::Elastic;
 use super::strips::{self, Spoke, Step};
 use crate::bytes;
 use crate::fast::{Line, Places, Row, WIDTH};
-use crate::slabs::{Round, Slabs};
+use crate::slabs::{Round, Slabs, ends};
 use monro_geometry::by_point;
 
 /// Unfinished batches that are looked through for a place: many fill well, few keep the vertices of a batch near each other.
@@ -83,7 +83,7 @@ pub(super) fn rounds(elastic: &Elastic, rest: &[[f32; 4]], mass: &[f32], slabs: 
     let moving: Vec<u32> = (0..rest.len() as u32).filter(|&v| free(v)).collect();
     let item = |&v: &u32| {
         let ring = rings.of(v).iter().flat_map(|s| s.1).chain([v]);
-        let (low, high) = ring.fold((v, v), |(low, high), n| (low.min(n), high.max(n)));
+        let (low, high) = ends(ring);
         (low, high, rings.walks[v as usize].len())
     };
     let shares = slabs.shares(&moving.iter().map(item).collect::<Vec<_>>());
