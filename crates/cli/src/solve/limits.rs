@@ -154,8 +154,7 @@ fn coarse(c: &Coarse) -> String {
 
 /// Point supports that bear something on a mesh finer than the one they were given on.
 fn points(scene: &Scene, solved: &StaticSolution) -> Option<String> {
-    let all = solved.reaction.iter().map(|r| r.norm()).sum::<f64>().max(solved.loads_mn);
-    let bears = |n: &&u32| solved.reaction[**n as usize].norm() > BEARS * all;
+    let bears = |n: &&u32| solved.reaction[**n as usize].norm() > BEARS * solved.at_work_mn();
     let bearing: Vec<u32> = solved.points.iter().filter(bears).copied().collect();
     let first = bearing.first().filter(|_| solved.tets > scene.mesh.tets.len())?;
     Some(format!(

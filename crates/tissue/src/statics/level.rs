@@ -138,11 +138,10 @@ impl Level {
         let (before, forces) = (self.forces(), next.forces());
         let most = |of: &mut dyn Iterator<Item = f64>| of.fold(0.0, f64::max);
         let force_apart = most(&mut before.iter().zip(&forces).map(|(a, b)| (*a - *b).norm()));
-        let borne = next.solved.reaction.iter().map(|r| r.norm()).sum::<f64>().max(next.solved.loads_mn);
         let share = |part: f64, all: f64| if all > 0.0 { part / all } else { 0.0 };
         let mut reach = self.refined.mesh.vertices[..given].iter().map(|p| (*p - Point::ORIGIN).norm());
         let moves = most(&mut old.iter().chain(new).map(|d| d.norm())) > AT_REST * most(&mut reach);
-        let force = most(&mut forces.iter().map(|f| f.norm())).max(BALANCED * borne);
+        let force = most(&mut forces.iter().map(|f| f.norm())).max(BALANCED * next.solved.at_work_mn());
         MeshChange {
             tets: self.solved.tets,
             displacement: share(apart.sqrt(), all.sqrt()),

@@ -56,6 +56,14 @@ pub struct StaticSolution {
     pub products: u32,
 }
 
+impl StaticSolution {
+    /// What forces are large or small against: the sum of what the supports bear, or of the loads where these are larger (they
+    /// may balance each other), mN.
+    pub fn at_work_mn(&self) -> f64 {
+        self.reaction.iter().map(|r| r.norm()).sum::<f64>().max(self.loads_mn)
+    }
+}
+
 /// Why what was found is no answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stop {
