@@ -154,7 +154,8 @@ fn coarse(c: &Coarse) -> String {
 
 /// Point supports that bear something on a mesh finer than the one they were given on.
 fn points(scene: &Scene, solved: &StaticSolution) -> Option<String> {
-    let bears = |n: &&u32| solved.reaction[**n as usize].norm() > BEARS * solved.at_work_mn();
+    let least = BEARS * solved.at_work_mn();
+    let bears = |n: &&u32| solved.reaction[**n as usize].norm() > least;
     let bearing: Vec<u32> = solved.points.iter().filter(bears).copied().collect();
     let first = bearing.first().filter(|_| solved.tets > scene.mesh.tets.len())?;
     Some(format!(
