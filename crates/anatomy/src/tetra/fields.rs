@@ -73,6 +73,11 @@ impl Field {
         }
     }
 
+    /// How many cells it has more of than others.
+    fn cells(&self) -> usize {
+        self.volume.data().iter().filter(|&&v| v >= 0.5).count()
+    }
+
     /// In how many cells this field and `other`, on the same lattice, have a part each.
     fn shared_with(&self, other: &Self) -> usize {
         let (offset, [nx, ny, nz]) = (self.offset_of(other), self.volume.grid().dims());
@@ -181,7 +186,8 @@ impl LabelFields {
         });
         let parts: Vec<Field> = parts.collect::<Option<_>>()?;
         let fronts: Vec<Field> = parts.iter().map(|own| front(own, &union, &parts)).collect();
-        let order = cutting_order(&shared(&parts, &fronts));
+        let cells: Vec<usize> = parts.iter().map(Field::cells).collect();
+        let order = cutting_order(&cells, &shared(&parts, &fronts));
         let (parts, fronts) = (put_in_order(parts, &order), put_in_order(fronts, &order));
         present = order.iter().map(|&l| present[l]).chain([rest]).collect();
         Some(Self {

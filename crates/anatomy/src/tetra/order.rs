@@ -2,21 +2,22 @@
 //!
 //! A label is cut off from all that come after it at once. A layer between two others so gets both its surfaces in one go,
 //! where an edge of the lattice that crosses it has both ends on the same side; cut off from one end of a stack to the other,
-//! each layer has one surface left. So labels with few neighbours left come first.
+//! each layer has one surface left. So labels with one neighbour left come first, and where all have several the thickest:
+//! it has room for its surfaces, and what is thin has fewer left when its turn comes.
 
 /// A neighbour counts from this part of all that a label shares with those left: rims of layers do not.
 const COUNTS: f64 = 0.1;
 
-/// The order in which to cut off all labels but the last, given how much surface each shares with each, in whatever unit.
-/// Labels with as many neighbours stay in the order that they have.
-pub(super) fn cutting_order(shared: &[Vec<usize>]) -> Vec<usize> {
+/// The order in which to cut off all labels but the last, given the cells of each and how many of them it shares with each.
+/// Labels with one neighbour left stay in the order that they have.
+pub(super) fn cutting_order(cells: &[usize], shared: &[Vec<usize>]) -> Vec<usize> {
     let mut left: Vec<usize> = (0..shared.len()).collect();
     let mut order = Vec::new();
-    while let Some((_, next)) = left
-        .split_last()
-        .map(|(_, parts)| parts)
-        .and_then(|parts| parts.iter().map(|&l| (neighbours(&shared[l], &left), l)).min())
-    {
+    while let Some((_, parts)) = left.split_last().filter(|(_, parts)| !parts.is_empty()) {
+        let at_end = parts.iter().copied().find(|&l| neighbours(&shared[l], &left) < 2);
+        let thickness = |l: usize| cells[l] as f64 / left.iter().map(|&m| shared[l][m]).sum::<usize>().max(1) as f64;
+        let thicker = |a: usize, b: usize| if thickness(b) > thickness(a) { b } else { a };
+        let Some(next) = at_end.or_else(|| parts.iter().copied().reduce(thicker)) else { break };
         left.retain(|&l| l != next);
         order.push(next);
     }
@@ -48,20 +49,33 @@ mod tests {
         let rims = (0..6).flat_map(|a| (0..a).map(move |b| (a, b, 3)));
         let layers = [(0, 1, 90), (1, 2, 100), (2, 5, 110), (5, 3, 100), (3, 4, 90)];
         let pairs: Vec<_> = rims.chain(layers).collect();
-        assert_eq!(cutting_order(&table(6, &pairs)), [0, 1, 2, 4, 3]);
+        assert_eq!(cutting_order(&[300; 6], &table(6, &pairs)), [0, 1, 2, 4, 3]);
     }
 
     #[test]
     fn labels_within_another_keep_their_order() {
-        assert_eq!(cutting_order(&table(4, &[(0, 3, 500), (1, 3, 400), (2, 3, 300), (0, 2, 9), (1, 2, 9)])), [0, 1, 2]);
-        assert_eq!(cutting_order(&table(3, &[])), [0, 1]);
-        assert!(cutting_order(&table(1, &[])).is_empty());
-        assert!(cutting_order(&[]).is_empty());
+        assert_eq!(
+            cutting_order(
+                &[9, 90, 900, 9000],
+                &table(4, &[(0, 3, 500), (1, 3, 400), (2, 3, 300), (0, 2, 9), (1, 2, 9)])
+            ),
+            [0, 1, 2]
+        );
+        assert_eq!(cutting_order(&[1, 2, 3], &table(3, &[])), [0, 1]);
+        assert!(cutting_order(&[1], &table(1, &[])).is_empty());
+        assert!(cutting_order(&[], &[]).is_empty());
     }
 
     #[test]
-    fn a_sheet_between_two_halves_waits_for_one_of_them() {
-        // A falx (0) between left (1) and right (2), which remains.
-        assert_eq!(cutting_order(&table(3, &[(0, 1, 100), (0, 2, 100), (1, 2, 5)])), [1, 0]);
+    fn a_falx_waits_until_there_is_one_half_left() {
+        // Skull, CSF, right, falx, tentorium and cerebellum, and left, which remains.
+        let pairs: [&[(usize, usize, usize)]; 2] = [
+            &[(0, 1, 9000), (1, 2, 8900), (1, 6, 8900), (1, 5, 5900), (3, 2, 4700), (3, 6, 4700), (3, 1, 900)],
+            &[(3, 4, 470), (4, 2, 2900), (4, 6, 2900), (4, 5, 5500), (4, 1, 600), (2, 6, 50), (2, 5, 20), (5, 6, 20)],
+        ];
+        let cells = [30_000, 30_000, 90_000, 7_000, 8_000, 60_000, 90_000];
+        let order = cutting_order(&cells, &table(7, &pairs.concat()));
+        let place = |l: usize| order.iter().position(|&o| o == l);
+        assert!(place(2) < place(3) && place(5) < place(4) && order[0] == 0, "{order:?}");
     }
 }
