@@ -116,6 +116,25 @@ fn layers_as_thick_as_an_element_were_torn_beside_the_largest_one() {
 }
 
 #[test]
+fn an_onion_with_a_small_core_lost_all_of_its_surfaces() {
+    // Six shells of four voxels or more around a core of eight, whose edges are six: coarse regions at 20,000 to 65,000 elements,
+    // and none where the core was of five, nine or ten.
+    let grid = Grid::axis_aligned([88; 3], [1.0; 3], [0.0; 3]).expect("grid");
+    let shell = |at| {
+        let [i, j, k] = grid.voxel(at);
+        let r = (grid.centre(i, j, k) - Point::new(43.5, 43.5, 43.5)).norm();
+        [42.0, 38.0, 34.0, 30.0, 26.0, 22.0, 8.0].iter().filter(|&&outer| r < outer).count() as u16
+    };
+    let labels = Volume::new(grid, (0..grid.len()).map(shell).collect()).expect("count");
+    let keep: Vec<u16> = (1..8).collect();
+    let (_, report) = mesh(&labels, &MeshOptions::new(&keep, &keep, 20_000)).expect("mesh");
+    assert!(!report.coarse_regions, "{:?}", report.all_remarks());
+    for l in &report.labels {
+        assert!(l.volume_error.abs() < 0.01 && l.surface.euler == l.surface.euler_labels, "{l:?}");
+    }
+}
+
+#[test]
 fn the_largest_label_turned_up_where_others_meet_far_from_it() {
     // Cells around points: where three or four of them met, rounding left elements to the largest, up to its whole distance off.
     let (n, sites) = (54, 20);
