@@ -73,9 +73,9 @@ impl Field {
         }
     }
 
-    /// How many cells it has more of than others.
-    fn cells(&self) -> usize {
-        self.volume.data().iter().filter(|&&v| v >= 0.5).count()
+    /// How many cells have this value or more.
+    fn cells_from(&self, level: f32) -> usize {
+        self.volume.data().iter().filter(|&&v| v >= level).count()
     }
 
     /// In how many cells this field and `other`, on the same lattice, have a part each.
@@ -186,7 +186,7 @@ impl LabelFields {
         });
         let parts: Vec<Field> = parts.collect::<Option<_>>()?;
         let fronts: Vec<Field> = parts.iter().map(|own| front(own, &union, &parts)).collect();
-        let cells: Vec<usize> = parts.iter().map(Field::cells).collect();
+        let cells: Vec<usize> = parts.iter().map(|own| own.cells_from(0.5)).collect();
         let order = cutting_order(&cells, &shared(&parts, &fronts));
         let (parts, fronts) = (put_in_order(parts, &order), put_in_order(fronts, &order));
         present = order.iter().map(|&l| present[l]).chain([rest]).collect();
@@ -273,10 +273,9 @@ impl LabelFields {
 
     /// Volume of each label in the fields, mm3, to a few parts in a thousand.
     pub(super) fn found(&self) -> Vec<f64> {
-        let cells = |f: &Field, level: f32| f.volume().data().iter().filter(|&&v| v >= level).count();
         let cell = self.step.powi(3);
-        let mut found: Vec<f64> = self.fronts.iter().map(|f| cells(f, 0.0) as f64 * cell).collect();
-        found.push(cells(&self.union, 0.5) as f64 * cell - found.iter().sum::<f64>());
+        let mut found: Vec<f64> = self.fronts.iter().map(|f| f.cells_from(0.0) as f64 * cell).collect();
+        found.push(self.union.cells_from(0.5) as f64 * cell - found.iter().sum::<f64>());
         found
     }
 

@@ -13,11 +13,12 @@ const COUNTS: f64 = 0.1;
 pub(super) fn cutting_order(cells: &[usize], shared: &[Vec<usize>]) -> Vec<usize> {
     let mut left: Vec<usize> = (0..shared.len()).collect();
     let mut order = Vec::new();
-    while let Some((_, parts)) = left.split_last().filter(|(_, parts)| !parts.is_empty()) {
+    while left.len() > 1 {
+        let parts = &left[..left.len() - 1];
         let at_end = parts.iter().copied().find(|&l| neighbours(&shared[l], &left) < 2);
-        let thickness = |l: usize| cells[l] as f64 / left.iter().map(|&m| shared[l][m]).sum::<usize>().max(1) as f64;
-        let thicker = |a: usize, b: usize| if thickness(b) > thickness(a) { b } else { a };
-        let Some(next) = at_end.or_else(|| parts.iter().copied().reduce(thicker)) else { break };
+        let thickness = |l: usize| cells[l] as f64 / sum(&shared[l], &left).max(1) as f64;
+        let thicker = |a: usize, &b: &usize| if thickness(b) > thickness(a) { b } else { a };
+        let next = at_end.unwrap_or_else(|| parts.iter().fold(parts[0], thicker));
         left.retain(|&l| l != next);
         order.push(next);
     }
@@ -26,8 +27,13 @@ pub(super) fn cutting_order(cells: &[usize], shared: &[Vec<usize>]) -> Vec<usize
 
 /// Of how many of the labels left one has a part worth counting.
 fn neighbours(shared: &[usize], left: &[usize]) -> usize {
-    let all: usize = left.iter().map(|&l| shared[l]).sum();
-    left.iter().filter(|&&l| shared[l] as f64 > COUNTS * all as f64).count()
+    let least = COUNTS * sum(shared, left) as f64;
+    left.iter().filter(|&&l| shared[l] as f64 > least).count()
+}
+
+/// What one shares with all labels left.
+fn sum(shared: &[usize], left: &[usize]) -> usize {
+    left.iter().map(|&l| shared[l]).sum()
 }
 
 #[cfg(test)]

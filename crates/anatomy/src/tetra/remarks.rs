@@ -227,8 +227,11 @@ fn of_label(l: &LabelReport, coarse_regions: bool, thin: bool, far: f64) -> Vec<
     let pinch = of_pinch(Boundary::Label(l.label), &l.surface).filter(|_| !coarse_regions);
     let mut all: Vec<String> = pinch.into_iter().collect();
     if l.volume_error.abs() > MOST_VOLUME_ERROR {
-        let way_out = if coarse_regions { REGIONS } else { COARSE };
-        let way_out = if thin { THICKER } else { way_out };
+        let way_out = match (thin, coarse_regions) {
+            (true, _) => THICKER,
+            (false, true) => REGIONS,
+            (false, false) => COARSE,
+        };
         all.push(format!("label {}: {:+.1} % of its volume; {way_out}", l.label, l.volume_error * 100.0));
     }
     if let Some(d) = l.interface.filter(|d| d.mean > far) {

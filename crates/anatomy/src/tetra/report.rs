@@ -227,7 +227,7 @@ pub struct MeshReport {
     pub closed_gaps: Option<ClosedGaps>,
     /// Elements that lie in others, where walls that face each other pass through each other.
     pub overlap: Option<Overlap>,
-    /// The same where no element is deep enough in another to be found so.
+    /// Where the outer surface passes through itself, also where no element is deep enough in another to be found so.
     pub self_crossing: Option<SelfCrossing>,
     /// What a user should know: labels asked for that are not there, a count or volumes missed, bad shapes, pieces given
     /// away, labels that lost their shape or topology.
