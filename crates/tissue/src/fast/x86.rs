@@ -190,9 +190,15 @@ impl Lanes for Eight {
         // SAFETY: as in `gather`, and the window holds its vertices alone.
         unsafe {
             let rows = transpose8([v[0].0, v[1].0, v[2].0, v[3].0]);
-            let halves = |row: __m256| [_mm256_castps256_ps128(row), _mm256_extractf128_ps::<1>(row)];
+            if count >= 8 {
+                put_two(to, places, first, rows[0]);
+                put_two(to, places, first + 1, rows[1]);
+                put_two(to, places, first + 2, rows[2]);
+                put_two(to, places, first + 3, rows[3]);
+                return;
+            }
             let rows = [halves(rows[0]), halves(rows[1]), halves(rows[2]), halves(rows[3])];
-            for l in 0..count.min(8) {
+            for l in 0..count {
                 put(to, places[first + l], rows[l % 4][l / 4]);
             }
         }
@@ -357,6 +363,12 @@ unsafe fn put(to: *mut [f32; 4], place: u16, v: __m128) {
 }
 
 #[inline(always)]
+unsafe fn halves(row: __m256) -> [__m128; 2] {
+    // SAFETY: called by kernels of `Eight` only.
+    unsafe { [_mm256_castps256_ps128(row), _mm256_extractf128_ps::<1>(row)] }
+}
+
+#[inline(always)]
 unsafe fn quarters(row: __m512) -> [__m128; 4] {
     // SAFETY: called by kernels of `Sixteen` only.
     unsafe {
@@ -379,6 +391,17 @@ unsafe fn put_four(to: *mut [f32; 4], places: &[u16; WIDTH], l: usize, row: __m5
         put(to, places[l + 4], b);
         put(to, places[l + 8], c);
         put(to, places[l + 12], d);
+    }
+}
+
+/// Writes two of eight vertices that are four lanes apart.
+#[inline(always)]
+unsafe fn put_two(to: *mut [f32; 4], places: &[u16; WIDTH], l: usize, row: __m256) {
+    // SAFETY: `Window` has checked the places.
+    unsafe {
+        let [a, b] = halves(row);
+        put(to, places[l], a);
+        put(to, places[l + 4], b);
     }
 }
 
