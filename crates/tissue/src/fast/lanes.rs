@@ -266,6 +266,12 @@ impl<const K: usize> Window<'_, K> {
         unsafe { V::gather(self.vertices.as_ptr(), &self.rows[batch][corner], first) }
     }
 
+    /// Writes these vertices back; where lanes have one place, they must be the same.
+    #[inline(always)]
+    pub(crate) fn put<V: Lanes>(&mut self, batch: usize, corner: usize, first: usize, v: [V; 4]) {
+        self.scatter(batch, corner, first, v, V::N);
+    }
+
     /// Writes the first `count` of these vertices back.
     #[inline(always)]
     pub(crate) fn scatter<V: Lanes>(&mut self, batch: usize, corner: usize, first: usize, v: [V; 4], count: usize) {

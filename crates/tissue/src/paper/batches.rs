@@ -42,7 +42,8 @@ pub(super) fn groups<const N: usize>(nodes: &[[u16; N]], vertices: usize) -> Vec
     done
 }
 
-/// Members of one batch, lane by lane; empty lanes repeat the first.
+/// Members of one batch, lane by lane. An empty lane repeats the first of its eight: what eight lanes do at once is the same
+/// in both, and may be written twice.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Members {
     pub(super) of: [u32; WIDTH],
@@ -53,7 +54,7 @@ pub(super) struct Members {
 
 impl Members {
     fn new(group: &[u32], joined: bool) -> Self {
-        let of = core::array::from_fn(|l| group[if l < group.len() { l } else { 0 }]);
+        let of = core::array::from_fn(|l| group[if l < group.len() { l } else { repeated(l, group.len()) }]);
         Self { of, count: group.len(), joined }
     }
 
@@ -61,6 +62,12 @@ impl Members {
     pub(super) fn row(&self, value: impl Fn(u32) -> f32) -> Row {
         self.of.map(value)
     }
+}
+
+/// The lane that the empty lane `lane` of a batch of `count` repeats.
+fn repeated(lane: usize, count: usize) -> usize {
+    let first = lane / 8 * 8;
+    if first < count { first } else { 0 }
 }
 
 /// Batches of constraints on `N` vertices, and their places.

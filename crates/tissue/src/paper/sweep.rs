@@ -65,24 +65,17 @@ fn solids<V: Lanes>(
         let next = (part.solids.joined[b]).then(|| batches.next_if_eq(&(b + 1))).flatten();
         for first in (0..WIDTH).step_by(V::N) {
             let at = Lot { part, shares, batch: b, first };
-            let mut p: [Corner<V>; 4] = at.corners(&window);
             // Two batches that share no vertex are worked on at once: one computes while the other waits.
-            if let Some(next) = next {
-                let also = Lot { batch: next, ..at };
-                let mut q: [Corner<V>; 4] = also.corners(&window);
-                at.edges(&mut p);
-                also.edges(&mut q);
-                at.springs(&mut p);
-                also.springs(&mut q);
-                at.volumes(&mut p);
-                also.volumes(&mut q);
-                also.finish(&mut window, &q, motion.as_deref_mut());
-            } else {
-                at.edges(&mut p);
-                at.springs(&mut p);
-                at.volumes(&mut p);
+            let also = next.map(|next| Lot { batch: next, ..at }).filter(Lot::is_there);
+            if let Some(also) = also {
+                let (p01, q01): ([Corner<V>; 2], [Corner<V>; 2]) = (at.edge(&window, 0), also.edge(&window, 0));
+                let (p23, q23) = (at.edge(&window, 1), also.edge(&window, 1));
+                at.rest(&mut window, p01, p23, motion.as_deref_mut());
+                also.rest(&mut window, q01, q23, motion.as_deref_mut());
+            } else if at.is_there() {
+                let (p01, p23): ([Corner<V>; 2], [Corner<V>; 2]) = (at.edge(&window, 0), at.edge(&window, 1));
+                at.rest(&mut window, p01, p23, motion.as_deref_mut());
             }
-            at.finish(&mut window, &p, motion.as_deref_mut());
         }
     }
 }
@@ -115,17 +108,41 @@ struct Lot<'a> {
 }
 
 impl Lot<'_> {
+    /// Whether any of its lanes is an element.
+    #[inline(always)]
+    fn is_there(&self) -> bool {
+        self.first < usize::from(self.part.solids.counts[self.batch])
+    }
+
     #[inline(always)]
     fn corners<V: Lanes>(&self, window: &Window<'_, 4>) -> [Corner<V>; 4] {
         let (b, first) = (self.batch, self.first);
         [window.gather(b, 0, first), window.gather(b, 1, first), window.gather(b, 2, first), window.gather(b, 3, first)]
     }
 
+    /// The corners of its first or second edge, moved by it.
     #[inline(always)]
-    fn edges<V: Lanes>(&self, [p0, p1, p2, p3]: &mut [Corner<V>; 4]) {
-        let (rest, k) = (&self.part.solids.rest[self.batch], &self.shares.solids[self.batch]);
-        lanes::stretch(p0, p1, load(self.first, &rest[0]), load(self.first, &k[0]));
-        lanes::stretch(p2, p3, load(self.first, &rest[1]), load(self.first, &k[1]));
+    fn edge<V: Lanes>(&self, window: &Window<'_, 4>, i: usize) -> [Corner<V>; 2] {
+        let (b, first) = (self.batch, self.first);
+        let mut pair = [window.gather(b, 2 * i, first), window.gather(b, 2 * i + 1, first)];
+        let (rest, k) = (&self.part.solids.rest[b][i], &self.shares.solids[b][i]);
+        lanes::stretch_pair(&mut pair, load(first, rest), load(first, k));
+        pair
+    }
+
+    /// What comes after the edges.
+    #[inline(always)]
+    fn rest<V: Lanes>(
+        &self,
+        window: &mut Window<'_, 4>,
+        [p0, p1]: [Corner<V>; 2],
+        [p2, p3]: [Corner<V>; 2],
+        motion: Option<&mut Farthest<'_>>,
+    ) {
+        let mut p = [p0, p1, p2, p3];
+        self.springs(&mut p);
+        self.volumes(&mut p);
+        self.finish(window, &p, motion);
     }
 
     #[inline(always)]
@@ -147,17 +164,17 @@ impl Lot<'_> {
     #[inline(always)]
     fn finish<V: Lanes>(&self, window: &mut Window<'_, 4>, p: &[Corner<V>; 4], motion: Option<&mut Farthest<'_>>) {
         let (b, first) = (self.batch, self.first);
-        let left = usize::from(self.part.solids.counts[b]).saturating_sub(first);
         if let Some(motion) = motion {
             farthest(&self.corners(window), p).store(&mut motion.squares[b % 2], first);
-            if first + V::N == WIDTH {
-                motion.end(b, usize::from(self.part.solids.counts[b]));
+            let count = usize::from(self.part.solids.counts[b]);
+            if first + V::N >= count {
+                motion.end(b, count);
             }
         }
-        window.scatter(b, 0, first, p[0], left);
-        window.scatter(b, 1, first, p[1], left);
-        window.scatter(b, 2, first, p[2], left);
-        window.scatter(b, 3, first, p[3], left);
+        window.put(b, 0, first, p[0]);
+        window.put(b, 1, first, p[1]);
+        window.put(b, 2, first, p[2]);
+        window.put(b, 3, first, p[3]);
     }
 }
 
@@ -200,7 +217,7 @@ fn each<V: Lanes, const N: usize>(
             let mut p: [Corner<V>; N] = gather(&window, b, first);
             satisfy(&mut p, V::load(&rest[0], first), V::load(&k[0], first));
             for (c, v) in p.into_iter().enumerate() {
-                window.scatter(b, c, first, v, count - first);
+                window.put(b, c, first, v);
             }
         }
     }
