@@ -56,11 +56,6 @@ pub(crate) trait Lanes:
     fn if_negative(self, yes: Self, no: Self) -> Self;
     /// `yes` where the lane's bit is set, `no` elsewhere; the first lane has the bit `first`.
     fn choose(bits: u16, first: usize, yes: Self, no: Self) -> Self;
-    /// Both numbers of the pairs at `places`.
-    ///
-    /// # Safety
-    /// Every place lies within the pairs behind `from`.
-    unsafe fn gather_pairs<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], first: usize) -> [Self; 2];
     /// The numbers at `places`.
     ///
     /// # Safety
@@ -205,15 +200,6 @@ impl<const K: usize, P: Place> Places<K, P> {
         assert!(self.bound <= numbers.len(), "{} places over {} numbers", self.bound, numbers.len());
         Numbers { rows: &self.rows, numbers }
     }
-
-    /// The places over pairs that are only read.
-    ///
-    /// # Panics
-    /// When there are fewer pairs than places.
-    pub(crate) fn pairs<'a>(&'a self, pairs: &'a [[f32; 2]]) -> Pairs<'a, K, P> {
-        assert!(self.bound <= pairs.len(), "{} places over {} pairs", self.bound, pairs.len());
-        Pairs { rows: &self.rows, pairs }
-    }
 }
 
 /// Vertices seen through checked places.
@@ -240,21 +226,6 @@ impl<const K: usize, P: Place> Numbers<'_, K, P> {
     pub(crate) fn gather<V: Lanes>(&self, batch: usize, corner: usize, first: usize) -> V {
         // SAFETY: `Places::numbers` has checked all places against the count of numbers.
         unsafe { V::gather_numbers(self.numbers.as_ptr(), &self.rows[batch][corner], first) }
-    }
-}
-
-/// Pairs of numbers seen through checked places, to be read.
-pub(crate) struct Pairs<'a, const K: usize, P = u16> {
-    rows: &'a [[[P; WIDTH]; K]],
-    pairs: &'a [[f32; 2]],
-}
-
-impl<const K: usize, P: Place> Pairs<'_, K, P> {
-    /// Pair `corner` of the lanes `first..first + V::N` of a batch.
-    #[inline(always)]
-    pub(crate) fn gather<V: Lanes>(&self, batch: usize, corner: usize, first: usize) -> [V; 2] {
-        // SAFETY: `Places::pairs` has checked all places against the number of pairs.
-        unsafe { V::gather_pairs(self.pairs.as_ptr(), &self.rows[batch][corner], first) }
     }
 }
 
@@ -286,6 +257,12 @@ impl<const K: usize, P: Place> View<'_, K, P> {
     pub(crate) fn gather<V: Lanes>(&self, batch: usize, corner: usize, first: usize) -> [V; 4] {
         // SAFETY: `Places::view` has checked all places against the number of vertices.
         unsafe { V::gather(self.vertices.as_ptr(), &self.rows[batch][corner], first) }
+    }
+
+    /// `count` batches from `first` on.
+    #[inline(always)]
+    pub(crate) fn part(self, first: usize, count: usize) -> Self {
+        Self { rows: &self.rows[first..][..count], vertices: self.vertices }
     }
 }
 
@@ -365,16 +342,6 @@ impl Lanes for Plain {
         Self(core::array::from_fn(|l| unsafe { *from.add(places[first + l].at()) }))
     }
     #[inline(always)]
-    unsafe fn gather_pairs<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], first: usize) -> [Self; 2] {
-        let mut out = [Self([0.0; 8]); 2];
-        for l in 0..8 {
-            // SAFETY: `Pairs` has checked all places against the length of its pairs.
-            let v = unsafe { *from.add(places[first + l].at()) };
-            (out[0].0[l], out[1].0[l]) = (v[0], v[1]);
-        }
-        out
-    }
-    #[inline(always)]
     unsafe fn gather<P: Place>(from: *const [f32; 4], places: &[P; WIDTH], first: usize) -> [Self; 4] {
         let mut out = [Self([0.0; 8]); 4];
         for l in 0..8 {
@@ -398,7 +365,7 @@ pub(crate) mod tests {
     use super::*;
 
     /// Does a little of everything.
-    struct Everything<'a>(Window<'a, 2>, &'a Row, usize, Pairs<'a, 2>, Numbers<'a, 2>);
+    struct Everything<'a>(Window<'a, 2>, &'a Row, usize, Numbers<'a, 2>);
 
     impl Kernel for Everything<'_> {
         type Out = [Row; 3];
@@ -418,9 +385,8 @@ pub(crate) mod tests {
                 (p * V::splat(0.7) - q).store(&mut out[0], first);
                 p.mul_add(q, k).mul_off(p, k).store(&mut out[1], first);
                 let count = self.2.saturating_sub(first);
-                let [even, odd]: [V; 2] = self.3.gather(0, 1, first);
-                (r[0] + V::choose(0b1011_0001_1110_0100, first, even, odd) * self.4.gather(0, 1, first))
-                    .store(&mut out[2], first);
+                let chosen = V::choose(0b1011_0001_1110_0100, first, p, q);
+                (r[0] + chosen * self.3.gather(0, 1, first)).store(&mut out[2], first);
                 self.0.scatter(0, 0, first, r, count);
                 self.0.scatter(0, 1, first, s, count);
             }
@@ -439,8 +405,8 @@ pub(crate) mod tests {
         let numbers = || places.numbers(pairs.as_flattened());
         for count in [16, 11, 8, 3, 0] {
             let (mut a, mut b) = (start.clone(), start.clone());
-            let wide = widest(Everything(places.over(&mut a), &k, count, places.pairs(&pairs), numbers()));
-            let truth = plain(Everything(places.over(&mut b), &k, count, places.pairs(&pairs), numbers()));
+            let wide = widest(Everything(places.over(&mut a), &k, count, numbers()));
+            let truth = plain(Everything(places.over(&mut b), &k, count, numbers()));
             let bits = |v: &[[f32; 4]]| v.as_flattened().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
             let told = |v: [Row; 3]| bits(v.as_flattened().as_chunks().0);
             assert_eq!(told(wide), told(truth));
@@ -450,7 +416,7 @@ pub(crate) mod tests {
                 use super::super::x86;
                 let same = |run: &dyn Fn(Everything<'_>) -> [Row; 3]| {
                     let mut c = start.clone();
-                    let wide = run(Everything(places.over(&mut c), &k, count, places.pairs(&pairs), numbers()));
+                    let wide = run(Everything(places.over(&mut c), &k, count, numbers()));
                     assert_eq!(told(wide), told(truth));
                     assert_eq!(bits(&c), bits(&b), "{count} lanes");
                 };

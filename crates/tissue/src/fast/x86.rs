@@ -18,9 +18,19 @@ pub(super) fn has_avx512() -> bool {
         && std::arch::is_x86_feature_detected!("avx512vl")
 }
 
+/// Has the function that it is inlined into align its stack, and with it the vectors that do not fit into registers: the
+/// compiler knows of these only when it is too late to, and half of them would lie across two lines of the cache.
+#[inline(always)]
+fn align_stack() {
+    #[repr(align(64))]
+    struct Aligned(#[expect(dead_code, reason = "it is there for its place")] u8);
+    core::hint::black_box(&Aligned(0));
+}
+
 pub(super) fn with_avx2<K: Kernel>(kernel: K) -> K::Out {
     #[target_feature(enable = "avx2,fma")]
     fn inner<K: Kernel>(kernel: K) -> K::Out {
+        align_stack();
         kernel.run::<Eight>()
     }
     assert!(has_avx2(), "asked before");
@@ -42,6 +52,7 @@ pub(super) fn with_avx512<K: Kernel>(kernel: K) -> K::Out {
 pub(super) fn sixteen<K: Kernel, const GATHERS: bool>(kernel: K) -> K::Out {
     #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
     fn inner<K: Kernel, const GATHERS: bool>(kernel: K) -> K::Out {
+        align_stack();
         kernel.run::<Sixteen<GATHERS>>()
     }
     assert!(has_avx512(), "asked before");
@@ -142,8 +153,12 @@ impl Lanes for Eight {
     fn choose(bits: u16, first: usize, yes: Self, no: Self) -> Self {
         // SAFETY: as for the operators. A lane is chosen where its own bit is left.
         unsafe {
-            let own = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-            let left = _mm256_and_si256(_mm256_set1_epi32(i32::from(bits >> first)), own);
+            let own = if first == 0 {
+                _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128)
+            } else {
+                _mm256_setr_epi32(1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 12, 1 << 13, 1 << 14, 1 << 15)
+            };
+            let left = _mm256_and_si256(_mm256_set1_epi16(bits.cast_signed()), own);
             Self(_mm256_blendv_ps(no.0, yes.0, _mm256_castsi256_ps(_mm256_cmpeq_epi32(left, own))))
         }
     }
@@ -162,14 +177,6 @@ impl Lanes for Eight {
     unsafe fn gather_numbers<P: Place>(from: *const f32, places: &[P; WIDTH], l: usize) -> Self {
         // SAFETY: `Numbers` has checked all places against the count of its numbers.
         unsafe { Self(eight(from, places, l)) }
-    }
-    #[inline(always)]
-    unsafe fn gather_pairs<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], l: usize) -> [Self; 2] {
-        // SAFETY: `Pairs` has checked all places against the length of its pairs.
-        unsafe {
-            let (low, high) = (two_couples(from, places, l), two_couples(from, places, l + 2));
-            [Self(_mm256_shuffle_ps::<0x88>(low, high)), Self(_mm256_shuffle_ps::<0xdd>(low, high))]
-        }
     }
     #[inline(always)]
     unsafe fn gather<P: Place>(from: *const [f32; 4], places: &[P; WIDTH], first: usize) -> [Self; 4] {
@@ -284,23 +291,6 @@ impl<const GATHERS: bool> Lanes for Sixteen<GATHERS> {
             }
             let (low, high) = (eight(from, places, 0), eight(from, places, 8));
             Self(_mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high))
-        }
-    }
-    #[inline(always)]
-    unsafe fn gather_pairs<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], _: usize) -> [Self; 2] {
-        // SAFETY: `Pairs` has checked all places against the length of its pairs.
-        unsafe {
-            if GATHERS {
-                let at = indices(places);
-                let (low, high) = (_mm512_castsi512_si256(at), _mm512_extracti32x8_epi32::<1>(at));
-                let (a, b) = (_mm512_i32gather_pd::<8>(low, from.cast()), _mm512_i32gather_pd::<8>(high, from.cast()));
-                return apart(_mm512_castpd_ps(a), _mm512_castpd_ps(b)).map(Self);
-            }
-            let (a, b) = (two_couples(from, places, 0), two_couples(from, places, 8));
-            let (c, d) = (two_couples(from, places, 2), two_couples(from, places, 10));
-            let low = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(a), b);
-            let high = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(c), d);
-            [Self(_mm512_shuffle_ps::<0x88>(low, high)), Self(_mm512_shuffle_ps::<0xdd>(low, high))]
         }
     }
     #[inline(always)]
@@ -421,24 +411,6 @@ unsafe fn eight<P: Place>(from: *const f32, places: &[P; WIDTH], l: usize) -> __
             *from.add(places[l + 7].at()),
         )
     }
-}
-
-/// The pairs of two lanes that follow each other.
-#[inline(always)]
-unsafe fn couple<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], l: usize) -> __m128 {
-    // SAFETY: `Pairs` has checked the places.
-    unsafe {
-        let low = _mm_loadl_epi64(from.add(places[l].at()).cast());
-        let high = _mm_loadl_epi64(from.add(places[l + 1].at()).cast());
-        _mm_castsi128_ps(_mm_unpacklo_epi64(low, high))
-    }
-}
-
-/// The pairs of two lanes, and beside them those four lanes further.
-#[inline(always)]
-unsafe fn two_couples<P: Place>(from: *const [f32; 2], places: &[P; WIDTH], l: usize) -> __m256 {
-    // SAFETY: as in `couple`.
-    unsafe { _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(couple(from, places, l)), couple(from, places, l + 4)) }
 }
 
 /// Two vertices side by side.

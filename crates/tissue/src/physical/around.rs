@@ -1,7 +1,7 @@
 //! What is summed on a walk around vertices: forces of neighbours and elements, and their derivatives.
 
 use super::streams::Stream;
-use crate::fast::{Lanes, Pairs, Places, cross};
+use crate::fast::{Lanes, Places, View, cross};
 
 /// Three components, and the six different entries of a symmetric matrix (xx, yy, zz, xy, xz, yz).
 pub(super) type Vector<V> = [V; 3];
@@ -11,20 +11,28 @@ pub(super) type Matrix<V> = [V; 6];
 /// (kPa/mm3/36).
 pub(crate) type Element = [f32; 2];
 
+/// An element with damping, and beside it without.
+pub(crate) type Both = [f32; 4];
+
 /// What is summed on a walk around the vertices of a batch.
 pub(super) trait Around<V: Lanes> {
-    /// The elements that it goes by.
+    /// The elements that it goes by, all of them and those of a walk.
     type Elements<'e>;
-    /// These, seen through places.
-    type View<'e>;
+    type Walk<'e>;
 
-    fn see<'e>(elements: Self::Elements<'e>, places: &'e Places<1, u32>) -> Self::View<'e>;
+    /// The elements of `count` rows of `places` from `first` on.
+    fn along<'e>(
+        elements: Self::Elements<'e>,
+        places: &'e Places<1, u32>,
+        first: usize,
+        count: usize,
+    ) -> Self::Walk<'e>;
 
     /// A neighbour at `d` with its weight in the shear matrix.
     fn neighbour(&mut self, weight: V, d: &Vector<V>);
 
-    /// Elements of row `at.1`, lanes from `at.2`: six times the gradient of their volumes, and minus six times these.
-    fn element(&mut self, at: (&Self::View<'_>, usize, usize), n: &Vector<V>, volume: V);
+    /// Elements of row `at.1` of a walk, lanes from `at.2`: six times the gradient of their volumes, and minus six times these.
+    fn element(&mut self, at: (&Self::Walk<'_>, usize, usize), n: &Vector<V>, volume: V);
 }
 
 /// Force of neighbours, times `damped`, and elements.
@@ -59,11 +67,11 @@ impl<V: Lanes> Force<V> {
 
 impl<V: Lanes> Around<V> for Sums<V> {
     type Elements<'e> = Stream<'e>;
-    type View<'e> = Stream<'e>;
+    type Walk<'e> = Stream<'e>;
 
     #[inline(always)]
-    fn see<'e>(elements: Stream<'e>, _: &'e Places<1, u32>) -> Stream<'e> {
-        elements
+    fn along<'e>(elements: Stream<'e>, _: &'e Places<1, u32>, first: usize, count: usize) -> Stream<'e> {
+        Stream { slope: &elements.slope[first..][..count], rise: &elements.rise[first..][..count] }
     }
 
     #[inline(always)]
@@ -72,8 +80,8 @@ impl<V: Lanes> Around<V> for Sums<V> {
     }
 
     #[inline(always)]
-    fn element(&mut self, (elements, row, first): (&Stream<'_>, usize, usize), n: &Vector<V>, volume: V) {
-        let (still, rise) = (V::load(&elements.slope[row], first), V::load(&elements.rise[row], first));
+    fn element(&mut self, (walk, row, first): (&Stream<'_>, usize, usize), n: &Vector<V>, volume: V) {
+        let (still, rise) = (V::load(&walk.slope[row], first), V::load(&walk.rise[row], first));
         self.force.add_element(rise.mul_off(volume, still), n);
         let m = [rise * n[0], rise * n[1], rise * n[2]];
         for a in 0..3 {
@@ -87,12 +95,12 @@ impl<V: Lanes> Around<V> for Sums<V> {
 
 /// Forces with and without damping.
 impl<V: Lanes> Around<V> for [Force<V>; 2] {
-    type Elements<'e> = [&'e [Element]; 2];
-    type View<'e> = [Pairs<'e, 1, u32>; 2];
+    type Elements<'e> = &'e [Both];
+    type Walk<'e> = View<'e, 1, u32>;
 
     #[inline(always)]
-    fn see<'e>(elements: [&'e [Element]; 2], places: &'e Places<1, u32>) -> Self::View<'e> {
-        elements.map(|e| places.pairs(e))
+    fn along<'e>(elements: &'e [Both], places: &'e Places<1, u32>, first: usize, count: usize) -> View<'e, 1, u32> {
+        places.view(elements).part(first, count)
     }
 
     #[inline(always)]
@@ -102,11 +110,10 @@ impl<V: Lanes> Around<V> for [Force<V>; 2] {
     }
 
     #[inline(always)]
-    fn element(&mut self, (elements, row, first): (&Self::View<'_>, usize, usize), n: &Vector<V>, volume: V) {
-        for (force, elements) in self.iter_mut().zip(elements) {
-            let [slope, rise]: [V; 2] = elements.gather(row, 0, first);
-            force.add_element(rise.mul_off(volume, slope), n);
-        }
+    fn element(&mut self, (walk, row, first): (&View<'_, 1, u32>, usize, usize), n: &Vector<V>, volume: V) {
+        let [slope, rise, undamped_slope, undamped_rise]: [V; 4] = walk.gather(row, 0, first);
+        self[0].add_element(rise.mul_off(volume, slope), n);
+        self[1].add_element(undamped_rise.mul_off(volume, undamped_slope), n);
     }
 }
 

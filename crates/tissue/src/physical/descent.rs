@@ -341,8 +341,8 @@ impl Descent {
         let DescentScratch { target, far, streams, still, memory, touches, .. } = scratch;
         let task = match purpose {
             Purpose::Move => Task::Move,
-            Purpose::Note => Task::Note([&still.elements, &still.undamped]),
-            Purpose::Balance => Task::Balance([&still.elements, &still.undamped]),
+            Purpose::Note => Task::Note(&still.both),
+            Purpose::Balance => Task::Balance(&still.both),
         };
         let films = &self.films;
         let [even, odd] = memory;

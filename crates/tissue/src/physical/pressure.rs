@@ -1,6 +1,6 @@
 //! The nodal pressures: an augmented Lagrangian of the volume of each patch.
 
-use super::around::Element;
+use super::around::{Both, Element};
 use super::elastic::{ELEMENT_BULK, Elastic, patch_kpa};
 use super::near::Near;
 use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, WIDTH, widest};
@@ -94,8 +94,8 @@ pub(super) struct Still {
     damping: Option<f32>,
     /// Each element, and one more that is nothing.
     pub(super) elements: Vec<Element>,
-    /// What they are without damping.
-    pub(super) undamped: Vec<Element>,
+    /// The same, and beside it what they are without damping.
+    pub(super) both: Vec<Both>,
     /// Of each region: the share of an element's second derivative that is the sweeps' own volumetric stiffness.
     carried: Vec<f32>,
 }
@@ -103,7 +103,7 @@ pub(super) struct Still {
 impl Still {
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
-        bytes::of(&self.elements) + bytes::of(&self.undamped) + bytes::of(&self.carried)
+        bytes::of(&self.elements) + bytes::of(&self.both) + bytes::of(&self.carried)
     }
 }
 
@@ -164,25 +164,22 @@ impl Pressures {
         };
         let more = 1.0 + f64::from(damping);
         still.carried = self.regions.iter().map(|r| (r[1] / (own(r[0], more) + r[1])) as f32).collect();
-        for (more, elements) in [(more, &mut still.elements), (1.0, &mut still.undamped)] {
-            let regions: Vec<[f32; 2]> = self.regions.iter().map(|r| region(r, more)).collect();
-            self.elements_of(of, &regions, elements, pool);
-        }
-        true
-    }
-
-    /// Elements from what those of each region are at no volume, and their second derivative times six times their volume.
-    fn elements_of(&self, of: Tissue<'_>, regions: &[[f32; 2]], elements: &mut Vec<Element>, pool: &Pool) {
-        elements.resize(self.tets + 1, [0.0; 2]);
-        elements[self.tets] = [0.0; 2];
-        let six = of.volumes.six_rest().as_flattened();
-        let cuts = self.element_cuts();
-        pool.each_part(elements, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
+        let both = |r| {
+            let ([slope, rise], [undamped_slope, undamped_rise]) = (region(r, more), region(r, 1.0));
+            [slope, rise, undamped_slope, undamped_rise]
+        };
+        let regions: Vec<Both> = self.regions.iter().map(both).collect();
+        still.both.resize(self.tets + 1, [0.0; 4]);
+        let (six, cuts) = (of.volumes.six_rest().as_flattened(), self.element_cuts());
+        pool.each_part(&mut still.both, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
             for (t, element) in (cuts[i]..).zip(elements) {
-                let [start, rise] = regions[of.region[t] as usize];
-                *element = [start, rise / six[t]];
+                let [slope, rise, undamped_slope, undamped_rise] = regions[of.region[t] as usize];
+                *element = [slope, rise / six[t], undamped_slope, undamped_rise / six[t]];
             }
         });
+        still.elements.clear();
+        still.elements.extend(still.both.iter().map(|&[slope, rise, ..]| [slope, rise]));
+        true
     }
 
     /// Growth of elements at the current positions, and their pressures with it. With `advance` the nodal pressures

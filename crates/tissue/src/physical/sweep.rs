@@ -1,6 +1,6 @@
 //! One sweep of vertex block descent through a part: each vertex goes to its own minimum.
 
-use super::around::{Around, Element, Force, Matrix, Sums, Vector, area, away};
+use super::around::{Around, Both, Force, Matrix, Sums, Vector, area, away};
 use super::rings::{Batch, Part};
 use super::streams::Stream;
 use super::touch::Touching;
@@ -56,9 +56,9 @@ pub(super) enum Task<'a> {
     /// Each vertex goes to its own minimum.
     Move,
     /// Notes what stays as it is in a substep. For it, all elements with and without damping, and one more that is nothing.
-    Note([&'a [Element]; 2]),
+    Note(&'a [Both]),
     /// Notes how it is at rest, with the same elements.
-    Balance([&'a [Element]; 2]),
+    Balance(&'a [Both]),
 }
 
 /// A pass through a part.
@@ -141,7 +141,7 @@ impl<'a> Sweep<'a> {
     }
 
     #[inline(always)]
-    fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: [&'a [Element]; 2]) {
+    fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: &'a [Both]) {
         let damped = V::splat(1.0) + V::splat(self.substep.damping);
         let far: [V; 4] = self.part.own.view(self.substep.far).gather(b, 0, first);
         let resists = self.resistance::<V>(b, batch, first, elements);
@@ -154,7 +154,7 @@ impl<'a> Sweep<'a> {
     }
 
     #[inline(always)]
-    fn balance<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: [&'a [Element]; 2]) {
+    fn balance<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: &'a [Both]) {
         let damped = V::splat(1.0) + V::splat(self.substep.damping);
         let (force, _) = self.force(b, batch, first, (self.substep.stream, damped));
         let resists = self.resistance::<V>(b, batch, first, elements);
@@ -168,7 +168,7 @@ impl<'a> Sweep<'a> {
     /// Force of a motion from rest to here within a time step, less the elastic force alone: summed as in a sweep, so that
     /// where nothing moves, nothing is left of what is rounded.
     #[inline(always)]
-    fn resistance<V: Lanes>(&self, b: usize, batch: &Batch, first: usize, elements: [&[Element]; 2]) -> Vector<V> {
+    fn resistance<V: Lanes>(&self, b: usize, batch: &Batch, first: usize, elements: &[Both]) -> Vector<V> {
         let (one, damping) = (V::splat(1.0), V::splat(self.substep.damping));
         if self.substep.damping == 0.0 {
             return [V::splat(0.0); 3];
@@ -206,25 +206,25 @@ impl<'a> Sweep<'a> {
         elements: A::Elements<'e>,
         sums: &mut A,
     ) {
-        let part = self.part;
+        let (part, start, count) = (self.part, batch.steps.start, batch.rows().len());
         let ring = part.ring.view(self.vertices);
-        let elements = A::see(elements, &part.tets);
-        let (start, count) = (batch.steps.start, batch.steps.len());
-        let (weights, keeps) = (&part.weight[batch.steps.clone()], &part.keeps_first[batch.steps.clone()]);
-        let mut a = away(ring.gather(start, 0, first), p);
-        let mut b = away(ring.gather(start + 1, 0, first), p);
-        sums.neighbour(V::load(&weights[0], first), &a);
-        sums.neighbour(V::load(&weights[1], first), &b);
-        for k in 2..count {
-            let c = away(ring.gather(start + k, 0, first), p);
+        // The first two steps complete no element.
+        let (mut a, mut b) = (away(ring.gather(start, 0, first), p), away(ring.gather(start + 1, 0, first), p));
+        sums.neighbour(V::load(&part.weight[start], first), &a);
+        sums.neighbour(V::load(&part.weight[start + 1], first), &b);
+        // Cut to one length, so that no step asks whether it is within.
+        let (ring, weights) = (ring.part(start + 2, count), &part.weight[start + 2..][..count]);
+        let keeps = &part.keeps_first[start + 2..][..count];
+        let elements = A::along(elements, &part.tets, batch.elements, count);
+        for k in 0..count {
+            let c = away(ring.gather(k, 0, first), p);
             sums.neighbour(V::load(&weights[k], first), &c);
             let n = area(&a, &b, &c);
             // Six times the volume is minus this.
             let volume = dot(n, a);
-            sums.element((&elements, batch.elements + k - 2, first), &n, volume);
-            let keeps = keeps[k];
+            sums.element((&elements, k, first), &n, volume);
             for i in 0..3 {
-                (a[i], b[i]) = (V::choose(keeps, first, a[i], c[i]), V::choose(keeps, first, c[i], b[i]));
+                (a[i], b[i]) = (V::choose(keeps[k], first, a[i], c[i]), V::choose(keeps[k], first, c[i], b[i]));
             }
         }
     }
