@@ -89,7 +89,8 @@ struct Farthest<'a> {
 }
 
 impl Farthest<'_> {
-    /// All lanes of a batch have been noted, of which `count` are elements; empty ones repeat the first.
+    /// All lanes of a batch have been noted, of which `count` are elements; empty ones repeat one of these, or are left from a batch
+    /// before and count already.
     #[inline(always)]
     fn end(&mut self, batch: usize, count: usize) {
         let squares = &self.squares[batch % 2];
