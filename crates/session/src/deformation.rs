@@ -1,10 +1,7 @@
 //! What follows the soft body: high-resolution surfaces, single points, and the CT itself.
 
 use monro_geometry::{Embedding, EmbeddingError, Patient, Point, TetLocator, TetMesh, TetMeshError, Vector};
-use rayon::prelude::*;
-
-/// Points that are worth a thread.
-const CHUNK: usize = 1 << 13;
+use monro_tissue::Stepper;
 
 /// Points bound to the tetrahedra of a case (paper, section II.2), moved with them.
 #[derive(Debug, Clone)]
@@ -22,10 +19,10 @@ impl Follower {
         Ok(Self { embedding: Embedding::new(tets, points)?, moved: vec![[0.0; 4]; points.len()] })
     }
 
-    /// Moves the points with the nodes (mm from any one origin), on all processors, to the same bits. No allocation of its own.
-    pub fn follow(&mut self, nodes: &[[f32; 4]]) {
-        let Self { embedding, moved } = self;
-        moved.par_chunks_mut(CHUNK).enumerate().for_each(|(c, out)| embedding.apply_from(c * CHUNK, nodes, out));
+    /// Moves the points with the nodes (mm from any one origin), on the threads that have just made the step: others would
+    /// have to be woken, and share the processors with those that still wait for work. The same bits on any number of them.
+    pub fn follow(&mut self, stepper: &Stepper, nodes: &[[f32; 4]]) {
+        stepper.move_points(&self.embedding, nodes, &mut self.moved);
     }
 
     /// Where one of the points is in the patient frame, from the nodes' origin.
@@ -89,6 +86,9 @@ impl DeformedSampler {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use monro_geometry::Structure;
+    use monro_tissue::{CollisionResponse, Material, Mode, Model, ModelOptions, PhysicalOptions};
+    use std::collections::BTreeMap;
 
     fn block() -> TetMesh {
         // Five elements that fill a cube of 2 mm.
@@ -130,8 +130,8 @@ mod tests {
     #[test]
     fn followers_move_with_the_nodes_around_any_origin() {
         let rest = block();
-        // More than threads take at a time.
-        let points: Vec<_> = (0..2 * CHUNK + 5)
+        // More than a thread takes at a time.
+        let points: Vec<_> = (0..3000)
             .map(|i| Point::new((i % 41) as f64 * 0.04, (i % 37) as f64 * 0.05, (i % 29) as f64 * 0.06))
             .collect();
         let mut follower = Follower::new(&rest, &points).expect("sound");
@@ -144,7 +144,15 @@ mod tests {
                 [d.x as f32, d.y as f32, d.z as f32, 0.0]
             })
             .collect();
-        follower.follow(&nodes);
+        let brain = BTreeMap::from([(u16::from(Structure::Brain.label()), Material::BRAIN)]);
+        let options = ModelOptions {
+            mode: Mode::Physical(PhysicalOptions::default()),
+            materials: brain,
+            attachments: Vec::new(),
+            collision: CollisionResponse::Insertion,
+        };
+        let model = Model::new(&rest, &options).expect("sound");
+        follower.follow(&Stepper::new(&model), &nodes);
         for (moved, p) in follower.points(origin).zip(points) {
             assert!(moved.distance(bent(p)) < 1e-5, "{moved:?}");
         }

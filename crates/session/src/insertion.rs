@@ -161,6 +161,11 @@ impl Insertion {
         &self.rest
     }
 
+    /// Moves points that are bound to the case's mesh to where they are now.
+    pub fn moves(&self, follower: &mut Follower) {
+        follower.follow(&self.stepper, &self.nodes);
+    }
+
     /// Nodes now, mm from [`Insertion::origin`].
     pub fn nodes(&self) -> &[[f32; 4]] {
         &self.nodes
@@ -179,7 +184,7 @@ impl Insertion {
 
     fn read(&mut self, pose: ToolPose, step: StepReport) -> Result<Frame, SessionError> {
         let needle = NeedlePose::new(pose.tip, pose.tip - pose.tail)?;
-        self.target.follow(&self.nodes);
+        self.target.follow(&self.stepper, &self.nodes);
         let target_now = self.target.point(0, self.model.origin());
         let reading = Reading::new(&self.plan, &needle);
         let label = step.tools.first().and_then(|t| t.label);

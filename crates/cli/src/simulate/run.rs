@@ -129,8 +129,8 @@ impl Surfaces {
     }
 
     fn update(&mut self, insertion: &Insertion) {
-        self.brain.follow(insertion.nodes());
-        self.ventricles.follow(insertion.nodes());
+        insertion.moves(&mut self.brain);
+        insertion.moves(&mut self.ventricles);
     }
 }
 
