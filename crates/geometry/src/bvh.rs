@@ -2,10 +2,13 @@
 
 mod boxes;
 mod morton;
+mod nearest;
 
 pub(crate) use boxes::{Box3, of_triangle};
+pub use nearest::nearest_on_triangle;
 
 use crate::{Patient, Point, TriangleMesh, Vector};
+use nearest::Four;
 
 const LEAF: usize = 4;
 
@@ -23,6 +26,8 @@ struct Node {
 #[derive(Debug, Clone)]
 pub struct Bvh {
     nodes: Vec<Node>,
+    /// The same for the nearest point: four boxes side by side.
+    fours: Vec<Four>,
     order: Vec<u32>,
     /// Where each triangle is in `order`.
     place: Vec<u32>,
@@ -73,58 +78,11 @@ impl Bvh {
         if !order.is_empty() {
             split(&mut nodes, &mut order, 0, all, halve);
         }
-        let corners = order.iter().map(|&t| all[t as usize]).collect();
+        let corners: Vec<_> = order.iter().map(|&t| all[t as usize]).collect();
         let mut place = vec![0; order.len()];
         order.iter().enumerate().for_each(|(slot, &t)| place[t as usize] = slot as u32);
-        Self { nodes, order, place, corners }
-    }
-
-    /// The point of the surface nearest to `p`; `None` for an empty mesh or a non-finite point.
-    pub fn nearest(&self, p: Point<Patient>) -> Option<Nearest> {
-        self.nearer_than(p, None)
-    }
-
-    /// As [`Bvh::nearest`], several times faster where `near`, a triangle thought to be near the nearest one, is: the
-    /// answer for the point before in a coherent order. Of several points equally near it may choose another one.
-    pub fn nearest_from(&self, near: usize, p: Point<Patient>) -> Option<Nearest> {
-        let Some(&slot) = self.place.get(near) else { return self.nearest(p) };
-        let point = nearest_on_triangle(p, self.corners[slot as usize]);
-        let distance = p.distance(point);
-        self.nearer_than(p, distance.is_finite().then_some(Nearest { point, distance, triangle: near }))
-    }
-
-    /// The nearest point, or `best` where there is none nearer.
-    fn nearer_than(&self, p: Point<Patient>, mut best: Option<Nearest>) -> Option<Nearest> {
-        let mut limit = best.map_or(f64::INFINITY, |b| (p - b.point).norm_squared());
-        // One entry for each level: the hierarchy is balanced, and an array may have 2^32 triangles.
-        let mut stack = [(0u32, 0f64); 48];
-        let mut depth = usize::from(!self.nodes.is_empty());
-        while depth > 0 {
-            depth -= 1;
-            let (i, reach) = stack[depth];
-            if reach >= limit {
-                continue;
-            }
-            let node = &self.nodes[i as usize];
-            if node.count == 0 {
-                let child = |i: u32| (i, box_distance_squared(&self.nodes[i as usize], p));
-                let (left, right) = (child(i + 1), child(node.first));
-                let (near, far) = if left.1 <= right.1 { (left, right) } else { (right, left) };
-                stack[depth] = far;
-                stack[depth + 1] = near;
-                depth += 2;
-                continue;
-            }
-            for slot in node.first as usize..(node.first + node.count) as usize {
-                let q = nearest_on_triangle(p, self.corners[slot]);
-                let d = (p - q).norm_squared();
-                if d < limit {
-                    limit = d;
-                    best = Some(Nearest { point: q, distance: d.sqrt(), triangle: self.order[slot] as usize });
-                }
-            }
-        }
-        best
+        let fours = nearest::fours(&nodes, &corners);
+        Self { nodes, fours, order, place, corners }
     }
 
     /// All crossings of the ray `origin + t * direction`, `t >= 0`, sorted by `t`.
@@ -208,11 +166,6 @@ fn bounds(points: impl Iterator<Item = [f64; 3]>) -> ([f64; 3], [f64; 3]) {
     })
 }
 
-fn box_distance_squared(node: &Node, p: Point<Patient>) -> f64 {
-    let p = p.to_array();
-    (0..3).map(|a| (node.low[a] - p[a]).max(p[a] - node.high[a]).max(0.0).powi(2)).sum()
-}
-
 fn ray_meets_box(node: &Node, origin: Point<Patient>, direction: Vector<Patient>) -> bool {
     let (o, d) = (origin.to_array(), direction.to_array());
     let (mut near, mut far) = (0f64, f64::INFINITY);
@@ -249,39 +202,6 @@ fn ray_triangle(
     let v = direction.dot(q) / det;
     let t = e2.dot(q) / det;
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t >= 0.0).then_some((t, det > 0.0))
-}
-
-/// Nearest point of a triangle (Ericson, Real-Time Collision Detection, 5.1.5).
-pub fn nearest_on_triangle(p: Point<Patient>, [a, b, c]: [Point<Patient>; 3]) -> Point<Patient> {
-    let (ab, ac, ap) = (b - a, c - a, p - a);
-    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return a;
-    }
-    let bp = p - b;
-    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
-    if d3 >= 0.0 && d4 <= d3 {
-        return b;
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return a + ab * (d1 / (d1 - d3));
-    }
-    let cp = p - c;
-    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
-    if d6 >= 0.0 && d5 <= d6 {
-        return c;
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return a + ac * (d2 / (d2 - d6));
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
-        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
-    }
-    let sum = va + vb + vc;
-    a + ab * (vb / sum) + ac * (vc / sum)
 }
 
 #[cfg(test)]
