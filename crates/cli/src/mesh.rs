@@ -232,7 +232,8 @@ fn numbers(labels: &[u16]) -> String {
 fn taken_for_ventricles(keep: &[u16], fine: &[u16]) -> Option<String> {
     let known = |l: &u16| Structure::from_label(*l).is_some();
     let brain = keep.contains(&u16::from(Structure::Brain.label()));
-    (!fine.is_empty() && fine != keep && !(brain && keep.iter().all(known))).then(|| {
+    let all_fine = keep.iter().all(|l| fine.contains(l));
+    (!fine.is_empty() && !all_fine && !(brain && keep.iter().all(known))).then(|| {
         format!(
             "the mesh is fine around {} alone, which are the ventricles in cases of Monro; other numbers than those of \
              a case are there too: \"--fine\" says around which to be fine",
@@ -291,6 +292,7 @@ pub(crate) fn label_json(l: &LabelReport) -> Value {
         "interface_max_edge_mm": l.interface.map(|i| i.edge),
         "voxels": l.voxels,
         "lost_at": l.lost_at,
+        "torn": l.torn.map(|t| json!({ "places": t.places, "voxels": t.voxels, "at_mm": t.at })),
     });
     let facts = label_facts(l.label, l.elements, l.volume, &(&l.surface).into());
     merged(merged(facts, label), against_labels(&l.surface))

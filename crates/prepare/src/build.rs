@@ -243,12 +243,14 @@ fn of_mesh(mesh: &MeshReport) -> Vec<String> {
     all
 }
 
-/// Where surfaces have other handles or pieces than those of the labels; of coarse regions that is said anyway.
+/// Where surfaces have other handles or pieces than those of the labels, or the smooth labels than their voxels; of coarse
+/// regions that is said anyway.
 fn bridges(mesh: &MeshReport) -> Option<String> {
-    let differ = mesh.labels.iter().filter(|_| !mesh.coarse_regions).filter(|l| l.surface.differs_at.is_some());
+    let differs = |l: &LabelReport| l.surface.differs_at.or(l.torn.map(|t| t.at));
+    let fine = mesh.labels.iter().filter(|_| !mesh.coarse_regions);
     let place = |[x, y, z]: [f64; 3]| format!("({x:.1}, {y:.1}, {z:.1}) mm");
-    let named = |l: &LabelReport| Some((Structure::from_label(l.label)?.words(), place(l.surface.differs_at?)));
-    let places: Vec<String> = differ.filter_map(named).map(|(name, at)| format!("the {name} (as at {at})")).collect();
+    let named = |l: &LabelReport| Some((Structure::from_label(l.label)?.words(), place(differs(l)?)));
+    let places: Vec<String> = fine.filter_map(named).map(|(name, at)| format!("the {name} (as at {at})")).collect();
     let held = mesh.labels.iter().all(|l| l.volume_error.abs() < tetra::MOST_VOLUME_ERROR);
     let held = if held { "volumes hold, and " } else { "" };
     (!places.is_empty()).then(|| {

@@ -30,7 +30,8 @@ pub(super) fn place((found, more): Pieces<'_>, (wanted, less): Pieces<'_>, unit:
     nearest.unwrap_or(&centre).to_array()
 }
 
-/// The point of a piece of `more` that is nearest to the others which lie at the same piece of `less`: of the smallest such.
+/// The point of a piece of `more` that is nearest to the others which lie at the same piece of `less`: of the smallest such, or
+/// a point of the smallest where there is none.
 fn between_pieces(more: &TriangleMesh, less: &TriangleMesh) -> [f64; 3] {
     let (piece, count) = more.components();
     let mut first = vec![None; count];
@@ -44,7 +45,10 @@ fn between_pieces(more: &TriangleMesh, less: &TriangleMesh) -> [f64; 3] {
     let home = |p: usize| at.nearest(corner(first[p]?)).map(|n| of[n.triangle]);
     let homes: Vec<Option<u32>> = (0..count).map(home).collect();
     let shared = |&p: &usize| (0..count).any(|q| q != p && homes[q] == homes[p]);
-    let Some(least) = (0..count).filter(shared).min_by_key(|&p| size[p]) else { return [0.0; 3] };
+    let smallest = |pieces: &mut dyn Iterator<Item = usize>| pieces.min_by_key(|&p| size[p]);
+    // Where the other surface has nothing at all, none shares its place with another.
+    let least = smallest(&mut (0..count).filter(shared)).or_else(|| smallest(&mut (0..count)));
+    let Some(least) = least else { return [0.0; 3] };
     let beside = |t: &usize| piece[*t] as usize != least && homes[piece[*t] as usize] == homes[least];
     let others = Bvh::new(&TriangleMesh {
         vertices: more.vertices.clone(),

@@ -5,6 +5,7 @@ use super::report::{
     BadShapes, Boundary, ClosedGaps, InterfaceDistance, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO,
     MOST_VOLUME_ERROR, SurfaceReport,
 };
+use super::torn::Torn;
 use monro_geometry::{Overlap, SelfCrossing};
 use std::fmt;
 use thiserror::Error;
@@ -90,6 +91,14 @@ pub enum MeshError {
     /// Holes, tunnels or slits in what is meshed are too thin for smooth surfaces.
     #[error("{0}")]
     ClosedGaps(ClosedGaps),
+    /// Thin parts of a label are lost.
+    #[error("label {label}: {torn}")]
+    Torn {
+        /// The label.
+        label: u16,
+        /// What is lost.
+        torn: Torn,
+    },
     /// Elements lie in others.
     #[error("{}", overlap_words(.0))]
     Overlap(Overlap),

@@ -46,6 +46,7 @@ mod smooth;
 mod solid;
 mod start;
 mod thickness;
+mod torn;
 mod vec3;
 mod voxels;
 
@@ -54,6 +55,7 @@ pub use report::{
     BadShapes, Boundary, ClosedGaps, EdgeBand, InterfaceDistance, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO,
     LabelReport, MOST_VOLUME_ERROR, MeshReport, SurfaceReport,
 };
+pub use torn::Torn;
 
 use cut::RawMesh;
 use error::{listed, place};
@@ -301,6 +303,9 @@ fn strictly(report: &MeshReport) -> Result<(), MeshError> {
         if let Some(at) = found.differs_at {
             return Err(MeshError::Euler { surface, report: Box::new(*found), at });
         }
+    }
+    if let Some((label, torn)) = report.labels.iter().find_map(|l| Some((l.label, l.torn?))) {
+        return Err(MeshError::Torn { label, torn });
     }
     if let Some((label, interface)) = report.far().next() {
         return Err(MeshError::Far { label, interface });

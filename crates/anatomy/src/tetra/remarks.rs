@@ -23,7 +23,12 @@ const DENSITY: Range<f64> = 0.75..1.33;
 /// Places along a path are so far apart, mm.
 const ALONG: f64 = 0.5;
 
-pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(report: &MeshReport, source: &Source<'_, T>) -> Vec<String> {
+/// Of a mesh, given of each label the voxels that are not in its smooth surface.
+pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(
+    report: &MeshReport,
+    source: &Source<'_, T>,
+    absences: &[(Vec<usize>, Missing)],
+) -> Vec<String> {
     let mut all = of_options(source);
     all.extend(of_path(source));
     all.extend(of_idle_path(source));
@@ -35,11 +40,11 @@ pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(report: &MeshReport, sour
     let far = SURFACE_ERROR * source.fields.unit;
     for (i, l) in report.labels.iter().enumerate() {
         all.extend(of_crumbs(source, i));
-        let (absent, missing) = missing(source, i);
+        let (absent, missing) = &absences[i];
         let thin = absent.len() as f64 > MOST_ABSENT * l.voxels as f64;
         if l.lost_at.is_none() {
-            all.extend(of_missing(source, i, &missing));
-            all.extend(thin.then(|| of_thin(l, &absent, &source.voxels)));
+            all.extend(of_missing(source, i, missing));
+            all.extend(thin.then(|| of_thin(l, absent, &source.voxels)));
         }
         all.extend(of_label(l, report.coarse_regions, thin, far));
     }
@@ -57,6 +62,8 @@ pub(super) fn topology(report: &MeshReport) -> Vec<String> {
     if has_outer(report) {
         all.extend(of_topology(Boundary::Outer, &report.outer));
     }
+    let torn = report.labels.iter().filter_map(|l| Some((l.label, l.torn?)));
+    all.extend(torn.map(|(label, torn)| format!("label {label}: {torn}")));
     all.extend(report.far().map(|(label, interface)| format!("label {label}: {interface}")));
     all.extend(report.closed_gaps.map(|gaps| gaps.to_string()));
     let crossing = report.self_crossing.as_ref().filter(|_| report.overlap.is_none());
@@ -170,7 +177,8 @@ fn of_crumbs<T>(source: &Source<'_, T>, label: usize) -> Option<String> {
     ))
 }
 
-fn missing<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>, label: usize) -> (Vec<usize>, Missing) {
+/// The voxels of a label that are not in its smooth surface, and what small pieces there are of them.
+pub(super) fn missing<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>, label: usize) -> (Vec<usize>, Missing) {
     let fields = source.fields;
     let solid = Solid::new(fields, label);
     let is_there = |p| solid.holds(p) || fields.label_at(p) == Some(label);

@@ -3,6 +3,7 @@
 use super::fields::LabelFields;
 use super::size::SizeField;
 use super::solid::Solid;
+use super::torn::Torn;
 use super::vec3::{V3, add, scale};
 use super::voxels::{Voxels, centre};
 use super::{Crumb, MeshOptions, difference, place, remarks};
@@ -190,6 +191,8 @@ pub struct LabelReport {
     pub voxels: usize,
     /// The centre of one of its voxels, LPS mm, where it has no element.
     pub lost_at: Option<[f64; 3]>,
+    /// Thin parts that the smooth fields have not kept.
+    pub torn: Option<Torn>,
 }
 
 /// Numbers about a mesh.
@@ -264,6 +267,7 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
         source.voxels.is_separate(p, fields.step, |l| source.options.keep.contains(&l) == inside)
     });
     let surface = mesh.surface(|_| true);
+    let absences: Vec<_> = (0..fields.labels.len()).map(|l| remarks::missing(source, l)).collect();
     let mut report = MeshReport {
         elements: mesh.tets.len(),
         vertices: mesh.vertices.len(),
@@ -279,13 +283,13 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
         closed_gaps: closed_gaps(source),
         overlap: TetLocator::new(mesh).ok().and_then(|l| l.overlap()),
         self_crossing: surface.self_crossing(),
-        labels: (0..fields.labels.len()).map(|l| label_report(mesh, source, l)).collect(),
+        labels: absences.iter().enumerate().map(|(l, absent)| label_report(mesh, source, l, &absent.0)).collect(),
         outer: SurfaceReport::new(&surface, &outer, fields.unit),
         remarks: Vec::new(),
         topology: Vec::new(),
         open_at_border: fields.at_border,
     };
-    report.remarks = remarks::remarks(&report, source);
+    report.remarks = remarks::remarks(&report, source, &absences);
     report.topology = remarks::topology(&report);
     report.labels.sort_by_key(|l| l.label);
     report
@@ -343,7 +347,12 @@ fn spacing(mesh: &TetMesh, size: &SizeField) -> (Vec<EdgeBand>, f64) {
     ((0..sums.len()).map(band).collect(), mean(core))
 }
 
-fn label_report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &Source<'_, T>, l: usize) -> LabelReport {
+fn label_report<T: Copy + Eq + Into<u16> + Sync>(
+    mesh: &TetMesh,
+    source: &Source<'_, T>,
+    l: usize,
+    absent: &[usize],
+) -> LabelReport {
     let (fields, voxels) = (source.fields, &source.voxels);
     let label = fields.labels[l];
     let surface = mesh.surface(|x| x == label);
@@ -361,6 +370,7 @@ fn label_report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &Source
         surface: SurfaceReport::new(&surface, &truth, fields.unit),
         voxels: fields.extents[l].count,
         lost_at: (elements == 0).then(|| voxels.one(|x| x == label)),
+        torn: voxels.torn(absent, label, fields.step).filter(|_| elements > 0),
     }
 }
 

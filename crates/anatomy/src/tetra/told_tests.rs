@@ -353,3 +353,54 @@ fn furrows_whose_walls_only_graze_each_other_passed_strict_without_a_word() {
     assert!(told(&report, &["passes through itself", "narrow gap"]), "{:?}", report.all_remarks());
     assert!(matches!(mesh(&labels, &strict(&[1, 2], 12_000)).expect_err("refused"), MeshError::SelfCrossing(_)));
 }
+
+#[test]
+fn bodies_parted_at_a_neck_of_one_voxel_and_a_spike_lost_passed_strict_without_a_word() {
+    let within = |v: [usize; 3], low: [usize; 3], high: [usize; 3]| (0..3).all(|a| (low[a]..high[a]).contains(&v[a]));
+    let neck = |v| within(v, [19, 15, 15], [22, 16, 16]);
+    let bodies = move |v| within(v, [5; 3], [19, 25, 25]) || within(v, [22, 8, 8], [38, 22, 22]);
+    let labels = labelled([1.0; 3], |v| u8::from(bodies(v) || neck(v)));
+    let (_, report) = mesh(&labels, &MeshOptions::new(&[1], &[1], 5_000)).expect("a mesh");
+    let torn = report.labels[0].torn.expect("told");
+    assert_eq!((torn.places, torn.voxels, report.outer.surfaces), (1, 3, 2), "{torn:?}");
+    assert!(told(&report, &["label 1: 1 thin part(s) of 3 voxel(s)", "thicken them"]), "{:?}", report.all_remarks());
+    let refused = mesh(&labels, &strict(&[1], 5_000)).expect_err("refused");
+    assert_eq!(refused, MeshError::Torn { label: 1, torn });
+    // A spike of 20 voxels, and one that is no longer than the roughness of a surface.
+    let spike = |end: usize| labelled([1.0; 3], move |v| u8::from(bodies(v) || within(v, [19, 24, 24], [end, 25, 25])));
+    let of = |labels: &Volume<u8>| mesh(labels, &MeshOptions::new(&[1], &[1], 5_000)).expect("a mesh").1.labels[0].torn;
+    let torn = of(&spike(39)).expect("told");
+    assert!(torn.places == 1 && torn.at[0] > 0.0 && (18..=20).contains(&torn.voxels), "{torn:?}");
+    assert_eq!(of(&spike(21)), None);
+}
+
+#[test]
+fn a_hole_through_a_plate_of_two_voxels_closed_without_a_word_strict_or_not() {
+    let within =
+        |v: [usize; 3], z: std::ops::Range<usize>| v[..2].iter().all(|i| (6..38).contains(i)) && z.contains(&v[2]);
+    let hole = |v: [usize; 3]| v[..2] == [20, 20];
+    let plate = labelled([1.0; 3], |v| u8::from(within(v, 20..22) && !hole(v)));
+    let (_, report) = mesh(&plate, &MeshOptions::new(&[1], &[1], 5_000)).expect("a mesh");
+    assert_eq!(report.closed_gaps.map(|g| g.voxels), Some(2), "{:?}", report.all_remarks());
+    assert!(matches!(mesh(&plate, &strict(&[1], 5_000)).expect_err("refused"), MeshError::ClosedGaps(_)));
+    // Between two labels the hole is a neck of the other one.
+    let inside = labelled([1.0; 3], |v| match within(v, 8..36) {
+        true => 1 + u8::from(within(v, 20..22) && (10..34).contains(&v[0]) && !hole(v)),
+        false => 0,
+    });
+    let (_, report) = mesh(&inside, &MeshOptions::new(&[1, 2], &[1, 2], 8_000)).expect("a mesh");
+    let torn = report.labels[0].torn.expect("told");
+    assert_eq!((torn.places, torn.voxels, report.labels[1].torn), (1, 2, None), "{torn:?}");
+}
+
+#[test]
+fn a_label_lost_in_the_fields_was_to_be_looked_for_at_the_origin() {
+    let labels = labelled([1.0; 3], |v| match v {
+        [15..35, 30, 30] => 2,
+        _ => u8::from((0..3).all(|a| (4..[15, 34, 34][a]).contains(&v[a]))),
+    });
+    let (_, report) = mesh(&labels, &MeshOptions::new(&[1, 2], &[1], 8_000)).expect("a mesh");
+    let found = &report.labels[1];
+    let at = found.surface.differs_at.or(found.lost_at).expect("told");
+    assert!(at[0] > -7.5 && at[0] < 14.0 && (at[1] - 8.5).abs() < 4.0 && (at[2] - 8.5).abs() < 4.0, "{found:?}");
+}

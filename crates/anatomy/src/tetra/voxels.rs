@@ -60,7 +60,7 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
     }
 
     /// Voxels that a small piece has at most.
-    fn most_of_piece(&self, step: f64) -> usize {
+    pub(super) fn most_of_piece(&self, step: f64) -> usize {
         (SPECK * step.powi(3) / self.0.grid().voxel_volume()) as usize + 1
     }
 }
@@ -111,8 +111,9 @@ impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
         (0..8).all(|side| own.iter().filter(|n| is_of(n, side)).count() < 8)
     }
 
-    /// The voxels in a box of none of the labels that `of` accepts that `is_filled` by their centres, they and all those of
-    /// none that share a corner with them: holes, tunnels and slits. A dent only becomes shallower, and one beside it is left.
+    /// The voxels in a box of none of the labels that `of` accepts that `is_filled` by their centres, where they and all those of
+    /// none that share a corner with them are, or where they part those that are not: holes, tunnels and slits. A dent only
+    /// becomes shallower, and one beside it is left.
     pub(super) fn filled(
         &self,
         extent: &Extent,
@@ -120,9 +121,14 @@ impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
         is_filled: impl Fn([f64; 3]) -> bool + Sync,
     ) -> Vec<usize> {
         let (grid, data) = (self.0.grid(), self.0.data());
-        let is_gone = |at: usize| of(data[at].into()) || is_filled(centre(grid, at));
+        let filled = self.within(extent, usize::MAX, |l| !of(l), |at| is_filled(centre(grid, at)));
+        let is_gone = |at: usize| of(data[at].into()) || filled.binary_search(&at).is_ok();
         let is_inside = |at: usize| around(grid.voxel(at), grid.dims()).all(|[i, j, k]| is_gone(grid.index(i, j, k)));
-        self.within(extent, usize::MAX, |l| !of(l), |at| is_filled(centre(grid, at)) && is_inside(at))
+        let mut all = self.passages(&filled, &of);
+        all.extend(filled.iter().copied().filter(|&at| is_inside(at)));
+        all.sort_unstable();
+        all.dedup();
+        all
     }
 
     /// The voxels of a label, in runs along the first axis of up to `longest`, that are not there.
@@ -193,7 +199,7 @@ pub(super) fn centre(grid: &Grid, at: usize) -> [f64; 3] {
 }
 
 /// The voxels that share a corner with one.
-fn around(v: [usize; 3], dims: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
+pub(super) fn around(v: [usize; 3], dims: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     let shift = |n: usize| [n % 3, n / 3 % 3, n / 9];
     (0..27).filter_map(move |n| {
         let other = [0, 1, 2].map(|a| (v[a] + shift(n)[a]).wrapping_sub(1));

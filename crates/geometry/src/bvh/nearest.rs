@@ -35,9 +35,9 @@ impl Four {
     fn distances_squared(&self, p: [f64; 3]) -> [f64; 4] {
         let larger = |a: f64, b: f64| if a > b { a } else { b };
         let mut sum = [0.0; 4];
-        for a in 0..3 {
+        for ((low, high), p) in self.low.iter().zip(&self.high).zip(p) {
             for (lane, sum) in sum.iter_mut().enumerate() {
-                let off = larger(larger(self.low[a][lane] - p[a], p[a] - self.high[a][lane]), 0.0);
+                let off = larger(larger(low[lane] - p, p - high[lane]), 0.0);
                 *sum += off * off;
             }
         }
