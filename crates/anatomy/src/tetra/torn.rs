@@ -5,11 +5,18 @@
 
 use super::place;
 use super::voxels::{Voxels, around, centre};
-use std::collections::BTreeSet;
 use std::fmt;
 
 /// Lost voxels that reach so many voxels out from what is kept are a spike or a sheet, fewer a rough edge.
 const SPIKE: usize = 3;
+
+// Marks of voxels: those that have not changed sides, those that have, those of a cluster, those of it that have been reached
+// from what is kept, and those kept whose parts are counted.
+const FREE: u8 = 0;
+const CHANGED: u8 = 1;
+const FOUND: u8 = 2;
+const DONE: u8 = 3;
+const WAITS: u8 = 4;
 
 /// Parts that are lost of a label that is there.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -71,61 +78,82 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
 
     /// Some voxels of those that `of` accepts, by what hangs together by faces, edges and corners.
     fn clusters(&self, some: &[usize], of: impl Fn(u16) -> bool) -> Vec<Cluster> {
-        let (mut changed, mut waits) = (vec![false; self.0.grid().len()], vec![false; self.0.grid().len()]);
-        for &at in some {
-            (changed[at], waits[at]) = (true, true);
-        }
-        let kept = |at: &usize| !changed[*at] && of(self.0.data()[*at].into());
+        // Nothing is written where nothing is changed: most of the volume.
+        let mut marks = vec![FREE; self.0.grid().len()];
+        some.iter().for_each(|&at| marks[at] = CHANGED);
         let mut all = Vec::new();
         for &first in some {
-            if !std::mem::take(&mut waits[first]) {
-                continue;
+            if marks[first] == CHANGED {
+                let mut voxels = self.flood(first, [CHANGED, FOUND], &mut marks);
+                voxels.sort_unstable();
+                all.push(self.cluster(voxels, &of, &mut marks));
             }
-            let (mut voxels, mut next) = (vec![first], 0);
-            while next < voxels.len() {
-                let found = self.beside(voxels[next]).filter(|&at| std::mem::take(&mut waits[at]));
-                voxels.extend(found.collect::<Vec<_>>());
-                next += 1;
-            }
-            voxels.sort_unstable();
-            all.push(self.cluster(voxels, kept));
         }
         all
     }
 
-    fn cluster(&self, voxels: Vec<usize>, kept: impl Fn(&usize) -> bool) -> Cluster {
-        let around = |some: &BTreeSet<usize>| -> BTreeSet<usize> {
-            some.iter().flat_map(|&at| self.beside(at)).filter(&kept).collect()
+    /// What is to be known of a cluster that has been found.
+    fn cluster(&self, voxels: Vec<usize>, of: &impl Fn(u16) -> bool, marks: &mut [u8]) -> Cluster {
+        let kept = |some: &[usize], marks: &[u8]| {
+            let mut all = self.around(some, FREE, marks);
+            all.retain(|&at| of(self.0.data()[at].into()));
+            all
         };
-        let mut left: BTreeSet<usize> = voxels.iter().copied().collect();
-        let touched = around(&left);
+        let touched = kept(&voxels, marks);
         // What is joined a voxel further out are steps of a surface.
-        let parts = self.parts(&touched, &touched) > 1
-            && self.parts(&touched, &around(&touched).union(&touched).copied().collect()) > 1;
-        let (mut layer, mut reach): (Vec<usize>, usize) = (touched.into_iter().collect(), 0);
-        loop {
-            layer = layer.iter().flat_map(|&at| self.beside(at)).filter(|at| left.remove(at)).collect();
-            if layer.is_empty() {
-                return Cluster { voxels, reach, parts };
-            }
+        let parts = self.parts(&touched, &touched, marks) > 1 && {
+            let further = kept(&touched, marks);
+            self.parts(&touched, &[&touched[..], &further].concat(), marks) > 1
+        };
+        let (mut layer, mut reach) = (self.around(&touched, FOUND, marks), 0);
+        while !layer.is_empty() {
             reach += 1;
+            layer.iter().for_each(|&at| marks[at] = DONE);
+            layer = self.around(&layer, FOUND, marks);
         }
+        Cluster { voxels, reach, parts }
     }
 
-    /// In how many parts some voxels are that may hang together by others.
-    fn parts(&self, some: &BTreeSet<usize>, by: &BTreeSet<usize>) -> usize {
-        let (mut left, mut count) = (by.clone(), 0);
+    /// The voxels of a mark that share a corner with any of some; in order.
+    fn around(&self, some: &[usize], mark: u8, marks: &[u8]) -> Vec<usize> {
+        let mut all = Vec::new();
+        for &at in some {
+            all.extend(self.beside(at).filter(|&n| marks[n] == mark));
+        }
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    /// In how many parts some voxels are that are kept, given all by which they may hang together, themselves among them.
+    fn parts(&self, some: &[usize], by: &[usize], marks: &mut [u8]) -> usize {
+        by.iter().for_each(|&at| marks[at] = WAITS);
+        let mut count = 0;
         for &first in some {
-            if !left.remove(&first) {
-                continue;
-            }
-            count += 1;
-            let mut edge = vec![first];
-            while let Some(at) = edge.pop() {
-                edge.extend(self.beside(at).filter(|n| left.remove(n)));
+            if marks[first] == WAITS {
+                count += 1;
+                self.flood(first, [WAITS, FREE], marks);
             }
         }
+        // Those that hang together with none.
+        by.iter().for_each(|&at| marks[at] = FREE);
         count
+    }
+
+    /// The voxels of one mark that hang together with one, which get another.
+    fn flood(&self, first: usize, [from, to]: [u8; 2], marks: &mut [u8]) -> Vec<usize> {
+        marks[first] = to;
+        let (mut all, mut next) = (vec![first], 0);
+        while next < all.len() {
+            for at in self.beside(all[next]) {
+                if marks[at] == from {
+                    marks[at] = to;
+                    all.push(at);
+                }
+            }
+            next += 1;
+        }
+        all
     }
 
     /// The voxels that share a corner with one.
