@@ -233,7 +233,8 @@ fn taken_for_ventricles(keep: &[u16], fine: &[u16]) -> Option<String> {
     let known = |l: &u16| Structure::from_label(*l).is_some();
     let brain = keep.contains(&u16::from(Structure::Brain.label()));
     let all_fine = keep.iter().all(|l| fine.contains(l));
-    (!fine.is_empty() && !all_fine && !(brain && keep.iter().all(known))).then(|| {
+    let of_a_case = brain && keep.iter().all(known);
+    (!(fine.is_empty() || all_fine || of_a_case)).then(|| {
         format!(
             "the mesh is fine around {} alone, which are the ventricles in cases of Monro; other numbers than those of \
              a case are there too: \"--fine\" says around which to be fine",
