@@ -310,6 +310,20 @@ fn what_is_left_of_a_label_is_not_blown_up_for_pieces_that_are_lost() {
 }
 
 #[test]
+fn a_ball_was_blown_up_by_a_seventh_for_a_plate_beside_it_that_was_lost() {
+    let in_ball = |v: [usize; 3]| [0, 1, 2].iter().map(|&a| (v[a] as f64 - 14.0).powi(2)).sum::<f64>() < 64.0;
+    let in_plate = |v: [usize; 3]| v[2] == 36 && v[..2].iter().all(|i| (8..26).contains(i));
+    // Voxels half as long along the plate's thickness: fields with cells of a voxel's length do not keep it.
+    let labels = labelled([1.0, 1.0, 0.5], |v| 5 * u8::from(in_ball(v) || in_plate(v)));
+    let (mesh, report) = mesh(&labels, &MeshOptions::new(&[5], &[5], 5_000)).expect("a mesh");
+    let torn = report.labels[0].torn.expect("told");
+    assert_eq!((torn.places, torn.voxels), (1, 18 * 18));
+    let ball = 0.5 * (0..labels.grid().len()).filter(|&at| in_ball(labels.grid().voxel(at))).count() as f64;
+    assert!((mesh.label_volume(5) / ball - 1.0).abs() < 0.01, "{} for {ball}", mesh.label_volume(5));
+    assert!(report.labels[0].volume_error < -0.1, "{report:?}");
+}
+
+#[test]
 fn a_path_that_is_no_number_passed_the_labels_by_inf_mm_and_a_mesh_was_made() {
     let grid = Grid::axis_aligned([12; 3], [1.0; 3], [0.0; 3]).expect("a grid");
     let path = Some([Point::new(6.0, 6.0, f64::NAN), Point::new(6.0, 6.0, 6.0)]);

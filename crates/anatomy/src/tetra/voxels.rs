@@ -66,7 +66,7 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
 }
 
 impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
-    /// Takes pieces that the fields have lost from the volumes that labels should have: what is left of a label is not to
+    /// Takes pieces and thin parts that the fields have lost from the volumes that labels should have: what is left of a label is not to
     /// be blown up in their stead.
     pub(super) fn leave_out_missing(&self, fields: &mut LabelFields) {
         for (l, found) in fields.found().into_iter().enumerate() {
@@ -74,10 +74,9 @@ impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
                 continue;
             }
             let (label, step) = (fields.labels[l], fields.step);
-            // A longer run is of no small piece, and most voxels are in such.
-            let longest = self.most_of_piece(step);
-            let absent = self.absent((label, &fields.extents[l]), longest, |p| fields.label_at(p) == Some(l));
-            let lost = self.lost(&absent, label, step).voxels;
+            let absent = self.absent((label, &fields.extents[l]), |p| fields.label_at(p) == Some(l));
+            let torn = self.torn(&absent, label, step).map_or(0, |torn| torn.voxels);
+            let lost = self.lost(&absent, label, step).voxels + torn;
             if lost < fields.extents[l].count {
                 fields.volumes[l] -= lost as f64 * fields.voxel;
             }
@@ -91,7 +90,7 @@ impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
         step: f64,
         is_there: impl Fn([f64; 3]) -> bool + Sync,
     ) -> (Vec<usize>, Missing) {
-        let absent = self.absent(label, usize::MAX, is_there);
+        let absent = self.absent(label, is_there);
         let missing = self.lost(&absent, label.0, step);
         (absent, missing)
     }
@@ -121,7 +120,7 @@ impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
         is_filled: impl Fn([f64; 3]) -> bool + Sync,
     ) -> Vec<usize> {
         let (grid, data) = (self.0.grid(), self.0.data());
-        let filled = self.within(extent, usize::MAX, |l| !of(l), |at| is_filled(centre(grid, at)));
+        let filled = self.within(extent, |l| !of(l), |at| is_filled(centre(grid, at)));
         let is_gone = |at: usize| of(data[at].into()) || filled.binary_search(&at).is_ok();
         let is_inside = |at: usize| around(grid.voxel(at), grid.dims()).all(|[i, j, k]| is_gone(grid.index(i, j, k)));
         let mut all = self.passages(&filled, &of);
@@ -131,22 +130,15 @@ impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
         all
     }
 
-    /// The voxels of a label, in runs along the first axis of up to `longest`, that are not there.
-    fn absent(
-        &self,
-        (label, extent): (u16, &Extent),
-        longest: usize,
-        is_there: impl Fn([f64; 3]) -> bool + Sync,
-    ) -> Vec<usize> {
-        self.within(extent, longest, |l| l == label, |at| !is_there(centre(self.0.grid(), at)))
+    /// The voxels of a label that are not there.
+    fn absent(&self, (label, extent): (u16, &Extent), is_there: impl Fn([f64; 3]) -> bool + Sync) -> Vec<usize> {
+        self.within(extent, |l| l == label, |at| !is_there(centre(self.0.grid(), at)))
     }
 
-    /// The voxels in a box that `is` accepts, of those in runs along the first axis, of up to `longest`, of labels that `of`
-    /// accepts; in order.
+    /// The voxels in a box that `is` accepts, of those of labels that `of` accepts; in order.
     fn within(
         &self,
         &Extent { low, high, .. }: &Extent,
-        longest: usize,
         of: impl Fn(u16) -> bool + Sync,
         is: impl Fn(usize) -> bool + Sync,
     ) -> Vec<usize> {
@@ -156,7 +148,7 @@ impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
             for j in low[1]..=high[1] {
                 let first = grid.index(low[0], j, k);
                 let runs = kept(&data[first..=grid.index(high[0], j, k)], |l| of(l.into()));
-                for run in runs.filter(|run| run.len() <= longest) {
+                for run in runs {
                     found.extend(run.map(|i| first + i).filter(|&at| is(at)));
                 }
             }
