@@ -6,6 +6,7 @@ mod crossed;
 mod crushed;
 mod figures;
 mod output;
+mod restless;
 mod run;
 mod verdict;
 

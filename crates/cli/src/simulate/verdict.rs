@@ -3,7 +3,7 @@
 
 use super::crushed::Crushed;
 use super::output::small;
-use super::{KPA_PER_MMHG, Run, coarse, crossed};
+use super::{KPA_PER_MMHG, Run, coarse, crossed, restless};
 use crate::soft_body;
 use monro_cli::report::{Finding, Severity};
 use monro_geometry::Structure;
@@ -139,6 +139,7 @@ fn doubts(run: &Run) -> Vec<String> {
     }
     out.extend(coarse::remark(&run.rest, &run.plan));
     out.extend(gone_around(run));
+    out.extend(restless::remark(run));
     if trouble.rollbacks > 0 {
         let n = trouble.rollbacks;
         let them = if n == 1 { "a step and repeated it" } else { &format!("{n} steps and repeated them") };

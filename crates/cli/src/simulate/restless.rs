@@ -1,0 +1,58 @@
+//! Tissue that does not come to rest although the catheter has.
+
+use super::Run;
+use super::output::small;
+
+/// Share of the time that the catheter rests at the end over which it is looked at: what swings has died down before.
+const LAST: f64 = 0.5;
+/// A way of the target, mm, that is told.
+const NOTICED_MM: f64 = 0.05;
+
+/// How far the target's tissue still moves at the end.
+pub(super) fn remark(run: &Run) -> Option<String> {
+    let end = run.last()?.time_s;
+    let span = LAST * run.settings.hold_s;
+    let rows = run.rows.iter().map(|r| &r.frame).filter(|f| f.time_s > end - span);
+    let (ways, forces): (Vec<f64>, Vec<Option<f64>>) =
+        rows.map(|f| (f.target_displacement_mm, f.axial_force_mn())).unzip();
+    let forces: Vec<f64> = forces.into_iter().flatten().filter(|_| run.has_units()).collect();
+    words(span, &ways, &forces)
+}
+
+/// In words, by the target's displacements (mm) and the forces along the catheter (mN) of the last `span` seconds.
+fn words(span: f64, ways: &[f64], forces: &[f64]) -> Option<String> {
+    let [low, high] = range(ways);
+    let force = match range(forces) {
+        [low, high] if low.is_finite() => format!(", and the force went from {low:.0} to {high:.0} mN"),
+        _ => String::new(),
+    };
+    (high - low > NOTICED_MM).then(|| {
+        format!(
+            "In the last {span:.1} s, with the catheter still, the target's tissue was {} to {} mm from its place{force}: it has \
+             not come to rest, mostly because a wall beside the tip is touched and let go in turn, and figures of the end \
+             are those of a moment.",
+            small(low),
+            small(high)
+        )
+    })
+}
+
+fn range(of: &[f64]) -> [f64; 2] {
+    [of.iter().copied().fold(f64::INFINITY, f64::min), of.iter().copied().fold(f64::NEG_INFINITY, f64::max)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tissue_that_swung_at_the_end_gave_one_of_its_moments_without_a_word() {
+        let told = words(0.5, &[0.51, 0.36, 0.21, 0.19, 0.24], &[83.4, 57.1, 57.4, 56.2, 56.8]).expect("told");
+        assert!(told.starts_with("In the last 0.5 s") && told.contains("0.19 to 0.51 mm"), "{told}");
+        assert!(told.contains("from 56 to 83 mN"), "{told}");
+        let paper = words(0.5, &[0.51, 0.36], &[]).expect("told");
+        assert!(!paper.contains("mN"), "{paper}");
+        assert_eq!(words(0.5, &[0.201, 0.199, 0.23], &[50.0, 51.0]), None);
+        assert_eq!(words(0.5, &[], &[]), None);
+    }
+}
