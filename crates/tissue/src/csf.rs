@@ -7,10 +7,13 @@
 //! 30 mmHg on.) A drained volume is a condition on that volume; its multiplier is the pressure, found by integral control over
 //! the substeps with the stiffness of a cavity in a wide elastic solid, `dp = 4/3 mu dV / V` (Lame), as the gain. Suction has
 //! a bound, for the model does not know where walls meet.
+//!
+//! Fluid at rest under gravity has more pressure below than above, by its density times gravity for each millimetre: what is
+//! in it and as heavy floats. Its pressure is given and reported where the middle of the fluid is at rest.
 
 use crate::fast::Row;
 use crate::options::MOST_PRESSURE_KPA;
-use crate::vec3::{V3, cross, six_volume, sub, xyz};
+use crate::vec3::{V3, add, cross, dot, scale, six_volume, sub, xyz};
 use crate::{Csf, FrameSettings, Model, State};
 
 /// Share of the missing pressure that a substep adds.
@@ -44,12 +47,38 @@ fn shear_around(model: &Model, fluid: &[u32]) -> f64 {
     middle.or(found.last()).map_or(0.0, |f| f.0)
 }
 
+/// Pressure of a fluid above that at rest.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct FluidPressure {
+    /// In its middle, kPa.
+    pub(crate) kpa: f32,
+    pub(crate) middle: V3,
+    /// By how much it rises on each way, kPa/mm.
+    pub(crate) rise: V3,
+}
+
+impl FluidPressure {
+    /// Whether there is none anywhere.
+    pub(crate) fn is_none(&self) -> bool {
+        self.kpa == 0.0 && self.rise == [0.0; 3]
+    }
+
+    /// Pressure at the place `x`, kPa.
+    pub(crate) fn at(&self, x: V3) -> f32 {
+        self.kpa + dot(self.rise, sub(x, self.middle))
+    }
+}
+
 /// The fluid space: its elements and the stiffness around it.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct FluidSpace {
     tets: Vec<u32>,
     /// Volume at rest, mm3.
     rest_mm3: f64,
+    /// Its middle at rest.
+    middle: V3,
+    /// Mean density, kg/mm3.
+    density: f64,
     /// Shear modulus of the tissue around the fluid, kPa.
     shear_kpa: f64,
 }
@@ -58,9 +87,21 @@ impl FluidSpace {
     pub(crate) fn new(model: &Model) -> Self {
         let of = |t: u32| &model.regions[model.region[t as usize] as usize].material;
         let tets: Vec<u32> = (0..model.tets.len() as u32).filter(|&t| of(t).fluid).collect();
-        let mut out = Self { rest_mm3: 0.0, shear_kpa: shear_around(model, &tets), tets };
+        let mut out = Self { shear_kpa: shear_around(model, &tets), tets, ..Self::default() };
         out.rest_mm3 = out.volume_mm3(model, &model.rest);
+        for &t in &out.tets {
+            let corners = model.tets[t as usize].map(|v| xyz(model.rest[v as usize]));
+            let share = f64::from(six_volume(corners)) / (6.0 * out.rest_mm3);
+            out.middle = add(out.middle, scale(centroid(corners), share as f32));
+            out.density += share * of(t).density_kg_m3 * 1e-9;
+        }
         out
+    }
+
+    /// Its pressure where that in the middle is `kpa`.
+    pub(crate) fn under(&self, kpa: f64, gravity_mm_s2: [f64; 3]) -> FluidPressure {
+        let rise = gravity_mm_s2.map(|g| (self.density * g) as f32);
+        FluidPressure { kpa: kpa as f32, middle: self.middle, rise }
     }
 
     fn volume_mm3(&self, model: &Model, positions: &[[f32; 4]]) -> f64 {
@@ -93,17 +134,29 @@ impl FluidSpace {
         }
     }
 
-    /// Calls `add` with each node of the fluid and its share of the force of pressure `kpa`, mN: inside they cancel.
-    pub(crate) fn add_forces(&self, model: &Model, positions: &[[f32; 4]], kpa: f64, mut add: impl FnMut(u32, V3)) {
+    /// Calls `push` with each node of the fluid and its share of the force of this pressure, mN: inside they cancel, or bear
+    /// the fluid's weight.
+    pub(crate) fn add_forces(
+        &self,
+        model: &Model,
+        positions: &[[f32; 4]],
+        pressure: &FluidPressure,
+        mut push: impl FnMut(u32, V3),
+    ) {
         // Opposite faces seen so that their area vector is six times the gradient of the volume by the corner.
         const OPPOSITE: [[usize; 3]; 4] = [[1, 3, 2], [0, 2, 3], [0, 3, 1], [0, 1, 2]];
         for &t in &self.tets {
             let nodes = model.tets[t as usize];
             let p = nodes.map(|v| xyz(positions[v as usize]));
+            let kpa = pressure.at(centroid(p));
             for (corner, [a, b, c]) in OPPOSITE.into_iter().enumerate() {
                 let area = cross(sub(p[b], p[a]), sub(p[c], p[a]));
-                add(nodes[corner], area.map(|v| v * (kpa / 6.0) as f32));
+                push(nodes[corner], scale(area, kpa / 6.0));
             }
         }
     }
+}
+
+fn centroid(corners: [V3; 4]) -> V3 {
+    scale(corners.into_iter().fold([0.0; 3], add), 0.25)
 }

@@ -108,7 +108,7 @@ pub struct FrameSettings {
     pub substeps: u32,
     /// Iterations of the solver per substep, 1 to 10,000.
     pub iterations: u32,
-    /// Gravity, mm/s2, patient frame.
+    /// Gravity, mm/s2, patient frame. Fluid has more pressure below for it as fluid at rest does, also where all falls.
     pub gravity_mm_s2: [f64; 3],
     /// Do two iterations of three only where the tissue moves more than on average (the paper's predicted
     /// deformation space).
@@ -124,7 +124,7 @@ pub enum Csf {
     #[default]
     AtRest,
     /// This much pressure more than at rest, kPa (1 mmHg is 0.133322 kPa), above that around the tissue: pressure raised
-    /// inside and around alike deforms nothing.
+    /// inside and around alike deforms nothing. Under gravity it is that in the middle of the fluid.
     Pressure {
         /// The difference, kPa, -100 to 100.
         kpa: f64,

@@ -19,7 +19,9 @@ impl Model {
         for (f, m) in force.iter_mut().zip(&self.mass) {
             (0..3).for_each(|a| f[a] -= f64::from(*m) * settings.gravity_mm_s2[a]);
         }
-        FluidSpace::new(self).add_forces(self, &state.positions, state.csf_kpa, |node, push| {
+        let fluid = FluidSpace::new(self);
+        let pressure = fluid.under(state.csf_kpa, settings.gravity_mm_s2);
+        fluid.add_forces(self, &state.positions, &pressure, |node, push| {
             (0..3).for_each(|a| force[node as usize][a] -= f64::from(push[a]));
         });
         let mut held: Vec<D3> = force;

@@ -23,7 +23,7 @@ pub struct StepReport {
     pub volume_change: f64,
     /// Largest motion of a node in the last iteration, mm: what the solver still had to say.
     pub residual_mm: f64,
-    /// Pressure of the fluid regions above that at rest, kPa (physical mode).
+    /// Pressure in the middle of the fluid regions above that at rest, kPa (physical mode).
     pub csf_kpa: f64,
     /// Volume of the fluid regions above that at rest, ml: fluid at rest gives way to a tool by a little.
     pub csf_change_ml: f64,

@@ -336,7 +336,7 @@ impl Stepper {
     fn descend(&mut self, solver: &Descent, model: &Model, state: &mut State, settings: &FrameSettings, dt: f32) {
         state.csf_kpa = self.fluid.pressure_kpa(model, state, settings);
         let mut body = Body {
-            fluid_kpa: state.csf_kpa as f32,
+            fluid: self.fluid.under(state.csf_kpa, settings.gravity_mm_s2),
             positions: &mut state.positions,
             previous: &mut self.previous,
             velocities: &state.velocities,

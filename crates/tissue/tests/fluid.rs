@@ -116,6 +116,25 @@ fn attachments_bear_the_weight() {
     assert!((sum.z / weight - 1.0).abs() < 1e-3 && sum.x.abs() + sum.y.abs() < 1e-3 * weight, "{sum:?}, {weight} mN");
 }
 
+/// It had one pressure everywhere, and its weight drew the lower wall down and the upper one in, by 2.7 mm.
+#[test]
+fn fluid_as_heavy_as_the_tissue_around_it_floats() {
+    let (cells, edge) = (8, 10.0);
+    let within = |c: [usize; 3]| c.iter().all(|&v| (2..6).contains(&v));
+    let mesh = block([cells; 3], edge, |c| if within(c) { 5 } else { 4 });
+    let outside = |p: Point<Patient>| p.to_array().iter().any(|&v| v == 0.0 || v == edge * cells as f64);
+    let mut o = options(physical(), &nodes(&mesh, outside));
+    // What can hardly be compressed and is held all around does not sink.
+    let tissue = Material { poisson: 0.495, ..Material::BRAIN };
+    o.materials.insert(4, tissue);
+    o.materials.insert(5, Material { density_kg_m3: tissue.density_kg_m3, ..Material::VENTRICLE });
+    let model = Model::new(&mesh, &o).expect("model");
+    let down = [3000.0, -4000.0, 8500.0];
+    let (_, report) = settle(&model, &FrameSettings { gravity_mm_s2: down, ..FrameSettings::default() });
+    assert!(report.max_displacement_mm < 0.2, "{} mm", report.max_displacement_mm);
+    assert!(report.csf_change_ml.abs() < 0.01, "{} ml", report.csf_change_ml);
+}
+
 #[test]
 fn walls_folded_and_elements_turned_over_under_fifty_millimetres_of_mercury() {
     let mesh = ball(12);

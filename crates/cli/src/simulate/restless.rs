@@ -29,7 +29,7 @@ fn words(span: f64, ways: &[f64], forces: &[f64]) -> Option<String> {
     (high - low > NOTICED_MM).then(|| {
         format!(
             "In the last {span:.1} s, with the catheter still, the target's tissue was {} to {} mm from its place{force}: it has \
-             not come to rest, mostly because a wall beside the tip is touched and let go in turn, and figures of the end \
+             not come to rest, mostly because a wall is folded around the tip, and figures of the end \
              are those of a moment.",
             small(low),
             small(high)

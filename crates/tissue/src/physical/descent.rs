@@ -14,6 +14,7 @@ use super::sweep::{Memory, Pace, Substep as Shared, Sweep, Task};
 use super::touch::{Touches, Touching, penalty_force};
 use crate::bytes;
 use crate::contact::Coupling;
+use crate::csf::FluidPressure;
 use crate::fast::{Plans, Pool, Row, Turn, WIDTH, widest};
 use crate::model::{Region, Tether};
 use crate::nodes::Apart;
@@ -105,8 +106,8 @@ impl Passes<'_> {
 
 /// A state to be advanced.
 pub(crate) struct Body<'a> {
-    /// Pressure of the fluid above that at rest, kPa.
-    pub(crate) fluid_kpa: f32,
+    /// Pressure of the fluid above that at rest.
+    pub(crate) fluid: FluidPressure,
     pub(crate) positions: &'a mut [[f32; 4]],
     /// Where they were at the start of the substep: set by it.
     pub(crate) previous: &'a mut [[f32; 4]],
@@ -273,7 +274,7 @@ impl Descent {
         };
         let (tissue, numbers) = (body.tissue(), (&mut *body.pressure, &mut *body.growth));
         let elements = (when != Press::End).then_some((&*still, &mut *slopes));
-        self.pressures.update((tissue, body.positions), numbers, elements, total, (which, body.fluid_kpa, pool));
+        self.pressures.update((tissue, body.positions), numbers, elements, total, (which, &body.fluid, pool));
         match when {
             Press::Near => streams.put(&self.visits, near.elements(), slopes),
             Press::End => {}
@@ -442,7 +443,7 @@ mod tests {
         let (descent, pool) = (&physical.descent, Pool::new(2));
         let (mut state, mut scratch, mut growth) = (model.rest_state(), DescentScratch::default(), Vec::new());
         let mut body = Body {
-            fluid_kpa: 0.7,
+            fluid: FluidPressure { kpa: 0.7, rise: [0.0, 0.01, 0.0], ..FluidPressure::default() },
             positions: &mut state.positions,
             previous: &mut model.rest.clone(),
             velocities: &state.velocities,

@@ -3,8 +3,10 @@
 use super::around::{Both, Element};
 use super::elastic::{ELEMENT_BULK, Elastic, patch_kpa};
 use super::near::Near;
+use crate::csf::FluidPressure;
 use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, WIDTH, widest};
 use crate::model::Region;
+use crate::vec3::xyz;
 use crate::volumes::Volumes;
 use crate::{bytes, slabs};
 use monro_geometry::Incidence;
@@ -27,8 +29,8 @@ pub(super) struct Pressures {
     /// `k / (k + r)` of the multiplier's step, 0 where the sweeps carry all.
     rate: Vec<f32>,
     share: Vec<f32>,
-    /// Patches of fluid regions, with what the sweeps carry of their volumetric stiffness, kPa.
-    fluid: Vec<(u32, f32)>,
+    /// Patches of fluid regions, with their vertices and what the sweeps carry of their volumetric stiffness, kPa.
+    fluid: Vec<(u32, u32, f32)>,
     /// Pieces for threads: of sixteen elements each, and of patches.
     row_cuts: Vec<usize>,
     patch_cuts: Vec<usize>,
@@ -112,11 +114,16 @@ impl Pressures {
         let patches = elastic.patch_volume.len();
         let carried = |r: &Region| (PENALTY * r.material.shear_kpa()).min(patch_kpa(&r.material));
         let moduli: Vec<[f64; 2]> = regions.iter().map(|r| [r.material.shear_kpa(), carried(r)]).collect();
-        let (mut patch_penalty, mut is_fluid) = (vec![0.0; patches], vec![false; patches]);
+        let (mut patch_penalty, mut in_fluid) = (vec![0.0; patches], vec![None; patches]);
         for (corners, &r) in elastic.patch.iter().zip(region) {
             corners.iter().for_each(|&p| patch_penalty[p as usize] = moduli[r as usize][1]);
-            corners.iter().for_each(|&p| is_fluid[p as usize] = regions[r as usize].material.fluid);
         }
+        for ((own, corners), &r) in elastic.patch.iter().zip(&elastic.tets).zip(region) {
+            if regions[r as usize].material.fluid {
+                own.iter().zip(corners).for_each(|(&p, &v)| in_fluid[p as usize] = Some(v));
+            }
+        }
+        let fluid = in_fluid.iter().zip(&patch_penalty).enumerate();
         let (start, around) = Incidence::new(&elastic.patch, patches).into_lists();
         let patch_cuts = slabs::even_cuts(patches);
         let wall = (0..).zip(elastic.patch.iter().zip(&elastic.tets));
@@ -128,7 +135,7 @@ impl Pressures {
             rate: patch_penalty.iter().zip(&elastic.patch_volume).map(|(r, v)| (r / (24.0 * v)) as f32).collect(),
             // What is left for the multiplier is `k - r`, so its share is `(k - r) / k`.
             share: patch_penalty.iter().zip(&elastic.patch_bulk).map(|(r, k)| ((k - r) / k) as f32).collect(),
-            fluid: (0..).zip(is_fluid).zip(&patch_penalty).filter(|f| f.0.1).map(|f| (f.0.0, *f.1 as f32)).collect(),
+            fluid: fluid.filter_map(|(p, (v, penalty))| v.map(|v| (p as u32, v, *penalty as f32))).collect(),
             row_cuts: slabs::even_cuts(elastic.tets.len().div_ceil(WIDTH)),
             patch_cuts,
         }
@@ -184,7 +191,7 @@ impl Pressures {
 
     /// Growth of elements at the current positions, and their pressures with it. With `advance` the nodal pressures
     /// take the next step of the multiplier method, `p <- (p + r (J - 1)) / (1 + r / k)`, at rest in itself when
-    /// `p = k (J - 1)`. `fluid_kpa` is the fluid's own pressure: as the solid's it acts through the volumes of elements, so
+    /// `p = k (J - 1)`. `fluid` is the fluid's own pressure: as the solid's it acts through the volumes of elements, so
     /// it follows them within a sweep and the two cancel where they meet. After the last sweep nobody asks for the elements.
     ///
     /// Where only what is near follows, its elements see how far they and their patches have grown, and all others keep what
@@ -195,7 +202,7 @@ impl Pressures {
         (nodal, growth): (&mut [f32], &mut Vec<Row>),
         elements: Option<(&Still, &mut Vec<f32>)>,
         total: &mut Vec<f32>,
-        (which, fluid_kpa, pool): (Which<'_>, f32, &Pool),
+        (which, fluid, pool): (Which<'_>, &FluidPressure, &Pool),
     ) {
         of.volumes.measure_where(|row| which.row(row), positions, growth, pool);
         total.resize(self.len(), 0.0);
@@ -209,8 +216,8 @@ impl Pressures {
             });
         });
         let Some((still, slopes)) = elements else { return };
-        if fluid_kpa != 0.0 {
-            self.add_fluid(fluid_kpa, (nodal, total), |p| which.batch(self.around.batch_of(p)));
+        if !fluid.is_none() {
+            self.add_fluid((fluid, positions), (nodal, total), |p| which.batch(self.around.batch_of(p)));
         }
         slopes.resize(self.tets + 1, 0.0);
         slopes[self.tets] = 0.0;
@@ -260,11 +267,17 @@ impl Pressures {
         *total = *nodal + step;
     }
 
-    /// Adds the fluid's pressure to those of its patches that are asked for; no suction where nothing is left to drain, which would draw elements ever
-    /// further inside out.
-    fn add_fluid(&self, kpa: f32, (nodal, total): (&[f32], &mut [f32]), asked: impl Fn(usize) -> bool) {
-        for &(p, carried) in self.fluid.iter().filter(|f| asked(f.0 as usize)) {
+    /// Adds the fluid's pressure to those of its patches that are asked for; no suction where nothing is left to drain, which
+    /// would draw elements ever further inside out.
+    fn add_fluid(
+        &self,
+        (fluid, positions): (&FluidPressure, &[[f32; 4]]),
+        (nodal, total): (&[f32], &mut [f32]),
+        asked: impl Fn(usize) -> bool,
+    ) {
+        for &(p, vertex, carried) in self.fluid.iter().filter(|f| asked(f.0 as usize)) {
             let p = p as usize;
+            let kpa = fluid.at(xyz(positions[vertex as usize]));
             // What is no multiplier yet is the stiffness times the growth.
             let left = 1.0 + (total[p] - nodal[p]) / carried;
             if kpa > 0.0 || left > 0.0 {
@@ -387,7 +400,7 @@ mod tests {
     use super::*;
     use crate::Model;
     use crate::model::tests::{block, paper_options};
-    use crate::vec3::{six_volume, xyz};
+    use crate::vec3::six_volume;
 
     #[test]
     fn derivatives_of_elements_come_to_those_of_the_energy() {
@@ -405,7 +418,7 @@ mod tests {
         pressures.still(of, 0.0, &mut still, &pool);
         let mut nodal = vec![0.0; pressures.len()];
         for _ in 0..400 {
-            let which = (Which::All { advance: true }, 0.0, &pool);
+            let which = (Which::All { advance: true }, &FluidPressure::default(), &pool);
             let elements = Some((&still, &mut slopes));
             pressures.update((of, &positions), (&mut nodal, &mut growth), elements, &mut total, which);
         }
