@@ -1,7 +1,7 @@
 //! What is summed on a walk around vertices: forces of neighbours and elements, and their derivatives.
 
 use super::streams::Stream;
-use crate::fast::{Lanes, Places, View, cross};
+use crate::fast::{Lanes, Line, Places, Row, WIDTH, cross};
 
 /// Three components, and the six different entries of a symmetric matrix (xx, yy, zz, xy, xz, yz).
 pub(super) type Vector<V> = [V; 3];
@@ -10,9 +10,6 @@ pub(super) type Matrix<V> = [V; 6];
 /// An element, by six times its volume `v`: derivative of its energy by `v` at `v = 0` (kPa/6), and the second derivative
 /// (kPa/mm3/36).
 pub(crate) type Element = [f32; 2];
-
-/// An element with damping, and beside it without.
-pub(crate) type Both = [f32; 4];
 
 /// What is summed on a walk around the vertices of a batch.
 pub(super) trait Around<V: Lanes> {
@@ -93,27 +90,77 @@ impl<V: Lanes> Around<V> for Sums<V> {
     }
 }
 
-/// Forces with and without damping.
-impl<V: Lanes> Around<V> for [Force<V>; 2] {
-    type Elements<'e> = &'e [Both];
-    type Walk<'e> = View<'e, 1, u32>;
+/// What resists motion: forces of neighbours and elements that damping has a share in.
+pub(super) struct Resistance<V>(pub(super) Force<V>);
+
+/// What damping has of elements.
+#[derive(Clone, Copy)]
+pub(super) struct Damped<'a> {
+    /// Of each region: its derivative at no volume (kPa/6), and its share of the second derivative.
+    pub(super) regions: &'a [[f32; 2]],
+    /// Region of each element.
+    pub(super) region: &'a [u8],
+    /// The second derivatives along the walks of a part, and the regions of these rows.
+    pub(super) rise: &'a [Line],
+    pub(super) rows: &'a [RowRegions],
+}
+
+/// Regions of a row of elements along a walk.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RowRegions {
+    /// That of all of them, unless it is `mixed`.
+    region: u8,
+    mixed: bool,
+    /// Bits of the lanes that have an element.
+    has: u16,
+}
+
+impl RowRegions {
+    /// Of a row of elements, the larger numbers of which are none.
+    pub(super) fn of(row: &[u32; WIDTH], region: &[u8]) -> Self {
+        let regions = row.map(|t| region.get(t as usize).copied());
+        let first = regions.iter().flatten().next().copied().unwrap_or(0);
+        let has = (0..WIDTH).map(|l| u16::from(regions[l].is_some()) << l).sum();
+        Self { region: first, mixed: regions.iter().flatten().any(|&r| r != first), has }
+    }
+}
+
+impl Damped<'_> {
+    /// Of a row with several regions: derivatives at no volume and shares of the second ones.
+    #[inline(never)]
+    fn mixed(&self, row: &[u32; WIDTH]) -> [Row; 2] {
+        let of = row.map(|t| self.region.get(t as usize).map_or([0.0; 2], |&r| self.regions[r as usize]));
+        [of.map(|r| r[0]), of.map(|r| r[1])]
+    }
+}
+
+impl<V: Lanes> Around<V> for Resistance<V> {
+    type Elements<'e> = Damped<'e>;
+    type Walk<'e> = (Damped<'e>, &'e Places<1, u32>, usize);
 
     #[inline(always)]
-    fn along<'e>(elements: &'e [Both], places: &'e Places<1, u32>, first: usize, count: usize) -> View<'e, 1, u32> {
-        places.view(elements).part(first, count)
+    fn along<'e>(elements: Damped<'e>, places: &'e Places<1, u32>, first: usize, count: usize) -> Self::Walk<'e> {
+        let (rise, rows) = (&elements.rise[first..][..count], &elements.rows[first..][..count]);
+        (Damped { rise, rows, ..elements }, places, first)
     }
 
     #[inline(always)]
     fn neighbour(&mut self, weight: V, d: &Vector<V>) {
-        self[0].add_neighbour(weight, d);
-        self[1].add_neighbour(weight, d);
+        self.0.add_neighbour(weight, d);
     }
 
     #[inline(always)]
-    fn element(&mut self, (walk, row, first): (&View<'_, 1, u32>, usize, usize), n: &Vector<V>, volume: V) {
-        let [slope, rise, undamped_slope, undamped_rise]: [V; 4] = walk.gather(row, 0, first);
-        self[0].add_element(rise.mul_off(volume, slope), n);
-        self[1].add_element(undamped_rise.mul_off(volume, undamped_slope), n);
+    fn element(&mut self, (walk, row, first): (&Self::Walk<'_>, usize, usize), n: &Vector<V>, volume: V) {
+        let (elements, places, start) = walk;
+        let RowRegions { region, mixed, has } = elements.rows[row];
+        let [slope, share] = if mixed {
+            elements.mixed(&places.row(start + row)[0]).map(|r| V::load(&r, first))
+        } else {
+            let [slope, share] = elements.regions[region as usize].map(V::splat);
+            [V::choose(has, first, slope, V::splat(0.0)), share]
+        };
+        let rise = V::load(&elements.rise[row], first) * share;
+        self.0.add_element(rise.mul_off(volume, slope), n);
     }
 }
 
@@ -127,4 +174,53 @@ pub(super) fn away<V: Lanes>(q: [V; 4], p: &[V; 4]) -> Vector<V> {
 #[inline(always)]
 pub(super) fn area<V: Lanes>(a: &Vector<V>, b: &Vector<V>, c: &Vector<V>) -> Vector<V> {
     cross([b[0] - a[0], b[1] - a[1], b[2] - a[2]], [c[0] - a[0], c[1] - a[1], c[2] - a[2]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fast::{Kernel, plain, widest};
+
+    const REGION: [u8; 5] = [1, 1, 0, 2, 2];
+    const REGIONS: [[f32; 2]; 3] = [[-3.0, 0.5], [-5.0, 0.25], [-7.0, 0.125]];
+
+    /// Forces of a row of elements, each with the gradient (1, 2, 3) and the negative volume 2.
+    struct Forces([u32; WIDTH]);
+
+    impl Kernel for Forces {
+        type Out = [Row; 3];
+
+        #[inline(always)]
+        fn run<V: Lanes>(self) -> [Row; 3] {
+            let rise = [Line(self.0.map(|t| if (t as usize) < REGION.len() { 8.0 } else { 0.0 }))];
+            let rows = [RowRegions::of(&self.0, &REGION)];
+            let elements = Damped { regions: &REGIONS, region: &REGION, rise: &rise, rows: &rows };
+            let places = Places::new(vec![[self.0]]);
+            let walk = <Resistance<V> as Around<V>>::along(elements, &places, 0, 1);
+            let mut out = [[0.0; WIDTH]; 3];
+            for first in (0..WIDTH).step_by(V::N) {
+                let mut sum = Resistance(Force { sum: [V::splat(0.0); 3], damped: V::splat(1.0) });
+                sum.element((&walk, 0, first), &[1.0, 2.0, 3.0].map(V::splat), V::splat(2.0));
+                (0..3).for_each(|a| sum.0.sum[a].store(&mut out[a], first));
+            }
+            out
+        }
+    }
+
+    #[test]
+    fn damping_has_the_share_of_each_elements_region_and_none_of_what_is_none() {
+        let one = core::array::from_fn(|l| if l % 3 == 0 { 5 } else { (l % 2) as u32 });
+        let several = core::array::from_fn(|l| (l % 7) as u32);
+        for row in [one, several] {
+            let force = |t: u32| {
+                let of = REGION.get(t as usize).map(|&r| REGIONS[r as usize]);
+                of.map_or(0.0, |[slope, share]| slope - 16.0 * share)
+            };
+            for out in [plain(Forces(row)), widest(Forces(row))] {
+                for (l, wanted) in row.into_iter().map(force).enumerate() {
+                    assert_eq!([0, 1, 2].map(|a| out[a][l]), [wanted, 2.0 * wanted, 3.0 * wanted], "lane {l}");
+                }
+            }
+        }
+    }
 }

@@ -72,17 +72,17 @@ pub(crate) struct DescentScratch {
     active_nodes: usize,
 }
 
-/// What a pass is for.
+/// What a pass is for; one that moves nothing asks for the region of each element.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Purpose {
+enum Purpose<'a> {
     Move,
-    Note,
-    Balance,
+    Note(&'a [u8]),
+    Balance(&'a [u8]),
 }
 
 /// Passes one after the other.
 struct Passes<'a> {
-    purpose: Purpose,
+    purpose: Purpose<'a>,
     count: usize,
     /// Damping time over the time step, and one over the square of the time step.
     damping: f32,
@@ -91,9 +91,9 @@ struct Passes<'a> {
     pace: &'a (dyn Fn(usize) -> Pace + Sync),
 }
 
-impl Passes<'_> {
+impl<'a> Passes<'a> {
     /// A pass that moves nothing.
-    const fn once(purpose: Purpose, damping: f32) -> Self {
+    const fn once(purpose: Purpose<'a>, damping: f32) -> Self {
         Self {
             purpose,
             count: 1,
@@ -137,7 +137,7 @@ impl Descent {
         (region, regions): (&[u8], &[Region]),
         slabs: &Slabs,
     ) -> Self {
-        let rounds = rings::rounds(elastic, rest, mass, slabs);
+        let rounds = rings::rounds(elastic, (rest, region), mass, slabs);
         let [even, odd] = rounds.each_ref().map(|r| r.1.iter().map(|p| p.weight.len()).collect::<Vec<_>>());
         Self {
             visits: Visits::new(&rounds, elastic.tets.len()),
@@ -301,13 +301,19 @@ impl Descent {
         streams.lay_rises((&self.rounds, &self.visits), &elements(1), pool);
         far.clear();
         far.resize(body.rest.len(), [0.0; 4]);
-        self.pass(&mut body.rest.to_vec(), (body.rest, &[]), scratch, Passes::once(Purpose::Balance, damping), pool);
+        self.pass(
+            &mut body.rest.to_vec(),
+            (body.rest, &[]),
+            scratch,
+            Passes::once(Purpose::Balance(body.region), damping),
+            pool,
+        );
     }
 
     /// Notes what resists motion from the positions on, and all else that stays as it is.
     fn note(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, damping: f32, pool: &Pool) {
         let around = (body.rest, &*body.couplings);
-        self.pass(body.positions, around, scratch, Passes::once(Purpose::Note, damping), pool);
+        self.pass(body.positions, around, scratch, Passes::once(Purpose::Note(body.region), damping), pool);
     }
 
     /// Sweeps over the free vertices, one after the other.
@@ -342,8 +348,8 @@ impl Descent {
         let DescentScratch { target, far, streams, still, memory, touches, .. } = scratch;
         let task = match purpose {
             Purpose::Move => Task::Move,
-            Purpose::Note => Task::Note(&still.both),
-            Purpose::Balance => Task::Balance(&still.both),
+            Purpose::Note(region) => Task::Note((&still.damped, region)),
+            Purpose::Balance(region) => Task::Balance((&still.damped, region)),
         };
         let films = &self.films;
         let [even, odd] = memory;

@@ -1,6 +1,6 @@
 //! The nodal pressures: an augmented Lagrangian of the volume of each patch.
 
-use super::around::{Both, Element};
+use super::around::Element;
 use super::elastic::{ELEMENT_BULK, Elastic, patch_kpa};
 use super::near::Near;
 use crate::csf::FluidPressure;
@@ -96,8 +96,8 @@ pub(super) struct Still {
     damping: Option<f32>,
     /// Each element, and one more that is nothing.
     pub(super) elements: Vec<Element>,
-    /// The same, and beside it what they are without damping.
-    pub(super) both: Vec<Both>,
+    /// Of each region: what damping has of an element's derivative at no volume, and its share of the second derivative.
+    pub(super) damped: Vec<[f32; 2]>,
     /// Of each region: the share of an element's second derivative that is the sweeps' own volumetric stiffness.
     carried: Vec<f32>,
 }
@@ -105,7 +105,7 @@ pub(super) struct Still {
 impl Still {
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
-        bytes::of(&self.elements) + bytes::of(&self.both) + bytes::of(&self.carried)
+        bytes::of(&self.elements) + bytes::of(&self.damped) + bytes::of(&self.carried)
     }
 }
 
@@ -165,27 +165,23 @@ impl Pressures {
         }
         still.damping = Some(damping);
         let own = |mu: f64, more: f64| ELEMENT_BULK * mu * more;
-        let region = |&[mu, carried]: &[f64; 2], more: f64| {
-            // Of `-mu` and of what the growth against rest takes off the volume itself.
-            [-(mu * more + own(mu, more) + carried) / 6.0, (own(mu, more) + carried) / 6.0].map(|v| v as f32)
-        };
-        let more = 1.0 + f64::from(damping);
-        still.carried = self.regions.iter().map(|r| (r[1] / (own(r[0], more) + r[1])) as f32).collect();
-        let both = |r| {
-            let ([slope, rise], [undamped_slope, undamped_rise]) = (region(r, more), region(r, 1.0));
-            [slope, rise, undamped_slope, undamped_rise]
-        };
-        let regions: Vec<Both> = self.regions.iter().map(both).collect();
-        still.both.resize(self.tets + 1, [0.0; 4]);
+        let (damping, more) = (f64::from(damping), 1.0 + f64::from(damping));
+        // Of `-mu` and of what the growth against rest takes off the volume itself.
+        let slope = |mu: f64, more: f64| -(mu * more + own(mu, more));
+        let rise = |&[mu, carried]: &[f64; 2]| own(mu, more) + carried;
+        let element = |r: &[f64; 2]| [(slope(r[0], more) - r[1]) / 6.0, rise(r) / 6.0].map(|v| v as f32);
+        let damped = |r: &[f64; 2]| [slope(r[0], damping) / 6.0, own(r[0], damping) / rise(r)].map(|v| v as f32);
+        still.carried = self.regions.iter().map(|r| (r[1] / rise(r)) as f32).collect();
+        still.damped = self.regions.iter().map(damped).collect();
+        let regions: Vec<Element> = self.regions.iter().map(element).collect();
+        still.elements.resize(self.tets + 1, [0.0; 2]);
         let (six, cuts) = (of.volumes.six_rest().as_flattened(), self.element_cuts());
-        pool.each_part(&mut still.both, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
+        pool.each_part(&mut still.elements, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
             for (t, element) in (cuts[i]..).zip(elements) {
-                let [slope, rise, undamped_slope, undamped_rise] = regions[of.region[t] as usize];
-                *element = [slope, rise / six[t], undamped_slope, undamped_rise / six[t]];
+                let [slope, rise] = regions[of.region[t] as usize];
+                *element = [slope, rise / six[t]];
             }
         });
-        still.elements.clear();
-        still.elements.extend(still.both.iter().map(|&[slope, rise, ..]| [slope, rise]));
         true
     }
 

@@ -1,5 +1,6 @@
 //! The vertices of a part, sixteen at a time, each with the elements and neighbours around it.
 
+use super::around::RowRegions;
 use super::elastic::Elastic;
 use super::strips::{self, Spoke, Step};
 use crate::bytes;
@@ -50,6 +51,8 @@ pub(super) struct Part {
     pub(super) keeps_first: Vec<u16>,
     /// Elements that the steps complete, or one more than all.
     pub(super) tets: Places<1, u32>,
+    /// Regions of these rows.
+    pub(super) regions: Vec<RowRegions>,
     /// Of each batch: masses, kg; diagonal of the shear matrix, mN/mm.
     pub(super) mass: Vec<Row>,
     pub(super) diagonal: Vec<Row>,
@@ -60,7 +63,7 @@ impl Part {
     pub(super) fn bytes(&self) -> usize {
         let places = self.own.bytes() + self.ring.bytes() + self.tets.bytes();
         let rows = bytes::of(&self.weight) + bytes::of(&self.mass) + bytes::of(&self.diagonal);
-        places + rows + bytes::of(&self.keeps_first) + bytes::of(&self.batches)
+        places + rows + bytes::of(&self.keeps_first) + bytes::of(&self.regions) + bytes::of(&self.batches)
     }
 }
 
@@ -68,15 +71,22 @@ impl Part {
 struct Rings<'a> {
     elastic: &'a Elastic,
     mass: &'a [f32],
+    /// Region of each element.
+    region: &'a [u8],
     start: Vec<u32>,
     around: Vec<Spoke>,
     walks: Vec<Vec<Step>>,
 }
 
 /// The free vertices by part: two rounds of parts that can be done at the same time.
-pub(super) fn rounds(elastic: &Elastic, rest: &[[f32; 4]], mass: &[f32], slabs: &Slabs) -> [(Round, Vec<Part>); 2] {
+pub(super) fn rounds(
+    elastic: &Elastic,
+    (rest, region): (&[[f32; 4]], &[u8]),
+    mass: &[f32],
+    slabs: &Slabs,
+) -> [(Round, Vec<Part>); 2] {
     let (start, around) = around(&elastic.tets, rest.len());
-    let mut rings = Rings { elastic, mass, start, around, walks: Vec::new() };
+    let mut rings = Rings { elastic, mass, region, start, around, walks: Vec::new() };
     let free = |v: u32| rest[v as usize][3] > 0.0;
     let walk = |v: u32| if free(v) { strips::walk(rings.of(v)) } else { Vec::new() };
     rings.walks = (0..rest.len() as u32).map(walk).collect();
@@ -165,6 +175,7 @@ impl Rings<'_> {
         out.batches.shrink_to_fit();
         out.own = Places::new(owns);
         out.ring = Places::new(ring);
+        out.regions = tets.iter().map(|[row]| RowRegions::of(row, self.region)).collect();
         out.tets = Places::new(tets);
         out
     }

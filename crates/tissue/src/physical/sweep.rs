@@ -1,6 +1,6 @@
 //! One sweep of vertex block descent through a part: each vertex goes to its own minimum.
 
-use super::around::{Around, Both, Force, Matrix, Sums, Vector, area, away};
+use super::around::{Around, Damped, Force, Matrix, Resistance, Sums, Vector, area, away};
 use super::rings::{Batch, Part};
 use super::streams::Stream;
 use super::touch::Touching;
@@ -55,11 +55,14 @@ pub(super) struct Pace {
 pub(super) enum Task<'a> {
     /// Each vertex goes to its own minimum.
     Move,
-    /// Notes what stays as it is in a substep. For it, all elements with and without damping, and one more that is nothing.
-    Note(&'a [Both]),
-    /// Notes how it is at rest, with the same elements.
-    Balance(&'a [Both]),
+    /// Notes what stays as it is in a substep. For it, what damping has of the elements of each region, and the region of each
+    /// element.
+    Note(DampedRegions<'a>),
+    /// Notes how it is at rest, with the same.
+    Balance(DampedRegions<'a>),
 }
+
+type DampedRegions<'a> = (&'a [[f32; 2]], &'a [u8]);
 
 /// A pass through a part.
 pub(super) struct Sweep<'a> {
@@ -141,7 +144,7 @@ impl<'a> Sweep<'a> {
     }
 
     #[inline(always)]
-    fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: &'a [Both]) {
+    fn note<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: DampedRegions<'_>) {
         let damped = V::splat(1.0) + V::splat(self.substep.damping);
         let far: [V; 4] = self.part.own.view(self.substep.far).gather(b, 0, first);
         let resists = self.resistance::<V>(b, batch, first, elements);
@@ -154,7 +157,7 @@ impl<'a> Sweep<'a> {
     }
 
     #[inline(always)]
-    fn balance<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: &'a [Both]) {
+    fn balance<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize, elements: DampedRegions<'_>) {
         let damped = V::splat(1.0) + V::splat(self.substep.damping);
         let (force, _) = self.force(b, batch, first, (self.substep.stream, damped));
         let resists = self.resistance::<V>(b, batch, first, elements);
@@ -165,19 +168,25 @@ impl<'a> Sweep<'a> {
         }
     }
 
-    /// Force of a motion from rest to here within a time step, less the elastic force alone: summed as in a sweep, so that
-    /// where nothing moves, nothing is left of what is rounded.
+    /// What damping has of the force of a motion from rest to here within a time step.
     #[inline(always)]
-    fn resistance<V: Lanes>(&self, b: usize, batch: &Batch, first: usize, elements: &[Both]) -> Vector<V> {
-        let (one, damping) = (V::splat(1.0), V::splat(self.substep.damping));
+    fn resistance<V: Lanes>(
+        &self,
+        b: usize,
+        batch: &Batch,
+        first: usize,
+        (regions, region): DampedRegions<'_>,
+    ) -> Vector<V> {
         if self.substep.damping == 0.0 {
             return [V::splat(0.0); 3];
         }
+        let damped = V::splat(self.substep.damping);
         let p: [V; 4] = self.part.own.view(self.vertices).gather(b, 0, first);
         let far: [V; 4] = self.part.own.view(self.substep.far).gather(b, 0, first);
-        let mut both = [one + damping, one].map(|damped| Force { sum: [V::splat(0.0); 3], damped });
-        self.walk(batch, first, &p, elements, &mut both);
-        core::array::from_fn(|a| (both[0].sum[a] - both[1].sum[a]) + far[a] * damping)
+        let mut sum = Resistance(Force { sum: [V::splat(0.0); 3], damped });
+        let elements = Damped { regions, region, rise: self.substep.stream.rise, rows: &self.part.regions };
+        self.walk(batch, first, &p, elements, &mut sum);
+        core::array::from_fn(|a| far[a].mul_add(damped, sum.0.sum[a]))
     }
 
     /// Force of neighbours, those `damped` times, and of elements, and its derivative without the neighbours'.
