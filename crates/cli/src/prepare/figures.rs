@@ -110,20 +110,19 @@ fn labels_section(prepared: &Prepared) -> Result<Section> {
     let confidence = prepared.case.manifest.confidence.iter();
     let doubts =
         confidence.map(|c| vec![c.structure.replace('_', " "), format!("{:.0}", c.expected_dice * 100.0)]).collect();
+    let volumes = Table { caption: "Volumes".into(), head: vec!["Structure".into(), "ml".into()], rows };
+    let doubts = Table {
+        caption: "Confidence of the automatic segmentation (before corrections by hand): expected Dice".into(),
+        head: vec!["Structure".into(), "%".into()],
+        rows: doubts,
+    };
     Ok(Section {
         title: "Labels".into(),
         text: vec![
             "Slices through the target; the patient's right is on the left of axial and coronal pictures.".into(),
             PROJECTED.into(),
         ],
-        tables: vec![
-            Table { caption: "Volumes".into(), head: vec!["Structure".into(), "ml".into()], rows },
-            Table {
-                caption: "Confidence of the automatic segmentation (before corrections by hand): expected Dice".into(),
-                head: vec!["Structure".into(), "%".into()],
-                rows: doubts,
-            },
-        ],
+        tables: [volumes, doubts].into_iter().filter(|t| !t.rows.is_empty()).collect(),
         figures,
     })
 }

@@ -5,8 +5,9 @@ use super::output::small;
 
 /// Share of the time that the catheter rests at the end over which it is looked at: what swings has died down before.
 const LAST: f64 = 0.5;
-/// A way of the target, mm, that is told.
+/// A way of the target, mm, and a change of the force on the catheter, mN, that are told.
 const NOTICED_MM: f64 = 0.05;
+const NOTICED_MN: f64 = 5.0;
 
 /// How far the target's tissue still moves at the end.
 pub(super) fn remark(run: &Run) -> Option<String> {
@@ -21,12 +22,12 @@ pub(super) fn remark(run: &Run) -> Option<String> {
 
 /// In words, by the target's displacements (mm) and the forces along the catheter (mN) of the last `span` seconds.
 fn words(span: f64, ways: &[f64], forces: &[f64]) -> Option<String> {
-    let [low, high] = range(ways);
-    let force = match range(forces) {
+    let ([low, high], [least, most]) = (range(ways), range(forces));
+    let force = match [least, most] {
         [low, high] if low.is_finite() => format!(", and the force went from {low:.0} to {high:.0} mN"),
         _ => String::new(),
     };
-    (high - low > NOTICED_MM).then(|| {
+    (high - low > NOTICED_MM || most - least > NOTICED_MN).then(|| {
         format!(
             "In the last {span:.1} s, with the catheter still, the target's tissue was {} to {} mm from its place{force}: it has \
              not come to rest, mostly because a wall is folded around the tip, and figures of the end \
@@ -53,6 +54,8 @@ mod tests {
         let paper = words(0.5, &[0.51, 0.36], &[]).expect("told");
         assert!(!paper.contains("mN"), "{paper}");
         assert_eq!(words(0.5, &[0.201, 0.199, 0.23], &[50.0, 51.0]), None);
+        let force = words(0.5, &[0.201, 0.199, 0.21], &[50.0, 66.0]).expect("told");
+        assert!(force.contains("from 50 to 66 mN"), "{force}");
         assert_eq!(words(0.5, &[], &[]), None);
     }
 }

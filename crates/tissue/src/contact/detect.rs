@@ -29,6 +29,10 @@ struct Lie {
     behind: bool,
     /// Past it, on its way forwards.
     past: bool,
+    /// Not through it, and whether it is past what it is before instead.
+    before: Option<bool>,
+    /// The rule by which its nearest point alone would be pushed; `None` where the axis goes through that.
+    point: Option<Rule>,
 }
 
 /// A place in the mesh.
@@ -74,20 +78,35 @@ pub(crate) fn membranes(
     drop_past(first, &found.lies, out);
 }
 
-/// Drops faces that a tool is behind, but no further than beside their border, where it is before the face across that: it
-/// has not gone through a face that is the rim of a dimple. Of couplings from number `first` on.
+/// Drops faces that a tool is behind, but no further than beside their border, where it is before the face across that, or
+/// is so in turn: it has not gone through a face that is the rim of a dimple. Where it is past the face that it is before,
+/// that does not push, and the border itself does, as it does as long as the tool is before both. Of couplings from number
+/// `first` on.
 fn drop_rims(first: usize, lies: &mut Vec<Lie>, out: &mut Vec<Coupling>) {
-    let holds = |front: &Coupling, rim: &Coupling| {
-        let border = rim.nodes.iter().zip(&rim.weights).filter(|n| *n.1 > 0.0);
-        border.into_iter().all(|(n, _)| front.nodes.contains(n))
-    };
+    while let Some((rim, past)) = (0..lies.len()).find_map(|k| Some((k, beside(k, lies, &out[first..])?))) {
+        lies[rim].before = Some(past);
+    }
     for k in (0..lies.len()).rev() {
-        let before = |f: usize| !lies[f].behind && holds(&out[first + f], &out[first + k]);
-        if lies[k].behind && (0..lies.len()).any(before) {
-            out.remove(first + k);
-            lies.remove(k);
+        let Lie { behind: true, before: Some(past), point, .. } = lies[k] else { continue };
+        match point.filter(|_| past) {
+            Some(point) => out[first + k].rule = point,
+            None => {
+                out.remove(first + k);
+                lies.remove(k);
+            }
         }
     }
+}
+
+/// Whether a tool is past all the faces that it is before across the border of face `rim`, which it may have gone through;
+/// `None` where it is before none.
+fn beside(rim: usize, lies: &[Lie], faces: &[Coupling]) -> Option<bool> {
+    let holds = |face: &Coupling| {
+        let border = faces[rim].nodes.iter().zip(&faces[rim].weights).filter(|n| *n.1 > 0.0);
+        border.into_iter().all(|(n, _)| face.nodes.contains(n))
+    };
+    let fronts = || lies.iter().zip(faces).filter(|f| holds(f.1)).filter_map(|f| f.0.before);
+    lies[rim].before.is_none().then(|| fronts().reduce(|a, b| a && b)).flatten()
 }
 
 /// Drops faces that an advancing tip has gone past, of couplings from number `first` on. Not before the rims: a tip that is
@@ -156,8 +175,10 @@ fn touch(
     // Only the end of a tip that is inside touches walls, and pushes on those ahead.
     let past = side != Side::Outside && dot(push, rod.back) > 0.0;
     let behind = dot(push, sub(wall.corners[0], centre)) < 0.0 && near.distance2 > 0.0;
-    let plane = (normal, dot(normal, centre) + radius);
-    Some((push_on(model, rod, wall, plane, (near, tip, tool)), Lie { behind, past }))
+    let plane = |normal: V3| (normal, dot(normal, centre) + radius);
+    let point = away(near, centre, wall.corners).map(plane).map(|(normal, bound)| Rule::Push { normal, bound });
+    let lie = Lie { behind, past, before: (!behind).then_some(past), point };
+    Some((push_on(model, rod, wall, plane(normal), (near, tip, tool)), lie))
 }
 
 /// The coupling that keeps the point `near` of a wall beyond the plane `normal . x = bound`.
@@ -225,9 +246,13 @@ fn direction(near: Closest, centre: V3, tri: [V3; 3], push: V3, (radius, none): 
     if distance > 1.5 * radius {
         return None;
     }
+    away(near, centre, tri)
+}
+
+/// Direction from a place to the nearest point of a face; `None` where they are one.
+fn away(near: Closest, centre: V3, tri: [V3; 3]) -> Option<V3> {
     let at: V3 = core::array::from_fn(|a| (0..3).map(|i| tri[i][a] * near.weights[i]).sum());
-    let away = sub(at, centre);
-    Some(scale(away, 1.0 / norm(away)))
+    unit(sub(at, centre))
 }
 
 /// The element that holds the point `x`; `None` outside of the mesh.
@@ -330,5 +355,25 @@ mod tests {
         // A roof 2 mm high along y; the tool comes over it from -x, and its end is past the top.
         let pushes = pushes_on(|x| x[0].abs() < 0.1, 2.0, [2.05, 0.1, 1.75], [-0.9, 0.0, 0.436]);
         assert!(!pushes.iter().any(|(c, _)| normal(c)[0] > 0.3), "{pushes:?}");
+    }
+
+    /// Its ridge was let go when the tip's centre came behind the plane of its near side: in turn, thirty times a second.
+    #[test]
+    fn the_ridge_of_a_wall_pushes_on_a_tip_past_it_from_both_sides_of_a_plane() {
+        // The plane of the near side goes through x = 0.3 at a height of 2.4, where the centre of the tip's end is.
+        let ridge = |height: f64| {
+            let tip = [0.3 + 1.5 * 0.9, 0.1, height - 1.5 * 0.436];
+            let pushes = pushes_on(|x| x[0].abs() < 0.1, 2.0, tip, [-0.9, 0.0, 0.436]);
+            let near_side = |x: &[V3; 3]| x.iter().map(|x| x[0]).sum::<f32>() < -0.1 && x.iter().any(|x| x[2] > 1.9);
+            let pushes = pushes.into_iter().filter(|(_, x)| near_side(x));
+            pushes.map(|(c, _)| (c.nodes, normal(&c))).collect::<Vec<_>>()
+        };
+        let (behind, before) = (ridge(2.39), ridge(2.41));
+        // Those near the tip: what is further away is listed on one side only, and pushes on neither.
+        assert!(behind.len() > 2, "{behind:?}");
+        for (nodes, one) in behind {
+            let other = before.iter().find(|b| b.0 == nodes).expect("the same face").1;
+            assert!((0..3).all(|a| (one[a] - other[a]).abs() < 0.05), "{one:?}, {other:?}");
+        }
     }
 }
