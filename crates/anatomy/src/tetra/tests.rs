@@ -258,11 +258,11 @@ proptest! {
                 sound(&mesh, &report);
             }
             Err(e) => {
-                use MeshError::{ClosedGaps, Count, Empty, Euler, Lost, Overlap, SelfCrossing, Shape, TooFew, TooThin, Topology, Volume};
+                use MeshError::{ClosedGaps, Count, Empty, Euler, Far, Lost, Overlap, SelfCrossing, Shape, TooFew, TooThin, Topology, Torn, Volume};
                 let named = matches!(
                     e,
                     Count { .. } | Empty { .. } | Euler { .. } | Lost { .. } | Shape { .. } | TooThin { .. } | TooFew { .. } | ClosedGaps(_) | Overlap(_) | SelfCrossing(_)
-                        | Topology { .. } | Volume { .. }
+                        | Topology { .. } | Torn { .. } | Far { .. } | Volume { .. }
                 );
                 prop_assert!(named, "{e}");
             }
