@@ -115,6 +115,9 @@ export class NotFound extends Error {}
 /** The token is missing or wrong. */
 export class Unauthorized extends Error {}
 
+/** A page that took longer to get its ticket, busy with its first picture on a slow machine, asks for another: they are good for 30 s. */
+const TICKET_MS = 15_000;
+
 export class Api {
   readonly #token: string;
 
@@ -184,10 +187,23 @@ export class Api {
     return (await this.#fetch(path)).arrayBuffer();
   }
 
-  /** A one-time ticket for the WebSocket: browsers cannot set headers there. */
+  /** A one-time ticket for a WebSocket or a link: browsers cannot set headers there. */
   async ticket(): Promise<string> {
     const { ticket } = (await (await this.#fetch("/api/ticket", "POST")).json()) as { ticket: string };
     return ticket;
+  }
+
+  /** A WebSocket that a ticket lets in. */
+  async socket(path: "/live" | "/desk"): Promise<WebSocket> {
+    const url = new URL(path, location.href);
+    url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+    url.hash = "";
+    let asked: number;
+    do {
+      asked = performance.now();
+      url.searchParams.set("ticket", await this.ticket());
+    } while (performance.now() - asked > TICKET_MS);
+    return new WebSocket(url);
   }
 }
 

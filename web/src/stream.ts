@@ -77,11 +77,7 @@ export class Stream {
 
   async #connect(): Promise<void> {
     try {
-      const url = new URL("/live", location.href);
-      url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
-      url.hash = "";
-      url.searchParams.set("ticket", await this.#api.ticket());
-      const socket = new WebSocket(url);
+      const socket = await this.#api.socket("/live");
       socket.binaryType = "arraybuffer";
       socket.onopen = () => {
         this.#asked = this.#again = false;

@@ -488,6 +488,19 @@ const tests = {
     await prepareInBrowser(page, shot);
   },
 
+  async "a page held up for longer than its ticket is good asks for another"() {
+    let late = true;
+    const p = await page(`${url}/#token=${token}`, (p) => p.route("**/api/ticket", async (route) => {
+      const answer = await route.fetch();
+      // As a machine that draws its first picture for a minute.
+      if (late) await new Promise((resolve) => setTimeout(resolve, 31_000));
+      late = false;
+      await route.fulfill({ response: answer });
+    }));
+    await until("a live signal", async () => (await text(p, "#signal span")) === "Live", 31 + PATIENCE_MS / 1000);
+    assert.deepEqual(p.faults, []);
+  },
+
   async "a bad token is refused and the right one opens"() {
     const p = await page(`${url}/#token=0123`);
     await p.locator("#login").waitFor({ state: "visible" });

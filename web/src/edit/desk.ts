@@ -102,11 +102,7 @@ export class Desk {
 
   async connect(): Promise<void> {
     try {
-      const url = new URL("/desk", location.href);
-      url.protocol = location.protocol === "https:" ? "wss:" : "ws:";
-      url.hash = "";
-      url.searchParams.set("ticket", await this.#api.ticket());
-      const socket = new WebSocket(url);
+      const socket = await this.#api.socket("/desk");
       socket.onopen = () => this.#onConnected(true);
       socket.onmessage = (event: MessageEvent<string>) => {
         const answer = JSON.parse(event.data) as Answer;
