@@ -33,7 +33,7 @@ pub use svg::{Dash, Stroke, escape};
 pub use view::{Orientation, SliceView};
 
 pub(crate) use slice::Legend;
-pub(crate) use svg::{path_data, stroked, text};
+pub(crate) use svg::{path_data, stroked, text, text_width};
 
 /// A number for people: about four significant digits, no trailing zeros, an exponent only where it helps.
 pub fn number(value: f64) -> String {

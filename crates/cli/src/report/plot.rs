@@ -1,7 +1,7 @@
 //! Line plots and histograms as SVG: axes with units, ticks, legend, events.
 
 use super::scale::Scale;
-use crate::picture::{Colour, Dash, Figure, Legend, SERIES, Stroke, number, path_data, stroked, text};
+use crate::picture::{Colour, Dash, Figure, Legend, SERIES, Stroke, number, path_data, stroked, text, text_width};
 
 /// One line of a plot.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,6 +36,11 @@ const HEIGHT: f64 = 250.0;
 /// Space for labels: left, right, top, bottom.
 const MARGIN: [f64; 4] = [76.0, 22.0, 20.0, 44.0];
 
+/// Size of the names of events, pixels.
+const EVENT_PIXELS: f64 = 11.5;
+/// Height of a row of them, pixels.
+const ROW: f64 = 13.0;
+
 const X_PIXELS: [f64; 2] = [MARGIN[0], WIDTH - MARGIN[1]];
 const Y_PIXELS: [f64; 2] = [HEIGHT - MARGIN[3], MARGIN[2]];
 
@@ -49,9 +54,7 @@ impl LinePlot {
             if self.log_x { Scale::covering(wide(), true, X_PIXELS) } else { Scale::exact(x_low, x_high, X_PIXELS) };
         let y = Scale::covering(all().map(|p| p[1]), self.log_y, Y_PIXELS);
         let mut content = axes(&x, &y, [&self.x_label, &self.y_label]);
-        for (i, (at, name)) in self.events.iter().enumerate() {
-            content += &event(&x, *at, name, i);
-        }
+        content += &events(&x, &self.events);
         for (i, s) in self.series.iter().enumerate() {
             let data: String = pieces(&s.points, &x, &y).iter().map(|p| path_data([(&p[..], false)])).collect();
             content += &stroked(&data, &stroke_of(i));
@@ -113,15 +116,28 @@ fn extremes(piece: &[[f64; 2]]) -> Vec<[f64; 2]> {
     out
 }
 
-fn event(x: &Scale, at: f64, name: &str, i: usize) -> String {
-    let Some(px) = x.at(at) else { return String::new() };
-    let line = [[px, Y_PIXELS[0]], [px, Y_PIXELS[1] - 4.0]];
-    let data = path_data([(&line[..], false)]);
-    // As wide as a sans-serif's letters are on average, so that no name leaves the figure.
-    let wide = 0.56 * 11.5 * name.chars().count() as f64;
-    let (anchor, shift) = if px + 4.0 + wide > WIDTH { ("end", -4.0) } else { ("start", 4.0) };
-    let y = MARGIN[2] + 8.0 + 13.0 * (i % 3) as f64;
-    stroked(&data, &Stroke::dashed(Colour([90, 90, 90]), 1.2)) + &text([px + shift, y], 11.5, anchor, "#444", name)
+/// Vertical lines with names beside them, in rows so that none lies on another; a name without room is left out.
+fn events(x: &Scale, events: &[(f64, String)]) -> String {
+    let rows = ((Y_PIXELS[0] - Y_PIXELS[1]) / ROW) as usize;
+    let mut taken: Vec<Vec<[f64; 2]>> = vec![Vec::new(); rows];
+    let mut out = String::new();
+    for (at, name) in events {
+        let Some(px) = x.at(*at) else { continue };
+        let line = [[px, Y_PIXELS[0]], [px, Y_PIXELS[1] - 4.0]];
+        out += &stroked(&path_data([(&line[..], false)]), &Stroke::dashed(Colour([90, 90, 90]), 1.2));
+        let (anchor, start, [left, right]) = beside(px, name);
+        let is_free = |row: &[[f64; 2]]| row.iter().all(|other| right < other[0] || other[1] < left);
+        let Some(row) = taken.iter().position(|row| is_free(row)) else { continue };
+        taken[row].push([left, right]);
+        out += &text([start, MARGIN[2] + 8.0 + ROW * row as f64], EVENT_PIXELS, anchor, "#444", name);
+    }
+    out
+}
+
+/// How a name stands beside a line at `px`: its anchor, where that is, and from where to where it reaches.
+fn beside(px: f64, name: &str) -> (&'static str, f64, [f64; 2]) {
+    let (wide, right, left) = (text_width(name, EVENT_PIXELS), px + 4.0, px - 4.0);
+    if right + wide > WIDTH { ("end", left, [left - wide, left]) } else { ("start", right, [right, right + wide]) }
 }
 
 /// Frame, grid, ticks and axis names.
@@ -187,11 +203,8 @@ impl Histogram {
                 Colour::BLUE.hex()
             );
         }
-        for (i, (share, name)) in [(0.5, "median"), (0.99, "99 %")].into_iter().enumerate() {
-            if let Some(v) = quantile(&sorted, share) {
-                content += &event(&x, v, &format!("{name} {} {}", number(v), self.unit), i);
-            }
-        }
+        let mark = |(share, name)| quantile(&sorted, share).map(|v| (v, format!("{name} {} {}", number(v), self.unit)));
+        content += &events(&x, &[(0.5, "median"), (0.99, "99 %")].into_iter().filter_map(mark).collect::<Vec<_>>());
         Figure { width: WIDTH, height: HEIGHT, content, caption: self.caption.clone() }
     }
 }
@@ -234,9 +247,24 @@ mod tests {
     #[test]
     fn long_names_of_events_are_not_cut_off_at_the_right() {
         let x = Scale::exact(0.0, 10.0, X_PIXELS);
-        let anchor =
-            |at: f64| if event(&x, at, "right lateral ventricle", 0).contains("\"end\"") { "end" } else { "start" };
+        let anchor = |at: f64| beside(x.at(at).expect("within"), "right lateral ventricle").0;
         assert_eq!([1.0, 6.7, 9.0].map(anchor), ["start", "end", "end"]);
+    }
+
+    /// The first and the fourth of a run's events stood in one row, on each other.
+    #[test]
+    fn names_of_events_close_together_stand_below_each_other() {
+        let x = Scale::exact(0.0, 10.0, X_PIXELS);
+        let named: Vec<_> = (0..40).map(|i| (5.0 + 0.01 * f64::from(i), "brain".to_owned())).collect();
+        let drawn = events(&x, &named);
+        let mut heights: Vec<&str> = drawn.split(" y=\"").skip(1).map(|t| &t[..t.find('"').expect("an end")]).collect();
+        let names = heights.len();
+        heights.sort_unstable();
+        heights.dedup();
+        assert!(heights.len() == names && names > 10, "{names} names at {heights:?}");
+        // Far apart, they share the first row.
+        let apart = events(&x, &[(1.0, "brain".to_owned()), (5.0, "third ventricle".to_owned())]);
+        assert_eq!(apart.matches("y=\"28.0\"").count(), 2, "{apart}");
     }
 
     #[test]
