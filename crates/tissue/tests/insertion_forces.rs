@@ -117,9 +117,9 @@ const FIRM: Insertion = Insertion { puncture_force_mn: 1e6, puncture_depth_mm: 4
 
 /// Reports of a catheter that comes askew upon the wall of a ventricle in elements of many shapes, from 4 mm before it to
 /// `deep` mm behind its place at rest.
-fn press_on_wall(cells: usize, tilt: f64, deep: f64) -> Vec<StepReport> {
+fn press_on_wall(cells: usize, tilt: f64, deep: f64, wall: Insertion) -> Vec<StepReport> {
     let brain = Insertion { puncture_force_mn: 1.0, cut_force_mn: 1.0, ..RUBS };
-    let model = cube((cells, 0.2), 24.0 - HORN, brain, FIRM);
+    let model = cube((cells, 0.2), 24.0 - HORN, brain, wall);
     let (mut state, mut stepper) = (model.rest_state(), Stepper::new(&model));
     let back = Vector::new(tilt, 0.6 * tilt, 1.0).normalized().expect("a direction");
     let pose = |f: i32| {
@@ -139,7 +139,7 @@ fn press_on_wall(cells: usize, tilt: f64, deep: f64) -> Vec<StepReport> {
 fn a_wall_that_bears_much_was_passed_beside_the_tip() {
     for (cells, least) in [(6, 300.0), (12, 150.0), (18, 100.0)] {
         for tilt in [0.0, 0.2, 0.5, 0.8] {
-            let reports = press_on_wall(cells, tilt, 8.0);
+            let reports = press_on_wall(cells, tilt, 8.0, FIRM);
             let last = reports.last().expect("frames");
             println!("{cells} cells at {tilt}: {} mN", axial(last));
             assert!(axial(last) > least && last.tools[0].dimpling, "{cells} cells at {tilt}: {last:?}");
@@ -147,4 +147,27 @@ fn a_wall_that_bears_much_was_passed_beside_the_tip() {
             assert!(!events.any(|e| matches!(e, Event::Punctured { .. })), "{cells} cells at {tilt}");
         }
     }
+}
+
+/// A head's insertion counted seven punctures of one wall, every other at no force: the tip was still on its near side.
+#[test]
+fn a_wall_that_yields_is_gone_through_once() {
+    let mut all = Vec::new();
+    for (cells, tilt) in [6, 9, 12, 18].into_iter().flat_map(|c| [0.0, 0.2, 0.5, 0.8].map(|t| (c, t))) {
+        for most in [60.0, 120.0] {
+            let wall = Insertion { puncture_force_mn: most, ..Insertion::VENTRICLE };
+            let reports = press_on_wall(cells, tilt, 6.0, wall);
+            let punctures = reports.iter().flat_map(|r| &r.events).filter_map(|e| match e {
+                Event::Punctured { from, to, force_mn, depth_mm, .. } => Some((*from, *to, *force_mn, *depth_mm)),
+                _ => None,
+            });
+            all.push((cells, tilt, most, punctures.collect::<Vec<_>>()));
+        }
+    }
+    // Where the catheter comes out again at a corner of coarse elements, it is pressed on.
+    let once = |p: &[(Option<u16>, u16, f64, f64)]| {
+        p.iter().filter(|(_, to, ..)| *to == 5).count() <= 1 && p.iter().all(|(.., force, _)| *force > 0.0)
+    };
+    assert!(all.iter().all(|(.., p)| once(p)), "{all:?}");
+    assert!(all.iter().filter(|(.., p)| !p.is_empty()).count() > all.len() / 2, "{all:?}");
 }

@@ -17,6 +17,10 @@ use monro_geometry::{Patient, Point};
 /// Shaft in tissue behind a tip that is outside, in spacings of anchors, from which the tip has come out on the far side.
 const THROUGH: f32 = 2.0;
 
+/// How long a wall that has yielded may take to draw back over the tip, s: tissue that is let go is at rest in about that
+/// time, and what has not come by then lies slack.
+const DRAWS_BACK: f32 = 0.25;
+
 /// Brings the memory of a tool up to date with its new pose, whose tip goes by `way` in this frame, and lists its couplings.
 pub(crate) fn prepare(
     model: &Model,
@@ -96,16 +100,22 @@ fn follow_tip(
     events: &mut Vec<Event>,
 ) {
     let now = detect::locate(model, state, spheres, rod.tip, found).map(|p| model.region[p.tet as usize]);
-    memory.ahead = if advance == Advance::Forwards { now } else { None };
+    // Where it is still on the near side of a wall that has yielded, it has gone through no other.
+    memory.leaving = memory.leaving.filter(|&(r, _)| now == Some(r));
+    let waits = memory.leaving.is_some_and(|(_, since)| since < DRAWS_BACK);
+    memory.ahead = if advance == Advance::Forwards && !waits { now } else { None };
     memory.beyond = false;
     let Some(was) = memory.inside else { return };
     let label = |r: u8| model.regions[r as usize].label;
     memory.seen |= now.is_some();
     match now {
         Some(r) if r == was => {}
+        Some(_) if advance == Advance::Forwards && waits => {}
         // The wall that it presses on decides (`settle`).
         Some(r) if memory.press.is_some() && advance == Advance::Backwards && resists(model, was, u32::from(r)) => {}
-        Some(r) if advance == Advance::Backwards => {
+        // Drawn back, or the wall was slack and did not come.
+        Some(r) if advance == Advance::Backwards || memory.leaving.is_some() => {
+            memory.leaving = None;
             events.push(Event::Withdrawn { tool, from: label(was), to: Some(label(r)) });
             (memory.inside, memory.press) = (Some(r), None);
         }
@@ -159,6 +169,7 @@ pub(crate) fn settle(
         }
     }
     if model.collision == CollisionResponse::Insertion {
+        memory.leaving = memory.leaving.map(|(r, since)| (r, since + dt));
         let borne = yield_membrane(model, (tool, rod, forward), memory, press, events);
         // A step may go far beyond the moment at which the membrane gave way; the tool never felt more than that.
         let pushing =
@@ -202,6 +213,7 @@ fn yield_membrane(
         depth_mm: depth.into(),
     });
     memory.seen = memory.inside.is_some();
+    memory.leaving = memory.inside.map(|r| (r, 0.0));
     (memory.inside, memory.press) = (Some(to as u8), None);
     borne
 }

@@ -94,6 +94,8 @@ pub(crate) struct ToolState {
     /// Whether it has left it on the far side, with shaft still inside.
     pub(crate) beyond: bool,
     pub(crate) heading: Heading,
+    /// Region whose wall has yielded while the tip still is in it, and for how long, s: the wall has yet to draw back over it.
+    pub(crate) leaving: Option<(u8, f32)>,
     /// Region that the tip has been found in on its way forwards.
     pub(crate) ahead: Option<u8>,
     /// Material points held by the shaft, from the tip backwards.
