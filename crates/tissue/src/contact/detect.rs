@@ -13,6 +13,10 @@ use crate::{Model, State};
 /// soft enough for the solver.
 const PENALTY: f32 = 100.0;
 
+/// How far from a tool a face is watched, in its radii: what pushes on it in one step and lies just beside it in the next,
+/// as before the tip of a cone, would be let go for a step, and spring back.
+const MARGIN: f32 = 0.5;
+
 /// Lists of a query, kept between steps.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Found {
@@ -64,7 +68,7 @@ pub(crate) fn membranes(
 ) {
     let from = rod.at(rod.start);
     let to = if side == Side::Outside { rod.at(rod.length) } else { from };
-    let reach = 1.5 * rod.radius;
+    let reach = (1.0 + MARGIN) * rod.radius;
     collect(model, (spheres, state), from, to, reach, found);
     let first = out.len();
     found.lies.clear();
@@ -170,8 +174,10 @@ fn touch(
     let arc = rod.start + near.t * (rod.length - rod.start) * f32::from(u8::from(side == Side::Outside));
     let radius = rod.radius_at(arc);
     let centre = rod.at(arc);
-    let normal = direction(near, centre, wall.corners, push, (radius, 1e-3 * rod.radius))?;
-    let tip = arc <= rod.tip_end();
+    let (none, reach) = (1e-3 * rod.radius, radius + MARGIN * rod.radius);
+    let normal = direction(near, centre, wall.corners, push, (radius, none, reach))?;
+    // A face that the axis goes through on its way is before the tip, however far that has got.
+    let tip = arc <= rod.tip_end() || (near.distance2 == 0.0 && dot(push, rod.back) < 0.0);
     // Only the end of a tip that is inside touches walls, and pushes on those ahead.
     let past = side != Side::Outside && dot(push, rod.back) > 0.0;
     let behind = dot(push, sub(wall.corners[0], centre)) < 0.0 && near.distance2 > 0.0;
@@ -236,14 +242,14 @@ pub(crate) fn crossed(
 }
 
 /// Direction in which the tool pushes the nearest point of a face: away from its axis, or along the face's normal when
-/// the axis has just gone through or is no further than `none`. `None` when they do not touch.
-fn direction(near: Closest, centre: V3, tri: [V3; 3], push: V3, (radius, none): (f32, f32)) -> Option<V3> {
+/// the axis has just gone through or is no further than `none`. `None` when they do not touch, nor lie within `reach`.
+fn direction(near: Closest, centre: V3, tri: [V3; 3], push: V3, (radius, none, reach): (f32, f32, f32)) -> Option<V3> {
     let ahead = dot(push, sub(tri[0], centre));
     let distance = near.distance2.sqrt();
     if ahead < 0.0 || distance <= none {
         return (distance <= radius.max(none)).then_some(push);
     }
-    if distance > 1.5 * radius {
+    if distance > reach {
         return None;
     }
     away(near, centre, tri)

@@ -6,11 +6,11 @@
 //! at the tip until it exceeds what it takes to cut. A wall to another region is pushed, dimples and yields in turn.
 
 use super::detect::{self, Found, Side};
-use super::{Advance, Coupling, Rule, ToolState, shaft};
+use super::{Advance, Coupling, Rule, ToolState, Yielded, shaft};
 use crate::model::Region;
 use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
-use crate::vec3::{V3, dot, scale, sub};
+use crate::vec3::{V3, dot, norm, scale, sub};
 use crate::{CollisionResponse, Event, Model, State};
 use monro_geometry::{Patient, Point};
 
@@ -47,7 +47,7 @@ pub(crate) fn prepare(
         // A wall that the tip has dimpled lies against it on the way back, too.
         Some(r) if advance == Advance::Forwards || memory.press.is_some() => {
             detect::membranes(model, state, spheres, rod, Side::Within(r), tool as u32, found, couplings);
-            couplings.retain(|c| c.tool != tool as u32 || resists(model, r, c.source));
+            couplings.retain(|c| c.tool != tool as u32 || (resists(model, r, c.source) && !is_hole(&memory.hole, c)));
         }
         Some(_) => {}
     }
@@ -101,8 +101,10 @@ fn follow_tip(
 ) {
     let now = detect::locate(model, state, spheres, rod.tip, found).map(|p| model.region[p.tet as usize]);
     // Where it is still on the near side of a wall that has yielded, it has gone through no other.
-    memory.leaving = memory.leaving.filter(|&(r, _)| now == Some(r));
-    let waits = memory.leaving.is_some_and(|(_, since)| since < DRAWS_BACK);
+    memory.yielded.iter_mut().for_each(|y| y.arrived |= now != Some(y.from));
+    memory.yielded = memory.yielded.filter(|y| norm(sub(rod.tip, y.at)) <= y.reach);
+    let waits = memory.yielded.is_some_and(|y| now == Some(y.from) && y.since < DRAWS_BACK);
+    let is_slack = memory.yielded.take_if(|y| y.since >= DRAWS_BACK).is_some_and(|y| !y.arrived);
     memory.ahead = if advance == Advance::Forwards && !waits { now } else { None };
     memory.beyond = false;
     let Some(was) = memory.inside else { return };
@@ -114,10 +116,10 @@ fn follow_tip(
         // The wall that it presses on decides (`settle`).
         Some(r) if memory.press.is_some() && advance == Advance::Backwards && resists(model, was, u32::from(r)) => {}
         // Drawn back, or the wall was slack and did not come.
-        Some(r) if advance == Advance::Backwards || memory.leaving.is_some() => {
-            memory.leaving = None;
+        Some(r) if advance == Advance::Backwards || is_slack => {
             events.push(Event::Withdrawn { tool, from: label(was), to: Some(label(r)) });
-            (memory.inside, memory.press) = (Some(r), None);
+            (memory.inside, memory.press, memory.yielded) = (Some(r), None, None);
+            memory.hole.clear();
         }
         Some(r) if !resists(model, was, u32::from(r)) => {
             events.push(Event::Entered { tool, from: label(was), to: label(r), point: patient(model, rod.tip) });
@@ -169,13 +171,32 @@ pub(crate) fn settle(
         }
     }
     if model.collision == CollisionResponse::Insertion {
-        memory.leaving = memory.leaving.map(|(r, since)| (r, since + dt));
+        memory.yielded.iter_mut().for_each(|y| y.since += dt);
+        let was = memory.inside;
         let borne = yield_membrane(model, (tool, rod, forward), memory, press, events);
+        if memory.inside != was {
+            pierce(tool as u32, memory, couplings);
+        }
         // A step may go far beyond the moment at which the membrane gave way; the tool never felt more than that.
         let pushing =
             couplings.iter_mut().filter(|c| c.tool == tool as u32 && c.tip && matches!(c.rule, Rule::Push { .. }));
         pushing.for_each(|c| c.force = scale(c.force, borne));
     }
+}
+
+/// Remembers the faces that the tip of a tool pressed on when their wall yielded.
+fn pierce(tool: u32, memory: &mut ToolState, couplings: &[Coupling]) {
+    let pressed = couplings.iter().filter(|c| c.tool == tool && c.tip && matches!(c.rule, Rule::Push { .. }));
+    memory.hole.clear();
+    memory.hole.extend(pressed.filter(|c| memory.inside == Some(c.source as u8)).flat_map(|c| &c.nodes[..3]));
+    memory.hole.sort_unstable();
+    memory.hole.dedup();
+}
+
+/// Whether a face is one that the tip has gone through, or shares an edge with one: it lies around the shaft, and only
+/// seems to be a wall ahead or at its side.
+fn is_hole(hole: &[u32], face: &Coupling) -> bool {
+    face.nodes[..3].iter().filter(|n| hole.binary_search(n).is_ok()).count() > 1
 }
 
 /// Lets the membrane in front of the tip yield when it is time. Returns the share of the force on the tip that it bore.
@@ -200,7 +221,8 @@ fn yield_membrane(
     };
     let start = *memory.press.get_or_insert(rod.tip);
     let depth = dot(sub(rod.tip, start), forward);
-    if press.is_some() && !gives_way(model, to, force, depth) {
+    // On its way back a tip is pushed on, and goes through nothing.
+    if memory.heading.advance == Advance::Backwards || (press.is_some() && !gives_way(model, to, force, depth)) {
         return 1.0;
     }
     let borne = borne(model, to, force);
@@ -213,7 +235,8 @@ fn yield_membrane(
         depth_mm: depth.into(),
     });
     memory.seen = memory.inside.is_some();
-    memory.leaving = memory.inside.map(|r| (r, 0.0));
+    let reach = depth.max(0.0) + 2.0 * rod.radius;
+    memory.yielded = memory.inside.map(|from| Yielded { from, since: 0.0, arrived: false, at: rod.tip, reach });
     (memory.inside, memory.press) = (Some(to as u8), None);
     borne
 }

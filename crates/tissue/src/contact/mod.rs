@@ -84,6 +84,21 @@ impl Heading {
     }
 }
 
+/// A wall that has just yielded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Yielded {
+    /// Region that the tip left by it.
+    pub(crate) from: u8,
+    /// How long ago, s.
+    pub(crate) since: f32,
+    /// Whether the tip has been found elsewhere since.
+    pub(crate) arrived: bool,
+    /// Where the tip was.
+    pub(crate) at: V3,
+    /// How far the tip may be from there and still be before this wall, mm.
+    pub(crate) reach: f32,
+}
+
 /// What the tissue remembers of a tool.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct ToolState {
@@ -94,8 +109,10 @@ pub(crate) struct ToolState {
     /// Whether it has left it on the far side, with shaft still inside.
     pub(crate) beyond: bool,
     pub(crate) heading: Heading,
-    /// Region whose wall has yielded while the tip still is in it, and for how long, s: the wall has yet to draw back over it.
-    pub(crate) leaving: Option<(u8, f32)>,
+    /// The wall that has yielded last, while it may have yet to draw back over the tip.
+    pub(crate) yielded: Option<Yielded>,
+    /// Vertices of the faces that the tip pressed on when that wall yielded, in order: it goes through them.
+    pub(crate) hole: Vec<u32>,
     /// Region that the tip has been found in on its way forwards.
     pub(crate) ahead: Option<u8>,
     /// Material points held by the shaft, from the tip backwards.
