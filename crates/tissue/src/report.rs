@@ -84,7 +84,8 @@ pub enum Event {
         /// The tip.
         point: Point<Patient>,
     },
-    /// The tip went back out of a region.
+    /// The tip went back out of a region, or never came into it: its wall had yielded, but was slack and did not draw back over
+    /// the tip.
     Withdrawn {
         /// Index of the tool.
         tool: usize,
