@@ -3,8 +3,8 @@
 
 mod common;
 
-use common::{block, nodes, options, physical};
-use monro_geometry::{Patient, Point, Vector};
+use common::{cube_with_horn, options, physical};
+use monro_geometry::{Point, Vector};
 use monro_tissue::{Event, FrameSettings, Insertion, Material, Model, Stepper, TipShape, Tool, ToolMotion, ToolPose};
 
 /// Edge of the cube, mm.
@@ -29,16 +29,7 @@ struct Way {
 }
 
 fn cube(way: &Way) -> Model {
-    let size = EDGE / way.cells as f64;
-    let mut mesh = block([way.cells; 3], size, |c| {
-        let [x, z] = [c[0], c[2]].map(|c| (c as f64 + 0.5) * size);
-        if (x - 0.5 * EDGE).hypot(z - way.horn[1]) < way.horn[0] { 5 } else { 4 }
-    });
-    let is_end = |v: f64| [0.0, EDGE].contains(&v);
-    for (i, p) in mesh.vertices.iter_mut().enumerate().filter(|(_, p)| ![p.x, p.y, p.z].into_iter().any(is_end)) {
-        *p += Vector::from_array([12.9, 78.2, 37.7].map(|w: f64| way.skew * size * (w * i as f64).sin()));
-    }
-    let fixed = nodes(&mesh, |p: Point<Patient>| is_end(p.x) || is_end(p.y) || p.z == 0.0);
+    let (mesh, fixed) = cube_with_horn(EDGE, (way.cells, way.skew), way.horn);
     let mut options = options(physical(), &fixed);
     let [puncture_force_mn, puncture_depth_mm] = way.yields;
     let insertion = Insertion { puncture_force_mn, puncture_depth_mm, ..Insertion::VENTRICLE };

@@ -2,8 +2,8 @@
 
 mod common;
 
-use common::{block, nodes, options, physical, rod};
-use monro_geometry::{Patient, Point, Vector};
+use common::{cube_with_horn, options, physical, rod};
+use monro_geometry::{Point, Vector};
 use monro_tissue::{
     Event, FrameSettings, Insertion, Material, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose,
 };
@@ -16,18 +16,8 @@ const HORN: f64 = 7.0;
 
 /// A cube of brain held at its sides and bottom, in so many cells along each edge and skewed by that share of them, with a
 /// horn of a ventricle along y at a height of `horn` mm; none below zero.
-fn cube((cells, skew): (usize, f64), horn: f64, brain: Insertion, ventricle: Insertion) -> Model {
-    let size = EDGE / cells as f64;
-    let mut mesh = block([cells; 3], size, |c| {
-        let [x, z] = [c[0], c[2]].map(|c| (c as f64 + 0.5) * size);
-        if (x - 0.5 * EDGE).hypot(z - horn) < HORN { 5 } else { 4 }
-    });
-    let is_end = |v: f64| [0.0, EDGE].contains(&v);
-    for (i, p) in mesh.vertices.iter_mut().enumerate().filter(|(_, p)| ![p.x, p.y, p.z].into_iter().any(is_end)) {
-        let by = [12.9, 78.2, 37.7].map(|w: f64| skew * size * (w * i as f64).sin());
-        *p += Vector::from_array(by);
-    }
-    let fixed = nodes(&mesh, |p: Point<Patient>| is_end(p.x) || is_end(p.y) || p.z == 0.0);
+fn cube(cells: (usize, f64), horn: f64, brain: Insertion, ventricle: Insertion) -> Model {
+    let (mesh, fixed) = cube_with_horn(EDGE, cells, [HORN, horn]);
     let mut options = options(physical(), &fixed);
     options.materials.insert(4, Material { insertion: brain, ..Material::BRAIN });
     options.materials.insert(5, Material { insertion: ventricle, ..Material::VENTRICLE });

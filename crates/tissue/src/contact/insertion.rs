@@ -178,15 +178,19 @@ pub(crate) fn settle(
             pierce(tool as u32, memory, couplings);
         }
         // A step may go far beyond the moment at which the membrane gave way; the tool never felt more than that.
-        let pushing =
-            couplings.iter_mut().filter(|c| c.tool == tool as u32 && c.tip && matches!(c.rule, Rule::Push { .. }));
+        let pushing = couplings.iter_mut().filter(|c| presses(c, tool as u32));
         pushing.for_each(|c| c.force = scale(c.force, borne));
     }
 }
 
+/// Whether a face and the tip of this tool press on each other.
+fn presses(c: &Coupling, tool: u32) -> bool {
+    c.tool == tool && c.tip && matches!(c.rule, Rule::Push { .. })
+}
+
 /// Remembers the faces that the tip of a tool pressed on when their wall yielded.
 fn pierce(tool: u32, memory: &mut ToolState, couplings: &[Coupling]) {
-    let pressed = couplings.iter().filter(|c| c.tool == tool && c.tip && matches!(c.rule, Rule::Push { .. }));
+    let pressed = couplings.iter().filter(|c| presses(c, tool));
     memory.hole.clear();
     memory.hole.extend(pressed.filter(|c| memory.inside == Some(c.source as u8)).flat_map(|c| &c.nodes[..3]));
     memory.hole.sort_unstable();

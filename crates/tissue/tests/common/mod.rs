@@ -3,7 +3,7 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 #![allow(unreachable_pub, reason = "a module shared by test binaries")]
 
-use monro_geometry::{Patient, Point, TetMesh};
+use monro_geometry::{Patient, Point, TetMesh, Vector};
 use monro_tissue::{
     Attachment, AttachmentKind, CollisionResponse, Material, Mode, ModelOptions, PaperOptions, PhysicalOptions,
     TipShape, Tool, ToolMotion, ToolPose,
@@ -45,6 +45,23 @@ pub fn block(cells: [usize; 3], size: f64, label: impl Fn([usize; 3]) -> u16) ->
         }
     }
     mesh
+}
+
+/// A cube of brain (label 4), `edge` mm long and in so many cells along it, with a horn of a ventricle (label 5) along y in
+/// its middle, of that radius and height in mm; corners within are displaced by the share `skew` of a cell. With the vertices
+/// of its sides and bottom.
+pub fn cube_with_horn(edge: f64, (cells, skew): (usize, f64), [radius, height]: [f64; 2]) -> (TetMesh, Vec<u32>) {
+    let size = edge / cells as f64;
+    let mut mesh = block([cells; 3], size, |c| {
+        let [x, z] = [c[0], c[2]].map(|c| (c as f64 + 0.5) * size);
+        if (x - 0.5 * edge).hypot(z - height) < radius { 5 } else { 4 }
+    });
+    let is_end = |v: f64| [0.0, edge].contains(&v);
+    for (i, p) in mesh.vertices.iter_mut().enumerate().filter(|(_, p)| ![p.x, p.y, p.z].into_iter().any(is_end)) {
+        *p += Vector::from_array([12.9, 78.2, 37.7].map(|w: f64| skew * size * (w * i as f64).sin()));
+    }
+    let held = nodes(&mesh, |p| is_end(p.x) || is_end(p.y) || p.z == 0.0);
+    (mesh, held)
 }
 
 /// Vertices whose position `keep` accepts.
