@@ -40,10 +40,10 @@ impl State {
 impl Stepper {
     /// Bytes of the memory to work in, by what they are for; all of it is there after a first step with a tool.
     pub fn bytes(&self) -> Vec<Held> {
-        let copies = self.backup.bytes() + of(&self.previous) + of(&self.tethers);
+        let copies = self.backup.bytes() + of(&self.previous) + of(&self.tethers) + of(&self.loads);
         let checks = of(&self.growth) + self.crushed.bytes() + self.nodes.bytes();
         vec![
-            ("copies of the state", copies),
+            ("copies of the state, loads", copies),
             ("spheres", self.spheres.bytes()),
             ("solver's memory", self.paper.bytes() + self.descent.bytes()),
             ("checks", checks),

@@ -9,7 +9,8 @@
 //! a bound, for the model does not know where walls meet.
 //!
 //! Fluid at rest under gravity has more pressure below than above, by its density times gravity for each millimetre: what is
-//! in it and as heavy floats. Its pressure is given and reported where the middle of the fluid is at rest.
+//! in it and as heavy floats. Its pressure is given and reported where the middle of the fluid is at rest. Nodes weigh what
+//! lies around them at rest; fluid that has left since weighs nothing, and what has come in its weight.
 
 use crate::fast::Row;
 use crate::options::MOST_PRESSURE_KPA;
@@ -131,6 +132,25 @@ impl FluidSpace {
                 let stiff = 4.0 / 3.0 * self.shear_kpa / (self.rest_mm3 * 1e-3);
                 (state.csf_kpa + GAIN * stiff * missing).clamp(-MOST_SUCTION * self.shear_kpa, MOST_PRESSURE_KPA)
             }
+        }
+    }
+
+    /// Calls `add` with each node of the fluid and its share of the weight of fluid that has come in since rest, or left, mN.
+    pub(crate) fn add_weight(
+        &self,
+        model: &Model,
+        positions: &[[f32; 4]],
+        pressure: &FluidPressure,
+        mut add: impl FnMut(u32, V3),
+    ) {
+        if pressure.rise == [0.0; 3] {
+            return;
+        }
+        for &t in &self.tets {
+            let nodes = model.tets[t as usize];
+            let [now, rest] = [positions, &model.rest].map(|at| six_volume(nodes.map(|v| xyz(at[v as usize]))));
+            let share = scale(pressure.rise, (now - rest) / 24.0);
+            nodes.into_iter().for_each(|node| add(node, share));
         }
     }
 

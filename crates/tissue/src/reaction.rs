@@ -2,7 +2,7 @@
 
 use crate::csf::FluidSpace;
 use crate::physical::elastic::{D3, Tangent};
-use crate::vec3::xyz;
+use crate::vec3::{V3, xyz};
 use crate::{FrameSettings, Model, State};
 use monro_geometry::{Patient, Vector};
 
@@ -21,9 +21,9 @@ impl Model {
         }
         let fluid = FluidSpace::new(self);
         let pressure = fluid.under(state.csf_kpa, settings.gravity_mm_s2);
-        fluid.add_forces(self, &state.positions, &pressure, |node, push| {
-            (0..3).for_each(|a| force[node as usize][a] -= f64::from(push[a]));
-        });
+        let mut push = |node: u32, push: V3| (0..3).for_each(|a| force[node as usize][a] -= f64::from(push[a]));
+        fluid.add_forces(self, &state.positions, &pressure, &mut push);
+        fluid.add_weight(self, &state.positions, &pressure, push);
         let mut held: Vec<D3> = force;
         for (f, p) in held.iter_mut().zip(&self.rest) {
             if p[3] != 0.0 {

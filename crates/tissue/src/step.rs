@@ -65,6 +65,8 @@ pub struct Stepper {
     pub(crate) paper: PaperScratch,
     pub(crate) descent: DescentScratch,
     fluid: FluidSpace,
+    /// Weight of fluid that has come in since rest, or left, on its nodes, mN.
+    pub(crate) loads: Vec<(u32, V3)>,
     events: Vec<Event>,
     residual: f32,
     /// Longest way of a node from rest in the state that was measured last, mm.
@@ -103,6 +105,7 @@ impl Stepper {
             paper: PaperScratch::default(),
             descent: DescentScratch::default(),
             fluid: FluidSpace::new(model),
+            loads: Vec::new(),
             events: Vec::new(),
             residual: 0.0,
             farthest: 0.0,
@@ -335,8 +338,12 @@ impl Stepper {
     /// Physical mode: one implicit Euler step.
     fn descend(&mut self, solver: &Descent, model: &Model, state: &mut State, settings: &FrameSettings, dt: f32) {
         state.csf_kpa = self.fluid.pressure_kpa(model, state, settings);
+        let fluid = self.fluid.under(state.csf_kpa, settings.gravity_mm_s2);
+        self.loads.clear();
+        self.fluid.add_weight(model, &state.positions, &fluid, |node, weight| self.loads.push((node, weight)));
         let mut body = Body {
-            fluid: self.fluid.under(state.csf_kpa, settings.gravity_mm_s2),
+            fluid,
+            loads: &self.loads,
             positions: &mut state.positions,
             previous: &mut self.previous,
             velocities: &state.velocities,

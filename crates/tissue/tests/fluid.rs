@@ -116,6 +116,24 @@ fn attachments_bear_the_weight() {
     assert!((sum.z / weight - 1.0).abs() < 1e-3 && sum.x.abs() + sum.y.abs() < 1e-3 * weight, "{sum:?}, {weight} mN");
 }
 
+/// It weighed on the wall that it had left: as much as without a drain.
+#[test]
+fn fluid_that_has_been_drained_weighs_nothing() {
+    let mesh = ball(12);
+    let mut o = options(physical(), &nodes(&mesh, |p| radius(p) > OUTER - 1e-6));
+    o.materials.insert(4, Material { poisson: 0.45, ..Material::BRAIN });
+    let model = Model::new(&mesh, &o).expect("model");
+    let [g, ml] = [9810.0, 6.0];
+    let settings =
+        FrameSettings { csf: Csf::Drained { ml }, gravity_mm_s2: [0.0, -g, 0.0], ..FrameSettings::default() };
+    let (state, report) = settle(&model, &settings);
+    assert!((report.csf_change_ml + ml).abs() < 0.01 * ml, "{} ml", report.csf_change_ml);
+    let reactions = model.reactions(&state, &settings).expect("physical");
+    let lighter = model.mass_kg() * g - reactions.iter().map(|r| r.y).sum::<f64>();
+    let drained = -report.csf_change_ml * 1e-6 * Material::VENTRICLE.density_kg_m3 * g;
+    assert!((lighter / drained - 1.0).abs() < 0.02, "{lighter} mN lighter, {drained} mN were drained");
+}
+
 /// It had one pressure everywhere, and its weight drew the lower wall down and the upper one in, by 2.7 mm.
 #[test]
 fn fluid_as_heavy_as_the_tissue_around_it_floats() {

@@ -20,7 +20,7 @@ use crate::model::{Region, Tether};
 use crate::nodes::Apart;
 use crate::rigid::Rigid;
 use crate::slabs::{self, Round, Slabs};
-use crate::vec3::{larger, shift, sub, xyz};
+use crate::vec3::{V3, larger, shift, sub, xyz};
 use crate::volumes::{Volumes, regular_edge};
 use core::ops::Range;
 
@@ -108,6 +108,8 @@ impl<'a> Passes<'a> {
 pub(crate) struct Body<'a> {
     /// Pressure of the fluid above that at rest.
     pub(crate) fluid: FluidPressure,
+    /// Forces on single vertices beside gravity, mN.
+    pub(crate) loads: &'a [(u32, V3)],
     pub(crate) positions: &'a mut [[f32; 4]],
     /// Where they were at the start of the substep: set by it.
     pub(crate) previous: &'a mut [[f32; 4]],
@@ -291,6 +293,10 @@ impl Descent {
             previous.copy_from_slice(positions);
             widest(Drift { positions, velocities: &velocities[cuts[i]..cuts[i + 1]], targets, dt: step.dt, fall });
         });
+        for &(vertex, force) in body.loads {
+            let (target, inverse_mass) = (&mut target[vertex as usize], body.positions[vertex as usize][3]);
+            shift(target, step.dt * step.dt * inverse_mass, force);
+        }
     }
 
     /// Lays out what does not change with the positions, and notes how it is at rest, so that all forces cancel there to the last bit: for each damping anew, as sums are rounded otherwise.
@@ -449,6 +455,7 @@ mod tests {
         let (descent, pool) = (&physical.descent, Pool::new(2));
         let (mut state, mut scratch, mut growth) = (model.rest_state(), DescentScratch::default(), Vec::new());
         let mut body = Body {
+            loads: &[],
             fluid: FluidPressure { kpa: 0.7, rise: [0.0, 0.01, 0.0], ..FluidPressure::default() },
             positions: &mut state.positions,
             previous: &mut model.rest.clone(),
