@@ -5,7 +5,7 @@ use super::{Coupling, Rule};
 use crate::membrane::{Membrane, OUTSIDE};
 use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
-use crate::vec3::{V3, cross, dot, norm, scale, sub, unit, xyz};
+use crate::vec3::{V3, axpy, cross, dot, norm, scale, sub, unit, xyz};
 use crate::{Model, State};
 
 /// Stiffness of a contact in units of the tissue's modulus times a length, the larger one of the tool's radius and the
@@ -175,16 +175,16 @@ fn touch(
     let radius = rod.radius_at(arc);
     let centre = rod.at(arc);
     let (none, reach) = (1e-3 * rod.radius, radius + MARGIN * rod.radius);
-    let normal = direction(near, centre, wall.corners, push, (radius, none, reach))?;
+    let plane = plane(near, (centre, rod.back), wall.corners, push, (radius, none, reach))?;
     // A face that the axis goes through on its way is before the tip, however far that has got.
     let tip = arc <= rod.tip_end() || (near.distance2 == 0.0 && dot(push, rod.back) < 0.0);
     // Only the end of a tip that is inside touches walls, and pushes on those ahead.
     let past = side != Side::Outside && dot(push, rod.back) > 0.0;
     let behind = dot(push, sub(wall.corners[0], centre)) < 0.0 && near.distance2 > 0.0;
-    let plane = |normal: V3| (normal, dot(normal, centre) + radius);
-    let point = away(near, centre, wall.corners).map(plane).map(|(normal, bound)| Rule::Push { normal, bound });
+    let point = away(near, (centre, rod.back), wall.corners, radius);
+    let point = point.map(|(normal, bound)| Rule::Push { normal, bound });
     let lie = Lie { behind, past, before: (!behind).then_some(past), point };
-    Some((push_on(model, rod, wall, plane(normal), (near, tip, tool)), lie))
+    Some((push_on(model, rod, wall, plane, (near, tip, tool)), lie))
 }
 
 /// The coupling that keeps the point `near` of a wall beyond the plane `normal . x = bound`.
@@ -241,24 +241,35 @@ pub(crate) fn crossed(
     Some(push_on(model, rod, &wall, (forward, dot(forward, tip)), (near, true, tool)))
 }
 
-/// Direction in which the tool pushes the nearest point of a face: away from its axis, or along the face's normal when
-/// the axis has just gone through or is no further than `none`. `None` when they do not touch, nor lie within `reach`.
-fn direction(near: Closest, centre: V3, tri: [V3; 3], push: V3, (radius, none, reach): (f32, f32, f32)) -> Option<V3> {
+/// The plane `normal . x = bound` that the tool keeps the nearest point of a face beyond: away from its axis, or along the
+/// face's normal when the axis has just gone through or is no further than `none`. `None` when they do not touch, nor lie
+/// within `reach`.
+fn plane(
+    near: Closest,
+    (centre, back): (V3, V3),
+    tri: [V3; 3],
+    push: V3,
+    (radius, none, reach): (f32, f32, f32),
+) -> Option<(V3, f32)> {
     let ahead = dot(push, sub(tri[0], centre));
     let distance = near.distance2.sqrt();
     if ahead < 0.0 || distance <= none {
-        return (distance <= radius.max(none)).then_some(push);
+        return (distance <= radius.max(none)).then(|| (push, dot(push, centre) + radius));
     }
     if distance > reach {
         return None;
     }
-    away(near, centre, tri)
+    away(near, (centre, back), tri, radius)
 }
 
-/// Direction from a place to the nearest point of a face; `None` where they are one.
-fn away(near: Closest, centre: V3, tri: [V3; 3]) -> Option<V3> {
+/// The plane that keeps the nearest point of a face out of the sphere around a place on the axis; `None` where they are one.
+/// What is behind that place lies beside the shaft, which goes on there: it is kept aside, and never pushed back.
+fn away(near: Closest, (centre, back): (V3, V3), tri: [V3; 3], radius: f32) -> Option<(V3, f32)> {
     let at: V3 = core::array::from_fn(|a| (0..3).map(|i| tri[i][a] * near.weights[i]).sum());
-    unit(sub(at, centre))
+    let way = sub(at, centre);
+    let behind = dot(way, back).max(0.0);
+    let normal = unit(axpy(way, -behind, back))?;
+    Some((normal, dot(normal, centre) + (radius * radius - behind * behind).max(0.0).sqrt()))
 }
 
 /// The element that holds the point `x`; `None` outside of the mesh.
@@ -296,7 +307,6 @@ mod tests {
     use super::*;
     use crate::Model;
     use crate::model::tests::{block, paper_options};
-    use crate::vec3::axpy;
     use crate::{TipShape, Tool, ToolMotion, ToolPose};
     use monro_geometry::Point;
 
@@ -361,6 +371,23 @@ mod tests {
         // A roof 2 mm high along y; the tool comes over it from -x, and its end is past the top.
         let pushes = pushes_on(|x| x[0].abs() < 0.1, 2.0, [2.05, 0.1, 1.75], [-0.9, 0.0, 0.436]);
         assert!(!pushes.iter().any(|(c, _)| normal(c)[0] > 0.3), "{pushes:?}");
+    }
+
+    /// Walls that fold around a tip pushed it on, by half a newton for a frame, from behind the middle of its end.
+    #[test]
+    fn what_lies_behind_the_end_of_a_tip_is_kept_aside_and_not_pushed_back() {
+        let back = [-0.9, 0.0, 0.436];
+        let mut beside = 0;
+        for along in 0..12 {
+            // Over the ridge of a roof, a millimetre above it and on.
+            let tip = [0.5 + 0.2 * f64::from(along), 0.1, 2.2 - 0.1 * f64::from(along)];
+            for (c, _) in pushes_on(|x| x[0].abs() < 0.1, 2.0, tip, back) {
+                let pushed_back = dot(normal(&c), back.map(|v| v as f32));
+                assert!(pushed_back < 1e-5, "{along}: {pushed_back}, {c:?}");
+                beside += usize::from(pushed_back.abs() < 1e-5);
+            }
+        }
+        assert!(beside > 3, "{beside}");
     }
 
     /// Its ridge was let go when the tip's centre came behind the plane of its near side: in turn, thirty times a second.

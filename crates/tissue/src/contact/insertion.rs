@@ -6,20 +6,17 @@
 //! at the tip until it exceeds what it takes to cut. A wall to another region is pushed, dimples and yields in turn.
 
 use super::detect::{self, Found, Side};
-use super::{Advance, Coupling, Rule, ToolState, Yielded, shaft};
+use super::wall::Wall;
+use super::{Advance, Coupling, Dimple, Rule, ToolState, Yielded, shaft};
 use crate::model::Region;
 use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
-use crate::vec3::{V3, dot, norm, scale, sub};
+use crate::vec3::{V3, add, dot, norm, scale, sub, xyz};
 use crate::{CollisionResponse, Event, Model, State};
 use monro_geometry::{Patient, Point};
 
 /// Shaft in tissue behind a tip that is outside, in spacings of anchors, from which the tip has come out on the far side.
 const THROUGH: f32 = 2.0;
-
-/// How long a wall that has yielded may take to draw back over the tip, s: tissue that is let go is at rest in about that
-/// time, and what has not come by then lies slack.
-const DRAWS_BACK: f32 = 0.25;
 
 /// Brings the memory of a tool up to date with its new pose, whose tip goes by `way` in this frame, and lists its couplings.
 pub(crate) fn prepare(
@@ -100,23 +97,20 @@ fn follow_tip(
     events: &mut Vec<Event>,
 ) {
     let now = detect::locate(model, state, spheres, rod.tip, found).map(|p| model.region[p.tet as usize]);
-    // Where it is still on the near side of a wall that has yielded, it has gone through no other.
-    memory.yielded.iter_mut().for_each(|y| y.arrived |= now != Some(y.from));
-    memory.yielded = memory.yielded.filter(|y| norm(sub(rod.tip, y.at)) <= y.reach);
-    let waits = memory.yielded.is_some_and(|y| now == Some(y.from) && y.since < DRAWS_BACK);
-    let is_slack = memory.yielded.take_if(|y| y.since >= DRAWS_BACK).is_some_and(|y| !y.arrived);
-    memory.ahead = if advance == Advance::Forwards && !waits { now } else { None };
+    let (hole, away) = (&memory.hole, |n: u32| norm(sub(xyz(state.positions[n as usize]), rod.tip)));
+    let wall = Yielded::follow(&mut memory.yielded, now, |reach| hole.iter().any(|&n| away(n) <= reach));
+    memory.ahead = now.filter(|_| advance == Advance::Forwards && wall != Wall::DrawsBack);
     memory.beyond = false;
     let Some(was) = memory.inside else { return };
     let label = |r: u8| model.regions[r as usize].label;
     memory.seen |= now.is_some();
     match now {
         Some(r) if r == was => {}
-        Some(_) if advance == Advance::Forwards && waits => {}
+        Some(_) if advance == Advance::Forwards && wall == Wall::DrawsBack => {}
         // The wall that it presses on decides (`settle`).
         Some(r) if memory.press.is_some() && advance == Advance::Backwards && resists(model, was, u32::from(r)) => {}
         // Drawn back, or the wall was slack and did not come.
-        Some(r) if advance == Advance::Backwards || is_slack => {
+        Some(r) if advance == Advance::Backwards || wall == Wall::Slack => {
             events.push(Event::Withdrawn { tool, from: label(was), to: Some(label(r)) });
             (memory.inside, memory.press, memory.yielded) = (Some(r), None, None);
             memory.hole.clear();
@@ -131,7 +125,8 @@ fn follow_tip(
         None if memory.seen && memory.anchors.iter().any(|a| a.arc > THROUGH * shaft::spacing(rod)) => {
             memory.beyond = true;
         }
-        None if memory.seen => {
+        None if advance == Advance::Forwards && wall == Wall::DrawsBack => {}
+        None if memory.seen || wall == Wall::Slack => {
             events.push(Event::Withdrawn { tool, from: label(was), to: None });
             (memory.inside, memory.press, memory.seen) = (None, None, false);
             memory.anchors.clear();
@@ -152,21 +147,14 @@ pub(crate) fn settle(
     events: &mut Vec<Event>,
 ) {
     let forward = rod.back.map(|v| -v);
-    // Summed force on the end of the tool, and the region behind the membrane it touches.
-    let mut press: Option<(f32, u32)> = None;
+    let mut press: Option<Press> = None;
     for c in couplings.iter().filter(|c| c.tool == tool as u32) {
         match c.rule {
             Rule::Hold { axis, target, limit } => {
                 let stretch = dot(axis, sub(target, c.point(positions)));
                 shaft::slip(&mut memory.anchors[c.source as usize], c, stretch, (axis, limit), dt);
             }
-            Rule::Push { .. } if c.tip => {
-                let along = dot(c.force, forward);
-                // The membrane that presses hardest is the one that yields.
-                press = Some(
-                    press.map_or((along, c.source), |(sum, to)| (sum + along, if along > sum { c.source } else { to })),
-                );
-            }
+            Rule::Push { .. } if c.tip => press = Some(Press::and(press, c, forward)),
             Rule::Push { .. } => {}
         }
     }
@@ -175,11 +163,31 @@ pub(crate) fn settle(
         let was = memory.inside;
         let borne = yield_membrane(model, (tool, rod, forward), memory, press, events);
         if memory.inside != was {
-            pierce(tool as u32, memory, couplings);
+            pierce(positions, (tool as u32, rod), memory, couplings);
         }
         // A step may go far beyond the moment at which the membrane gave way; the tool never felt more than that.
         let pushing = couplings.iter_mut().filter(|c| presses(c, tool as u32));
         pushing.for_each(|c| c.force = scale(c.force, borne));
+    }
+}
+
+/// How the end of a tool presses on the membranes before it.
+#[derive(Clone, Copy)]
+struct Press {
+    /// Summed force, mN, and its part along the tool.
+    sum: V3,
+    along: f32,
+    /// The part of the face that presses hardest, and the region behind that: its membrane is the one that yields.
+    most: f32,
+    to: u32,
+}
+
+impl Press {
+    fn and(this: Option<Self>, face: &Coupling, forward: V3) -> Self {
+        let (force, along, to) = (face.force, dot(face.force, forward), face.source);
+        let Some(p) = this else { return Self { sum: force, along, most: along, to } };
+        let (most, to) = if along > p.most { (along, to) } else { (p.most, p.to) };
+        Self { sum: add(p.sum, force), along: p.along + along, most, to }
     }
 }
 
@@ -189,12 +197,16 @@ fn presses(c: &Coupling, tool: u32) -> bool {
 }
 
 /// Remembers the faces that the tip of a tool pressed on when their wall yielded.
-fn pierce(tool: u32, memory: &mut ToolState, couplings: &[Coupling]) {
+fn pierce(positions: &[[f32; 4]], (tool, rod): (u32, &Rod), memory: &mut ToolState, couplings: &[Coupling]) {
     let pressed = couplings.iter().filter(|c| presses(c, tool));
     memory.hole.clear();
     memory.hole.extend(pressed.filter(|c| memory.inside == Some(c.source as u8)).flat_map(|c| &c.nodes[..3]));
     memory.hole.sort_unstable();
     memory.hole.dedup();
+    if let Some(wall) = &mut memory.yielded {
+        let away = memory.hole.iter().map(|&n| norm(sub(xyz(positions[n as usize]), rod.tip)));
+        wall.reach = away.fold(0.0, f32::max) + 2.0 * rod.radius;
+    }
 }
 
 /// Whether a face is one that the tip has gone through, or shares an edge with one: it lies around the shaft, and only
@@ -208,23 +220,22 @@ fn yield_membrane(
     model: &Model,
     (tool, rod, forward): (usize, &Rod, V3),
     memory: &mut ToolState,
-    press: Option<(f32, u32)>,
+    press: Option<Press>,
     events: &mut Vec<Event>,
 ) -> f32 {
     let slipped = memory.ahead.filter(|&r| Some(r) != memory.inside);
-    let (force, to) = match (press, slipped) {
-        (Some(press), _) if press.0 > 0.0 => press,
-        // Behind it, but not pressed on in this step.
-        (Some(_), Some(_)) => return 1.0,
+    let (push, force, to) = match (press, slipped) {
+        (Some(press), _) if press.along > 0.0 => (press.sum, press.along, press.to),
         // A tip that is behind the wall though its axis crosses none has gone around it.
-        (None, Some(r)) => (0.0, u32::from(r)),
+        (None, Some(r)) if memory.heading.goes_on(rod.tip) => (forward, 0.0, u32::from(r)),
+        // Behind it, but not pressed on in this step, or about to turn.
+        (_, Some(_)) => return 1.0,
         (_, None) => {
             memory.press = None;
             return 1.0;
         }
     };
-    let start = *memory.press.get_or_insert(rod.tip);
-    let depth = dot(sub(rod.tip, start), forward);
+    let depth = memory.press.insert(Dimple::follow(memory.press, rod.tip, push)).depth;
     // On its way back a tip is pushed on, and goes through nothing.
     if memory.heading.advance == Advance::Backwards || (press.is_some() && !gives_way(model, to, force, depth)) {
         return 1.0;
@@ -239,8 +250,7 @@ fn yield_membrane(
         depth_mm: depth.into(),
     });
     memory.seen = memory.inside.is_some();
-    let reach = depth.max(0.0) + 2.0 * rod.radius;
-    memory.yielded = memory.inside.map(|from| Yielded { from, since: 0.0, arrived: false, at: rod.tip, reach });
+    memory.yielded = Some(Yielded { from: memory.inside, since: 0.0, arrived: false, reach: 0.0 });
     (memory.inside, memory.press) = (Some(to as u8), None);
     borne
 }

@@ -9,10 +9,12 @@ mod coupling;
 mod detect;
 mod insertion;
 mod shaft;
+mod wall;
 
 pub(crate) use coupling::{Coupling, Rule, project};
 pub(crate) use detect::Found;
 pub(crate) use insertion::{prepare, settle};
+pub(crate) use wall::{Dimple, Yielded};
 
 use crate::tool::Rod;
 use crate::vec3::{V3, dot, sub};
@@ -63,6 +65,11 @@ impl Heading {
         self.furthest.is_none()
     }
 
+    /// Whether the tip is where it was furthest on its way, not on its way back by less than what counts as turned.
+    pub(crate) fn goes_on(&self, tip: V3) -> bool {
+        self.furthest == Some(tip)
+    }
+
     /// Follows the tip of `rod`, which goes by `way` in this frame.
     pub(crate) fn follow(&mut self, rod: &Rod, way: V3) {
         let Some(furthest) = self.furthest else {
@@ -84,21 +91,6 @@ impl Heading {
     }
 }
 
-/// A wall that has just yielded.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Yielded {
-    /// Region that the tip left by it.
-    pub(crate) from: u8,
-    /// How long ago, s.
-    pub(crate) since: f32,
-    /// Whether the tip has been found elsewhere since.
-    pub(crate) arrived: bool,
-    /// Where the tip was.
-    pub(crate) at: V3,
-    /// How far the tip may be from there and still be before this wall, mm.
-    pub(crate) reach: f32,
-}
-
 /// What the tissue remembers of a tool.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct ToolState {
@@ -117,6 +109,6 @@ pub(crate) struct ToolState {
     pub(crate) ahead: Option<u8>,
     /// Material points held by the shaft, from the tip backwards.
     pub(crate) anchors: Vec<Anchor>,
-    /// The tip when it began to press on the membrane it presses on now.
-    pub(crate) press: Option<V3>,
+    /// The dimple in the membrane that the tip presses on now.
+    pub(crate) press: Option<Dimple>,
 }

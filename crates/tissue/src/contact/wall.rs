@@ -1,0 +1,65 @@
+//! The wall before a tip: how deep it is dimpled, and whether it has drawn back over the tip since it yielded.
+
+use crate::vec3::{V3, dot, sub, unit};
+
+/// How long a wall that has yielded may take to draw back over the tip, s: tissue that is let go is at rest in about that
+/// time, and what has not come by then lies slack.
+const DRAWS_BACK: f32 = 0.25;
+
+/// The dimple in the membrane that a tip presses on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Dimple {
+    /// How deep it is, mm.
+    pub(super) depth: f32,
+    /// The tip when it was as deep.
+    tip: V3,
+}
+
+impl Dimple {
+    /// Begins, or goes on, where the tip is, which pushes the membrane with the force `push`. It deepens by what the tip goes
+    /// along that: along a wall that it only grazes a tip may go any way.
+    pub(super) fn follow(this: Option<Self>, tip: V3, push: V3) -> Self {
+        let Some(Self { depth, tip: before }) = this else { return Self { depth: 0.0, tip } };
+        Self { depth: depth + unit(push).map_or(0.0, |push| dot(push, sub(tip, before))), tip }
+    }
+}
+
+/// A wall that has just yielded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Yielded {
+    /// Region that the tip left by it; `None` for the outside.
+    pub(super) from: Option<u8>,
+    /// How long ago, s.
+    pub(super) since: f32,
+    /// Whether the tip has been found elsewhere since.
+    pub(super) arrived: bool,
+    /// How far the tip may be from its nearest vertex and still be before it, mm: a wall that hangs on to the shaft goes along.
+    pub(super) reach: f32,
+}
+
+/// What is to be expected of the wall that has yielded last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Wall {
+    /// Nothing: there is none, or the tip is past it.
+    Past,
+    /// It has yet to draw back over the tip, which has gone through no other as long as it is on the near side.
+    DrawsBack,
+    /// It has not come and will not.
+    Slack,
+}
+
+impl Yielded {
+    /// Follows a tip that is in region `now`; the wall is forgotten once it is late, or not `within` its reach.
+    pub(super) fn follow(this: &mut Option<Self>, now: Option<u8>, within: impl Fn(f32) -> bool) -> Wall {
+        let Some(wall) = this.take_if(|y| within(y.reach)) else {
+            *this = None;
+            return Wall::Past;
+        };
+        let arrived = wall.arrived || now != wall.from;
+        if wall.since >= DRAWS_BACK {
+            return if arrived { Wall::Past } else { Wall::Slack };
+        }
+        *this = Some(Self { arrived, ..wall });
+        if now == wall.from { Wall::DrawsBack } else { Wall::Past }
+    }
+}
