@@ -13,6 +13,9 @@ use monro_tissue::{
 const EDGE: f64 = 48.0;
 /// Frames in a second.
 const RATE: f64 = 60.0;
+/// Directions that ways are tilted to, radians: all but a few.
+#[expect(clippy::approx_constant, reason = "ways that went wrong are those of their seeds to the last bit")]
+const AROUND: f64 = 6.28;
 /// Pull on a tool on its way in that no tissue gives it, mN: more than single frames show where it lets go of the shaft.
 const PULL: f64 = -100.0;
 
@@ -74,7 +77,7 @@ impl Way {
             let insertion = Insertion { puncture_force_mn, puncture_depth_mm, ..Insertion::VENTRICLE };
             options.materials.insert(5, Material { insertion, ..Material::VENTRICLE });
         }
-        let [tilt, turn] = [r.within(0.0, 0.9), r.within(0.0, 6.28)];
+        let [tilt, turn] = [r.within(0.0, 0.9), r.within(0.0, AROUND)];
         let back = Vector::new(tilt * turn.cos(), tilt * turn.sin(), 1.0).normalized().expect("a direction");
         let aim = Point::new(24.0 + r.within(-0.7, 0.7) * radius, r.within(20.0, 28.0), height);
         let radius_mm = r.within(0.7, 2.5);

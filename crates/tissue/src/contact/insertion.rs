@@ -18,6 +18,10 @@ use monro_geometry::{Patient, Point};
 /// Shaft in tissue behind a tip that is outside, in spacings of anchors, from which the tip has come out on the far side.
 const THROUGH: f32 = 2.0;
 
+/// How far before the tip another region must begin, in radii, for its way to lead there: up to 70 degrees from perpendicular
+/// to a wall that the rounded end touches.
+const LOOKS: f32 = 2.0;
+
 /// Brings the memory of a tool up to date with its new pose, whose tip goes by `way` in this frame, and lists its couplings.
 pub(crate) fn prepare(
     model: &Model,
@@ -37,6 +41,10 @@ pub(crate) fn prepare(
             find_inside(model, state, spheres, (tool, rod), memory, found, events);
         }
         follow_tip(model, state, spheres, (tool, rod, advance), memory, found, events);
+        memory.leads_out = memory.press.is_some() && {
+            let on = detect::locate(model, state, spheres, rod.at(-LOOKS * rod.radius), found);
+            on.map(|p| model.region[p.tet as usize]) != memory.inside
+        };
         shaft::renew_anchors(model, state, spheres, rod, memory, found);
     }
     match memory.inside {
@@ -225,7 +233,11 @@ fn yield_membrane(
 ) -> f32 {
     let slipped = memory.ahead.filter(|&r| Some(r) != memory.inside);
     let (push, force, to) = match (press, slipped) {
-        (Some(press), _) if press.along > 0.0 => (press.sum, press.along, press.to),
+        (Some(press), _) if press.along > 0.0 => {
+            // Along a wall that it only grazes a tip may go any way, as long as it is not behind it.
+            let is_before = memory.leads_out || slipped.is_some();
+            (if is_before { forward } else { press.sum }, press.along, press.to)
+        }
         // A tip that is behind the wall though its axis crosses none has gone around it.
         (None, Some(r)) if memory.heading.goes_on(rod.tip) => (forward, 0.0, u32::from(r)),
         // Behind it, but not pressed on in this step, or about to turn.

@@ -111,4 +111,6 @@ pub(crate) struct ToolState {
     pub(crate) anchors: Vec<Anchor>,
     /// The dimple in the membrane that the tip presses on now.
     pub(crate) press: Option<Dimple>,
+    /// Whether its way on leads through that, not along it.
+    pub(crate) leads_out: bool,
 }

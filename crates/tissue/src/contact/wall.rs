@@ -16,8 +16,7 @@ pub(crate) struct Dimple {
 }
 
 impl Dimple {
-    /// Begins, or goes on, where the tip is, which pushes the membrane with the force `push`. It deepens by what the tip goes
-    /// along that: along a wall that it only grazes a tip may go any way.
+    /// Begins, or goes on, where the tip is. It deepens by what that goes along `push`.
     pub(super) fn follow(this: Option<Self>, tip: V3, push: V3) -> Self {
         let Some(Self { depth, tip: before }) = this else { return Self { depth: 0.0, tip } };
         Self { depth: depth + unit(push).map_or(0.0, |push| dot(push, sub(tip, before))), tip }
