@@ -27,7 +27,7 @@ const ROWS: Row[] = [
   ["depth", "Depth", (g) => mm(g.depth_mm)],
   ["miss", "Line misses target by", (g) => mm(g.miss_mm)],
   ["ventricle", "In ventricle", (g) => (g.in_ventricle === null ? null : g.in_ventricle ? "yes" : "no")],
-  ["tip", "Tip in", (g) => (g.in_ventricle === null ? null : (g.tip_in ?? "no brain").replaceAll("_", " "))],
+  ["tip", "Tip in", (g) => (g.in_ventricle === null ? null : (g.tip_in ?? "outside of the brain").replaceAll("_", " "))],
   ["grade", "Predicted Kakarla grade", (g) => g.kakarla_grade?.toString() ?? null],
   ["tre", "Predicted TRE", (g) => (g.state === "lost" ? null : mm(g.predicted_tre_mm))],
 ];

@@ -49,6 +49,9 @@ pub enum CaseError {
         /// The reason.
         error: io::Error,
     },
+    /// There is no such folder.
+    #[error("{0}: no such file or folder")]
+    NoFolder(PathBuf),
     /// The folder is not a case.
     #[error("{0} is not a case: it has no case.toml (make one with \"monro prepare SCAN --out CASE\")")]
     NotACase(PathBuf),
@@ -211,6 +214,9 @@ fn encode_plan(plan: &Plan) -> String {
 
 fn read_manifest(dir: &Path) -> Result<Manifest, CaseError> {
     let path = dir.join("case.toml");
+    if !dir.exists() {
+        return Err(CaseError::NoFolder(dir.to_owned()));
+    }
     if !path.is_file() {
         return Err(CaseError::NotACase(dir.to_owned()));
     }

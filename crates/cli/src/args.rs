@@ -5,7 +5,7 @@ mod solver;
 
 use crate::bench::args::BenchCommand;
 use crate::trackers::{DoctorArgs, FakeTrackerCommand, TrackArgs};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use fields::{SIMULATE_FIELDS, SOLVE_FIELDS};
 use monro_prepare::DEFAULT_ELEMENTS;
 use solver::SolverArgs;
@@ -210,7 +210,7 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
     /// Speed of the tip along the plan, mm/s.
-    #[arg(long, value_name = "MM_PER_S", default_value_t = 10.0, allow_negative_numbers = true, value_parser = number)]
+    #[arg(long, value_name = "MM_PER_S", default_value_t = 10.0, value_parser = number)]
     pub(crate) speed: f64,
     // Only to say where it belongs.
     #[arg(long, hide = true)]
@@ -249,9 +249,19 @@ fn triple(text: &str) -> Result<[f64; 3], String> {
     three.filter(|n| n.iter().all(|v| v.is_finite())).ok_or_else(|| "wanted three finite numbers, as 0,9.81,0".into())
 }
 
+/// The command line. Values may begin with a minus: what cannot be negative says so itself.
+pub(crate) fn parse(given: impl IntoIterator<Item = OsString>) -> Cli {
+    fn negative(command: clap::Command) -> clap::Command {
+        let with_sign = |a: clap::Arg| if a.get_action().takes_values() { a.allow_negative_numbers(true) } else { a };
+        command.mut_args(with_sign).mut_subcommands(negative)
+    }
+    let found = negative(Cli::command()).get_matches_from(joined(given));
+    Cli::from_arg_matches(&found).unwrap_or_else(|e| e.exit())
+}
+
 /// The arguments with three numbers after `--gravity` made one: a parser that took up to three values would also take what
 /// follows them.
-pub(crate) fn joined(given: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+fn joined(given: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let number = |a: &OsString| a.to_str().is_some_and(|t| t.trim_end_matches(',').parse::<f64>().is_ok());
     let mut out: Vec<OsString> = Vec::new();
     let mut rest = given.into_iter().peekable();
@@ -304,7 +314,7 @@ pub(crate) struct SolveArgs {
     #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
     pub(crate) mode: ModeArg,
     /// Stop after so many milliseconds with the best so far, and say so [default: 600000, ten minutes].
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = milliseconds)]
+    #[arg(long, value_name = "N", value_parser = milliseconds)]
     pub(crate) budget_ms: Option<u64>,
     /// How often every element is cut into eight inside the solver, 0 to 3 (physical mode; default: as long as that gives no more
     /// than 80,000, then smaller where the answer is least certain). Around rods and spheres the mesh is refined in any case.
@@ -313,6 +323,7 @@ pub(crate) struct SolveArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(override_usage = "monro serve [OPTIONS] <CASE>\n       monro serve [OPTIONS] --scans <DIR> --out <CASE>")]
 pub(crate) struct ServeArgs {
     /// A case made by "monro prepare".
     #[arg(required_unless_present = "scans", conflicts_with = "scans")]
@@ -469,8 +480,9 @@ pub(crate) struct MeshArgs {
     /// Wanted number of tetrahedra (500 to 20 million; 37336 if not given).
     #[arg(long, value_name = "N", value_parser = elements)]
     pub(crate) elements: Option<usize>,
-    /// How many more elements a volume of a label gets than the others, e.g. 4=8,7=0.125 (0.01 to 100). Cells halve, so what
-    /// comes of it lies near 1, 8 or 64; a remark says by how much it misses.
+    /// How many more elements a volume of a label gets than it would, against the others, e.g. 4=8,7=0.125 (0.01 to 100):
+    /// beside what --fine and --path ask for, which give labels there many times more. Cells halve, so what comes of it lies
+    /// near 1, 8 or 64; a remark says by how much it misses.
     #[arg(long, value_name = "LABEL=FACTOR,..")]
     pub(crate) density: Option<String>,
     /// Growth of the edges with the distance from what is fine, mm a mm (0.01 to 2; 0.7 if not given).

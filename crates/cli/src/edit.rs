@@ -22,7 +22,8 @@ const BEFORE: &str = "automatic segmentation, before corrections: ";
 pub(crate) fn run(args: &EditArgs, console: &Console) -> Result<()> {
     ensure!(args.path.exists(), "{}: no such file or folder", args.path.display());
     let (inputs, is_case) = (inputs(args), is_case(args));
-    let out = args.out.as_deref().filter(|_| !is_case).unwrap_or(&args.path);
+    ensure!(!is_case || args.out.is_none(), "--out is for scans; a case is rebuilt in its own folder");
+    let out = args.out.as_deref().unwrap_or(&args.path);
     match check_output(out, true, &CASE, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>()) {
         // There is time to move it away; the rebuilding looks again.
         Err(e @ OutputError::Strangers { .. }) if is_case => {
@@ -85,9 +86,6 @@ enum Basis {
 }
 
 fn of_case(args: &EditArgs, console: &Console) -> Result<Opened> {
-    if args.out.is_some() {
-        bail!("--out is for scans; a case is rebuilt in its own folder");
-    }
     let case = console.stage("open case", || Case::open(&args.path))?;
     let [ct, labels] = ["ct.nii.gz", "labels.nii.gz"].map(|n| args.path.join(n));
     if !ct.is_file() || !labels.is_file() {

@@ -85,7 +85,9 @@ fn series_line(s: &SeriesSummary) -> String {
             line += &format!(" {part}");
         }
     }
-    line += &format!(", {} {c} x {r} x {n}, spacing {x:.3} x {y:.3} x {z:.3} mm", source.orientation);
+    line += &format!(", {} {c} x {r} x {n}, spacing {x:.3} x {y:.3}", source.orientation);
+    // Of what is no CT the slices are not looked at.
+    line += &if z > 0.0 { format!(" x {z:.3} mm") } else { " mm in a slice".to_owned() };
     if s.step_mm[1] - s.step_mm[0] > 0.01 {
         line += &format!(" (slices {:.2} to {:.2} mm apart)", s.step_mm[0], s.step_mm[1]);
     }

@@ -3,7 +3,7 @@
 use crate::args::LabelsCommand;
 use crate::console::Console;
 use crate::output_file;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use monro_anatomy::segment;
 use monro_geometry::{Structure, Volume};
 use monro_scan::ReadOptions;
@@ -35,6 +35,7 @@ pub(crate) fn run(command: &LabelsCommand, console: &Console) -> Result<()> {
 
 /// A DICOM segmentation that refers to the images of a folder.
 fn on_images(labels: &Volume<u8>, folder: &Path, series_uid: Option<String>, console: &Console) -> Result<Vec<u8>> {
+    ensure!(folder.is_dir(), "--images {}: wanted the folder of the DICOM images", folder.display());
     let images = seg::Images::of(folder, &ReadOptions { series_uid, any_size: true })?;
     let (bytes, remark) = seg::encode_on(labels, &images)?;
     remark.iter().for_each(|r| console.warn(r));

@@ -24,14 +24,13 @@ mod soft_body;
 mod solve;
 mod trackers;
 
-use args::{Cli, Command};
-use clap::Parser;
+use args::Command;
 use console::Console;
 use monro_prepare::NOTICE;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse_from(args::joined(std::env::args_os()));
+    let cli = args::parse(std::env::args_os());
     interrupt::install();
     let console = Console::new(cli.json);
     let result = match &cli.command {

@@ -18,6 +18,10 @@ pub(crate) const TISSUE_HU: i16 = -300;
 /// have been seen, the brain alone has 1000 ml.
 const LIFTED_HU: core::ops::RangeInclusive<i16> = 1000..=1110;
 const MOST_LIFTED_ML: f64 = 400.0;
+/// Skin and everything denser with 1024 added, and the share of that from which soft tissue has such values: most of a head
+/// is soft, of bone it is a tenth. A spacing that is too large makes of that a large volume, too.
+const LIFTED_TISSUE_HU: i16 = TISSUE_HU + 1024;
+const LIFTED_SHARE: f64 = 0.4;
 /// A plane with less tissue shows noise, or the head rest, mm2.
 const PLANE_MM2: f64 = 500.0;
 
@@ -55,9 +59,15 @@ pub(crate) fn extent_check(volume: &Volume<i16>, profiles: &[Vec<u64>; 3]) -> Re
 
 /// Refuses a scan whose values are 1024 too high: brain, muscle and skin then have those of dense bone. Nothing else does.
 pub(crate) fn intercept_check(volume: &Volume<i16>) -> Result<(), ScanError> {
-    let lifted = volume.data().iter().filter(|v| LIFTED_HU.contains(v)).count();
-    let lifted_ml = lifted as f64 * volume.grid().voxel_volume() / 1000.0;
-    if lifted_ml > MOST_LIFTED_ML { Err(ScanError::Lifted { lifted_ml, most_ml: MOST_LIFTED_ML }) } else { Ok(()) }
+    let lifted = volume.data().iter().filter(|v| LIFTED_HU.contains(v)).count() as f64;
+    let dense = volume.data().iter().filter(|&&v| v > LIFTED_TISSUE_HU).count() as f64;
+    let lifted_ml = lifted * volume.grid().voxel_volume() / 1000.0;
+    let is_soft = lifted > LIFTED_SHARE * dense;
+    if is_soft && lifted_ml > MOST_LIFTED_ML {
+        Err(ScanError::Lifted { lifted_ml, most_ml: MOST_LIFTED_ML })
+    } else {
+        Ok(())
+    }
 }
 
 /// The refusal that the field of view alone makes certain.

@@ -11,6 +11,7 @@ use monro_anatomy::segment::{self, Part, SegmentError, Segmentation};
 use monro_geometry::{Grid, Structure, Volume};
 use monro_scan::ReadOptions;
 use serde_json::{Map, Value, json};
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Instant;
 
@@ -19,6 +20,7 @@ type Match = (Structure, Vec<u16>);
 
 /// Prints one JSON object: `livewire`, and a row per phantom and scan. `against` holds SCAN, LABELS, MAP in turns.
 pub(super) fn run(seeds: u64, against: &[String], dump: Option<&Path>, console: &Console) -> Result<()> {
+    let against = against.chunks(3).map(Against::read).collect::<Result<Vec<_>>>()?;
     let wire = console.stage("livewire", || livewire::measure(dump))?;
     let mut rows = Vec::new();
     for seed in 0..seeds {
@@ -26,13 +28,10 @@ pub(super) fn run(seeds: u64, against: &[String], dump: Option<&Path>, console: 
         let own: Vec<Match> = Structure::ALL.into_iter().skip(1).map(|s| (s, vec![u16::from(s.label())])).collect();
         rows.push(row(&format!("phantom {seed}"), &made.ct, &made.labels.map(u16::from), &own, console)?);
     }
-    for three in against.chunks(3) {
-        let [scan, labels, map] = three else { bail!("--against wants SCAN LABELS MAP") };
-        let ct = monro_scan::read(Path::new(scan), &ReadOptions::default())?.volume;
-        let reference = monro_scan::read_labels(Path::new(labels))?;
-        let name =
-            Path::new(scan).parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy().into_owned();
-        rows.push(row(&name, &ct, &reference, &parse(map)?, console)?);
+    for Against { scan, reference, map } in against {
+        let ct = monro_scan::read(scan, &ReadOptions::default())?.volume;
+        let name = scan.parent().and_then(Path::file_name).unwrap_or_default().to_string_lossy().into_owned();
+        rows.push(row(&name, &ct, &reference, &map, console)?);
     }
     let mut result = json!({ "livewire": wire.clone(), "scans": rows });
     for key in ["livewire_contour_error_px", "livewire_path_ms", "livewire_map_ms"] {
@@ -41,6 +40,27 @@ pub(super) fn run(seeds: u64, against: &[String], dump: Option<&Path>, console: 
     let text = format!("{}\n{}", table(&flat(&result["scans"]), &columns()), livewire::words(&wire));
     console.result(&result, &text);
     Ok(())
+}
+
+/// A scan with reference labels, and what they are of ours.
+struct Against<'a> {
+    scan: &'a Path,
+    reference: Volume<u16>,
+    map: Vec<Match>,
+}
+
+impl<'a> Against<'a> {
+    fn read(three: &'a [String]) -> Result<Self> {
+        let [scan, labels, map] = three else { bail!("--against wants SCAN LABELS MAP") };
+        let (matches, reference) = (parse(map)?, monro_scan::read_labels(Path::new(labels))?);
+        let asked: BTreeSet<u16> = matches.iter().flat_map(|m| m.1.iter().copied()).collect();
+        let there: BTreeSet<u16> = reference.data().iter().copied().filter(|&l| l != 0).collect();
+        if let Some(missing) = asked.difference(&there).next() {
+            let there = there.iter().map(u16::to_string).collect::<Vec<_>>().join(", ");
+            bail!("{map:?} asks for label {missing}, which {labels} does not hold (it has {there})");
+        }
+        Ok(Self { scan: Path::new(scan), reference, map: matches })
+    }
 }
 
 /// A row for each structure of each scan.

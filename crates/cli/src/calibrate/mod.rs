@@ -29,19 +29,34 @@ pub(crate) fn run(command: &CalibrateCommand, console: &Console) -> Result<()> {
         CalibrateCommand::Camera { corners, size } => camera(corners, size)?,
         CalibrateCommand::Display { alignments } => display(alignments)?,
     };
-    console.result(&result, &words(&result));
+    console.result(&result, &words(&result, whither(command)));
     Ok(())
 }
 
+/// What a result is for.
+fn whither(command: &CalibrateCommand) -> &'static str {
+    match command {
+        CalibrateCommand::Pivot(_) => {
+            "; \"tip_mm\" is what \"monro calibrate axis --tip\" takes, which gives what a live session takes"
+        }
+        CalibrateCommand::Axis { .. } => ", and \"session_event\", what a live session takes at /api/session",
+        CalibrateCommand::Camera { .. } => "",
+        CalibrateCommand::Display { .. } => {
+            "; \"quaternion_wxyz\" and \"translation_mm\" are what a live session takes at /api/glasses"
+        }
+    }
+}
+
 /// For people; the whole covariance is for programs.
-fn words(result: &Value) -> String {
+fn words(result: &Value, whither: &str) -> String {
     let mut told = result.clone();
     if let Some(all) = told.as_object_mut() {
         all.remove("covariance_mm2");
         // On stderr already.
         all.remove("remark");
+        all.remove("session_event");
     }
-    format!("{}\nWith --json: all digits, for a live session.", columns::lines(&told))
+    format!("{}\nWith --json: all digits{whither}.", columns::lines(&told))
 }
 
 /// The poses of one tool while it is seen, from a tracker for some seconds or from the whole of a recording.
@@ -111,6 +126,7 @@ fn axis(poses: &[Rigid<Tracker, Tool>], (hub, tip): (Point<Tool>, Point<Tool>)) 
     Ok(json!({
         "axis": found.axis.to_array(), "axis_sigma_deg": found.sigma.to_degrees(),
         "wobble_deg": found.wobble.to_degrees(), "tip_mm": tip.to_array(), "poses": poses.len(),
+        "session_event": { "event": "calibrated", "tip_mm": tip.to_array(), "axis": found.axis.to_array() },
     }))
 }
 

@@ -65,6 +65,9 @@ fn stopped(stop: Stop, solved: &StaticSolution) -> String {
         }
         _ => {}
     }
+    if solved.steps == 0 {
+        return format!("this is no answer: {}; no Newton step was taken, and the mesh is as it was", why(stop));
+    }
     format!(
         "stopped before the tolerance was met: {}; {:.1} % of motion and load are imposed, with a residual of {:.2e} \
          after {} Newton steps; the displacement is the best so far",

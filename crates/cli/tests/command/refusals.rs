@@ -177,9 +177,11 @@ fn a_folder_with_volumes_but_no_dicom_did_not_name_them() {
 #[test]
 fn values_in_a_wrong_form_did_not_say_which_form_is_wanted() {
     for (args, words) in [
-        (&["simulate", "x", "--out", "y", "--speed", "-3"][..], "x is not a case"),
+        (&["simulate", "x", "--out", "y", "--speed", "-3"][..], "x: no such file or folder"),
         (&["simulate", "x", "--out", "y", "--drain-ml", "5ml"], "without a unit"),
         (&["serve", "x", "--listen", "9000"], "ADDRESS:PORT"),
+        (&["serve"], "--scans <DIR> --out <CASE>"),
+        (&["mesh", "x", "--out", "y", "--elements", "-5"], "from 500 to 20000000"),
         (&["simulate", "x", "--out", "y", "--side", "left"], "monro prepare"),
     ] {
         let said = refusal(args);

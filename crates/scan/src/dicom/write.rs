@@ -115,10 +115,10 @@ impl<'a> Writer<'a> {
         Ok(Self { volume, meta, axes, intercept: i32::from(lowest).min(-1024) })
     }
 
-    /// A UID, always the same for the same seed, role and number.
+    /// A UID, always the same for the same seed, series and its name, role and number.
     fn uid(&self, role: &str, number: usize) -> String {
         let m = self.meta;
-        hash::uid(&format!("monro {} {} {role} {number}", m.seed, m.number))
+        hash::uid(&format!("monro {} {} {} {role} {number}", m.seed, m.number, m.description))
     }
 
     fn slice(&self, k: usize) -> InMemDicomObject {
