@@ -188,8 +188,10 @@ impl Histogram {
         let (low, high) = ends(sorted.iter().copied());
         let x = Scale::exact(low, high, X_PIXELS);
         let counts = bins(&sorted, low, high);
-        let floor = if self.log_counts { 0.8 } else { 0.0 };
-        let tops = counts.iter().map(|&c| c as f64).chain([floor]);
+        // With room above the highest bar for what is marked.
+        let (floor, room) = if self.log_counts { (0.8, 3.0) } else { (0.0, 1.25) };
+        let most = counts.iter().copied().max().unwrap_or(0) as f64;
+        let tops = [floor, room * most].into_iter();
         let y = Scale::covering(tops, self.log_counts, Y_PIXELS);
         let mut content = axes(&x, &y, [&format!("{}, {}", self.label, self.unit), "count"]);
         let wide = (X_PIXELS[1] - X_PIXELS[0]) / counts.len() as f64;
