@@ -60,14 +60,13 @@ pub(crate) fn extent_check(volume: &Volume<i16>, profiles: &[Vec<u64>; 3]) -> Re
 /// Refuses a scan whose values are 1024 too high: brain, muscle and skin then have those of dense bone. Nothing else does.
 pub(crate) fn intercept_check(volume: &Volume<i16>) -> Result<(), ScanError> {
     let lifted = volume.data().iter().filter(|v| LIFTED_HU.contains(v)).count() as f64;
-    let dense = volume.data().iter().filter(|&&v| v > LIFTED_TISSUE_HU).count() as f64;
     let lifted_ml = lifted * volume.grid().voxel_volume() / 1000.0;
-    let is_soft = lifted > LIFTED_SHARE * dense;
-    if is_soft && lifted_ml > MOST_LIFTED_ML {
-        Err(ScanError::Lifted { lifted_ml, most_ml: MOST_LIFTED_ML })
-    } else {
-        Ok(())
+    if lifted_ml <= MOST_LIFTED_ML {
+        return Ok(());
     }
+    let dense = volume.data().iter().filter(|&&v| v > LIFTED_TISSUE_HU).count() as f64;
+    let is_soft = lifted > LIFTED_SHARE * dense;
+    if is_soft { Err(ScanError::Lifted { lifted_ml, most_ml: MOST_LIFTED_ML }) } else { Ok(()) }
 }
 
 /// The refusal that the field of view alone makes certain.

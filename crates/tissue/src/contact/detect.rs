@@ -288,6 +288,11 @@ pub(crate) fn locate(model: &Model, state: &State, spheres: &Spheres, x: V3, fou
     best.map(|b| b.1)
 }
 
+/// The region that holds the point `x`; `None` outside of the mesh.
+pub(crate) fn region_at(model: &Model, state: &State, spheres: &Spheres, x: V3, found: &mut Found) -> Option<u8> {
+    locate(model, state, spheres, x, found).map(|place| model.region[place.tet as usize])
+}
+
 /// Barycentric coordinates of `x`; `None` for a flat or inverted element.
 fn barycentric(p: [V3; 4], x: V3) -> Option<[f32; 4]> {
     let [a, b, c] = [sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0])];

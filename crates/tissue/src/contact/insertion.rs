@@ -41,10 +41,9 @@ pub(crate) fn prepare(
             find_inside(model, state, spheres, (tool, rod), memory, found, events);
         }
         follow_tip(model, state, spheres, (tool, rod, advance), memory, found, events);
-        memory.leads_out = memory.press.is_some() && {
-            let on = detect::locate(model, state, spheres, rod.at(-LOOKS * rod.radius), found);
-            on.map(|p| model.region[p.tet as usize]) != memory.inside
-        };
+        let on = rod.at(-LOOKS * rod.radius);
+        memory.leads_out =
+            memory.press.is_some() && detect::region_at(model, state, spheres, on, found) != memory.inside;
         shaft::renew_anchors(model, state, spheres, rod, memory, found);
     }
     match memory.inside {
@@ -84,8 +83,7 @@ fn find_inside(
     found: &mut Found,
     events: &mut Vec<Event>,
 ) {
-    let Some(place) = detect::locate(model, state, spheres, rod.tip, found) else { return };
-    let region = model.region[place.tet as usize];
+    let Some(region) = detect::region_at(model, state, spheres, rod.tip, found) else { return };
     let Region { label, material, .. } = &model.regions[region as usize];
     let dimple = material.insertion.puncture_depth_mm as f32;
     if dimple < rod.length && detect::locate(model, state, spheres, rod.at(dimple), found).is_some() {
@@ -104,17 +102,18 @@ fn follow_tip(
     found: &mut Found,
     events: &mut Vec<Event>,
 ) {
-    let now = detect::locate(model, state, spheres, rod.tip, found).map(|p| model.region[p.tet as usize]);
+    let now = detect::region_at(model, state, spheres, rod.tip, found);
     let (hole, away) = (&memory.hole, |n: u32| norm(sub(xyz(state.positions[n as usize]), rod.tip)));
     let wall = Yielded::follow(&mut memory.yielded, now, |reach| hole.iter().any(|&n| away(n) <= reach));
-    memory.ahead = now.filter(|_| advance == Advance::Forwards && wall != Wall::DrawsBack);
+    let waits = advance == Advance::Forwards && wall == Wall::DrawsBack;
+    memory.ahead = now.filter(|_| advance == Advance::Forwards && !waits);
     memory.beyond = false;
     let Some(was) = memory.inside else { return };
     let label = |r: u8| model.regions[r as usize].label;
     memory.seen |= now.is_some();
     match now {
         Some(r) if r == was => {}
-        Some(_) if advance == Advance::Forwards && wall == Wall::DrawsBack => {}
+        Some(_) if waits => {}
         // The wall that it presses on decides (`settle`).
         Some(r) if memory.press.is_some() && advance == Advance::Backwards && resists(model, was, u32::from(r)) => {}
         // Drawn back, or the wall was slack and did not come.
@@ -133,7 +132,7 @@ fn follow_tip(
         None if memory.seen && memory.anchors.iter().any(|a| a.arc > THROUGH * shaft::spacing(rod)) => {
             memory.beyond = true;
         }
-        None if advance == Advance::Forwards && wall == Wall::DrawsBack => {}
+        None if waits => {}
         None if memory.seen || wall == Wall::Slack => {
             events.push(Event::Withdrawn { tool, from: label(was), to: None });
             (memory.inside, memory.press, memory.seen) = (None, None, false);
@@ -171,7 +170,7 @@ pub(crate) fn settle(
         let was = memory.inside;
         let borne = yield_membrane(model, (tool, rod, forward), memory, press, events);
         if memory.inside != was {
-            pierce(positions, (tool as u32, rod), memory, couplings);
+            pierce(positions, (tool as u32, rod), (was, memory), couplings);
         }
         // A step may go far beyond the moment at which the membrane gave way; the tool never felt more than that.
         let pushing = couplings.iter_mut().filter(|c| presses(c, tool as u32));
@@ -204,17 +203,21 @@ fn presses(c: &Coupling, tool: u32) -> bool {
     c.tool == tool && c.tip && matches!(c.rule, Rule::Push { .. })
 }
 
-/// Remembers the faces that the tip of a tool pressed on when their wall yielded.
-fn pierce(positions: &[[f32; 4]], (tool, rod): (u32, &Rod), memory: &mut ToolState, couplings: &[Coupling]) {
+/// Remembers the wall of region `from` that has just yielded, and the faces of it that the tip of a tool pressed on.
+fn pierce(
+    positions: &[[f32; 4]],
+    (tool, rod): (u32, &Rod),
+    (from, memory): (Option<u8>, &mut ToolState),
+    couplings: &[Coupling],
+) {
     let pressed = couplings.iter().filter(|c| presses(c, tool));
     memory.hole.clear();
     memory.hole.extend(pressed.filter(|c| memory.inside == Some(c.source as u8)).flat_map(|c| &c.nodes[..3]));
     memory.hole.sort_unstable();
     memory.hole.dedup();
-    if let Some(wall) = &mut memory.yielded {
-        let away = memory.hole.iter().map(|&n| norm(sub(xyz(positions[n as usize]), rod.tip)));
-        wall.reach = away.fold(0.0, f32::max) + 2.0 * rod.radius;
-    }
+    let away = memory.hole.iter().map(|&n| norm(sub(xyz(positions[n as usize]), rod.tip)));
+    let reach = away.fold(0.0, f32::max) + 2.0 * rod.radius;
+    memory.yielded = Some(Yielded { from, since: 0.0, arrived: false, reach });
 }
 
 /// Whether a face is one that the tip has gone through, or shares an edge with one: it lies around the shaft, and only
@@ -262,7 +265,6 @@ fn yield_membrane(
         depth_mm: depth.into(),
     });
     memory.seen = memory.inside.is_some();
-    memory.yielded = Some(Yielded { from: memory.inside, since: 0.0, arrived: false, reach: 0.0 });
     (memory.inside, memory.press) = (Some(to as u8), None);
     borne
 }
