@@ -19,6 +19,7 @@ pub(crate) mod products;
 mod region;
 pub(crate) mod rhythm;
 mod rings;
+mod slivers;
 mod streams;
 mod strips;
 mod sweep;

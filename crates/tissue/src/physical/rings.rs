@@ -2,6 +2,7 @@
 
 use super::around::RowRegions;
 use super::elastic::Elastic;
+use super::slivers::most_beyond;
 use super::strips::{self, Spoke, Step};
 use crate::bytes;
 use crate::fast::{Line, Places, Row, WIDTH};
@@ -56,13 +57,15 @@ pub(super) struct Part {
     /// Of each batch: masses, kg; diagonal of the shear matrix, mN/mm.
     pub(super) mass: Vec<Row>,
     pub(super) diagonal: Vec<Row>,
+    /// Of each batch: how many times as far as to its minimum each vertex may go.
+    pub(super) most: Vec<Row>,
 }
 
 impl Part {
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
         let places = self.own.bytes() + self.ring.bytes() + self.tets.bytes();
-        let rows = bytes::of(&self.weight) + bytes::of(&self.mass) + bytes::of(&self.diagonal);
+        let rows = bytes::of(&self.weight) + bytes::of(&self.mass) + bytes::of(&self.diagonal) + bytes::of(&self.most);
         places + rows + bytes::of(&self.keeps_first) + bytes::of(&self.regions) + bytes::of(&self.batches)
     }
 }
@@ -76,6 +79,8 @@ struct Rings<'a> {
     start: Vec<u32>,
     around: Vec<Spoke>,
     walks: Vec<Vec<Step>>,
+    /// How many times as far as to its minimum each vertex may go.
+    most: Vec<f32>,
 }
 
 /// The free vertices by part: two rounds of parts that can be done at the same time.
@@ -86,7 +91,7 @@ pub(super) fn rounds(
     slabs: &Slabs,
 ) -> [(Round, Vec<Part>); 2] {
     let (start, around) = around(&elastic.tets, rest.len());
-    let mut rings = Rings { elastic, mass, region, start, around, walks: Vec::new() };
+    let mut rings = Rings { elastic, mass, region, start, around, walks: Vec::new(), most: most_beyond(elastic) };
     let free = |v: u32| rest[v as usize][3] > 0.0;
     let walk = |v: u32| if free(v) { strips::walk(rings.of(v)) } else { Vec::new() };
     rings.walks = (0..rest.len() as u32).map(walk).collect();
@@ -165,6 +170,7 @@ impl Rings<'_> {
             owns.push([vertices.map(local)]);
             out.mass.push(vertices.map(|v| self.mass[v as usize]));
             out.diagonal.push(vertices.map(|v| self.elastic.near.diagonal(v as usize) as f32));
+            out.most.push(vertices.map(|v| self.most[v as usize]));
             out.batches.push(Batch { vertices, count: group.len(), steps: first_step..ring.len(), elements });
         }
         // They stay as long as the model: nothing is kept free.

@@ -42,7 +42,7 @@ pub(super) struct Memory {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pace {
     /// A vertex goes this many times as far as its own minimum. Where a tool or a spring holds on, the energy is not
-    /// quadratic, and vertices go to their minimum.
+    /// quadratic, and vertices go to their minimum; so do those of slivers.
     pub(super) beyond: f32,
     /// Whether it keeps to the predicted deformation space.
     pub(super) only_active: bool,
@@ -127,11 +127,11 @@ impl<'a> Sweep<'a> {
             g[a] = g[a] + V::load(&self.memory.steady[b][a], first) + mass * (p[a] - target[a]);
             h[a] = h[a] + stiff;
         }
-        let mut beyond = V::splat(s.pace.beyond);
+        let mut beyond = V::splat(s.pace.beyond).min(V::load(&part.most[b], first));
         if s.touching.any(batch) {
             touch(&s.touching, self.vertices, batch, first, &mut g, &mut h);
-            let own = |l: usize| if s.touching.touches(batch.vertices[l]) { 1.0 } else { s.pace.beyond };
-            beyond = V::load(&core::array::from_fn(own), first);
+            let most = |l: usize| if s.touching.touches(batch.vertices[l]) { 1.0 } else { f32::INFINITY };
+            beyond = beyond.min(V::load(&core::array::from_fn(most), first));
         }
         let d = solve(&h, &g);
         let mut motion = V::splat(0.0);
