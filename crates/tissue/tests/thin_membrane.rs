@@ -104,7 +104,8 @@ fn a_sheet_of_dura_holds_back_the_brain_beside_it() {
     let sheet = block([CELLS; 3], size, |c| if c[0] == 2 { 8 } else { 4 });
     let (bare, _) = hang(&o, &cube());
     let (stepped, solved) = hang(&o, &sheet);
-    assert!((stepped - solved).norm() < 0.01 * solved.norm(), "{stepped:?} {solved:?}");
+    // Within sixteen last digits of positions of 20 mm in single precision, 1.9e-6 mm each: 2 % of the two micrometres.
+    assert!((stepped - solved).norm() < 16.0 * 1.91e-6 + 0.005 * solved.norm(), "{stepped:?} {solved:?}");
     // The place looked at is a corner of the sheet, a clamped plate that carries all: q h^4 / (8 E I), with
     // q = 1040 kg/m3 times 5 m/s2 over 20 mm = 0.104 mN/mm2, h = 20 mm, I = 4^3 / 12 mm3: 0.0057 mm. Linear elements bend less.
     assert!(solved.norm() < 0.0057 && bare.norm() > 1.0, "{solved:?} {bare:?}");

@@ -331,7 +331,8 @@ impl Descent {
         sweeps: Range<u32>,
         pool: &Pool,
     ) {
-        let pace = |i: usize| step.pace(sweeps.start + i as u32);
+        let calm = scratch.is_calm;
+        let pace = |i: usize| step.pace(sweeps.start + i as u32, calm);
         let passes = Passes {
             purpose: Purpose::Move,
             count: sweeps.len(),

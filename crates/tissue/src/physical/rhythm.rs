@@ -4,17 +4,21 @@ use super::sweep::Pace;
 use crate::vec3::V3;
 
 /// A vertex goes this many times as far as its own minimum (successive over-relaxation): smooth motions converge in fewer
-/// sweeps, and below 2 no energy rises. More than this, pressures that follow made blocks breathe (docs/speed.md). The last
-/// sweep of a substep goes to the minimum: it takes away what over-relaxation leaves, which is rough.
+/// sweeps, and below 2 no energy rises. More than this, pressures that follow made blocks breathe while they are shaken
+/// (docs/speed.md). The last sweep of a substep goes to the minimum: it takes away what over-relaxation leaves, which is
+/// rough.
 const BEYOND: f32 = 1.5;
-/// With a predicted space, in sweeps over all: what is outside gets few, and its motion is smooth.
+/// The same in calm tissue, where all pressures follow one sweep in six only, and that one goes to the minimum.
+const CALM_BEYOND: f32 = 1.8;
+/// With a predicted space, in sweeps over all, and such in calm tissue: what is outside gets few, and its motion is smooth.
 const FAR_BEYOND: f32 = 1.8;
+const CALM_FAR_BEYOND: f32 = 1.9;
 /// Sweeps for each step of the pressures near what moves fast: after a single over-relaxed one they would follow what is
 /// not there yet. And sweeps for each step of all pressures.
 const SWEEPS_A_STEP: u32 = 2;
 const SWEEPS_A_WHOLE_STEP: u32 = 6;
 /// With a predicted space, one sweep in so many goes over the whole tissue; and after one in so many it is chosen.
-const WHOLE_EVERY: u32 = 3;
+const WHOLE_EVERY: u32 = 2;
 
 /// Numbers of a substep.
 #[derive(Debug, Clone, Copy)]
@@ -41,12 +45,16 @@ impl Substep {
         self.left(k) > 0 && (k == 0 || self.predicted_space && self.is_whole(k))
     }
 
-    /// What sweep `k` is like.
-    pub(super) fn pace(&self, k: u32) -> Pace {
-        let beyond = match self.left(k) {
-            0 => 1.0,
-            _ if self.predicted_space && self.is_whole(k) => FAR_BEYOND,
-            _ => BEYOND,
+    /// What sweep `k` is like, in tissue that is calm or not: before the first one is through, nobody knows.
+    pub(super) fn pace(&self, k: u32, calm: bool) -> Pace {
+        let far = self.predicted_space && self.is_whole(k);
+        let beyond = match (self.left(k), calm && k > 0) {
+            (0, _) => 1.0,
+            (left, true) if !self.predicted_space && left.is_multiple_of(SWEEPS_A_WHOLE_STEP) => 1.0,
+            (_, true) if far => CALM_FAR_BEYOND,
+            (_, true) => CALM_BEYOND,
+            (_, false) if far => FAR_BEYOND,
+            (_, false) => BEYOND,
         };
         Pace { beyond, only_active: !self.is_whole(k), tells: self.chooses(k) }
     }
