@@ -110,8 +110,8 @@ pub struct FrameSettings {
     pub iterations: u32,
     /// Gravity, mm/s2, patient frame. Fluid has more pressure below for it as fluid at rest does, also where all falls.
     pub gravity_mm_s2: [f64; 3],
-    /// Do two iterations of three only where the tissue moves more than on average (the paper's predicted
-    /// deformation space).
+    /// Do some iterations only where the tissue moves more than on average (the paper's predicted deformation space): two of
+    /// three, in physical mode every second one while the tissue is calm.
     pub predicted_space: bool,
     /// Physical mode: what is done to the fluid of the ventricles.
     pub csf: Csf,

@@ -9,8 +9,8 @@ pub(crate) struct SolverArgs {
     /// and take as much longer.
     #[arg(long, value_name = "N", default_value_t = FrameSettings::default().iterations, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(crate) iterations: u32,
-    /// Go on only where the tissue moves more than on average, in two iterations of three (the paper's predicted deformation
-    /// space): a little faster, and not quite the same.
+    /// Go on only where the tissue moves more than on average, in every second iteration (two of three where tissue moves
+    /// fast; the paper's predicted deformation space): a little faster, and not quite the same.
     #[arg(long)]
     pub(crate) predicted_space: bool,
 }

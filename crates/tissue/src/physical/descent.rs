@@ -190,7 +190,7 @@ impl Descent {
         while k < step.iterations {
             let end = step.run(k, scratch.is_calm);
             self.sweeps(body, scratch, step, k..end, pool);
-            if step.chooses(end - 1) {
+            if step.chooses(end - 1, scratch.is_calm) {
                 self.choose(body, scratch, (end == 1, step.predicted_space));
             }
             if let Some(when) = step.press(end - 1, scratch.is_calm) {

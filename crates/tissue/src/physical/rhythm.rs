@@ -17,8 +17,10 @@ const CALM_FAR_BEYOND: f32 = 1.9;
 /// not there yet. And sweeps for each step of all pressures.
 const SWEEPS_A_STEP: u32 = 2;
 const SWEEPS_A_WHOLE_STEP: u32 = 6;
-/// With a predicted space, one sweep in so many goes over the whole tissue; and after one in so many it is chosen.
-const WHOLE_EVERY: u32 = 2;
+/// With a predicted space, one sweep in so many goes over the whole tissue, and after that it is chosen; and in calm tissue,
+/// where what is outside would otherwise be left further behind.
+const WHOLE_EVERY: u32 = 3;
+const CALM_WHOLE_EVERY: u32 = 2;
 
 /// Numbers of a substep.
 #[derive(Debug, Clone, Copy)]
@@ -35,19 +37,20 @@ impl Substep {
         self.iterations - 1 - k
     }
 
-    /// Whether sweep `k` goes over the whole tissue.
-    fn is_whole(&self, k: u32) -> bool {
-        !self.predicted_space || k == 0 || self.left(k).is_multiple_of(WHOLE_EVERY)
+    /// Whether sweep `k` goes over the whole tissue, calm or not.
+    fn is_whole(&self, k: u32, calm: bool) -> bool {
+        let every = if calm { CALM_WHOLE_EVERY } else { WHOLE_EVERY };
+        !self.predicted_space || k == 0 || self.left(k).is_multiple_of(every)
     }
 
     /// Whether sweep `k` is followed by a choice: the first of what is near, and those over all of the predicted space.
-    pub(super) fn chooses(&self, k: u32) -> bool {
-        self.left(k) > 0 && (k == 0 || self.predicted_space && self.is_whole(k))
+    pub(super) fn chooses(&self, k: u32, calm: bool) -> bool {
+        self.left(k) > 0 && (k == 0 || self.predicted_space && self.is_whole(k, calm))
     }
 
     /// What sweep `k` is like, in tissue that is calm or not: before the first one is through, nobody knows.
     pub(super) fn pace(&self, k: u32, calm: bool) -> Pace {
-        let far = self.predicted_space && self.is_whole(k);
+        let far = self.predicted_space && self.is_whole(k, calm);
         let beyond = match (self.left(k), calm && k > 0) {
             (0, _) => 1.0,
             (left, true) if !self.predicted_space && left.is_multiple_of(SWEEPS_A_WHOLE_STEP) => 1.0,
@@ -56,12 +59,12 @@ impl Substep {
             (_, false) if far => FAR_BEYOND,
             (_, false) => BEYOND,
         };
-        Pace { beyond, only_active: !self.is_whole(k), tells: self.chooses(k) }
+        Pace { beyond, only_active: !self.is_whole(k, calm), tells: self.chooses(k, calm) }
     }
 
     /// Where the sweeps from number `k` on end between which nothing else is done.
     pub(super) fn run(&self, k: u32, calm: bool) -> u32 {
-        let ends = |k: &u32| self.chooses(*k) || self.press(*k, calm).is_some();
+        let ends = |k: &u32| self.chooses(*k, calm) || self.press(*k, calm).is_some();
         (k..self.iterations).find(ends).map_or(self.iterations, |last| last + 1)
     }
 
