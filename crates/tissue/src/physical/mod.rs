@@ -3,9 +3,9 @@
 //! Each substep minimises the energy of implicit Euler, `m/(2 h^2) |x - x~|^2 + E(x)`, vertex by vertex (vertex block
 //! descent, Chen et al. 2024). With this energy (see [`elastic`]) each vertex's own problem is exactly quadratic, so its
 //! 3x3 solve is its exact minimum, and no step of less than twice its length can raise the energy (over-relaxation, half as
-//! far again and in calm tissue more, carries smooth motion further; not at [`slivers`]). The large volumetric modulus would make that crawl; it is carried by a nodal
-//! pressure instead, updated between sweeps (Uzawa; more often near what moves fast, [`near`]) and kept from step to step,
-//! whose fixed point is the same equilibrium.
+//! far again and in calm tissue more, carries smooth motion further; not at [`slivers`]). The large volumetric modulus would
+//! make that crawl; it is carried by a nodal pressure instead, updated between sweeps (Uzawa; more often near what moves
+//! fast, [`near`]) and kept from step to step, whose fixed point is the same equilibrium.
 
 mod around;
 pub(crate) mod descent;
