@@ -108,10 +108,12 @@ pub(super) struct Damped<'a> {
 /// Regions of a row of elements along a walk.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RowRegions {
-    /// That of all of them, unless it is `mixed`.
-    region: u8,
-    mixed: bool,
-    /// Bits of the lanes that have an element.
+    /// Two of them, the same one where all elements are of one.
+    regions: [u8; 2],
+    /// Whether there are more.
+    several: bool,
+    /// Bits of the lanes of the second one, and of those that have an element.
+    second: u16,
     has: u16,
 }
 
@@ -119,16 +121,38 @@ impl RowRegions {
     /// Of a row of elements, the larger numbers of which are none.
     pub(super) fn of(row: &[u32; WIDTH], region: &[u8]) -> Self {
         let regions = row.map(|t| region.get(t as usize).copied());
-        let first = regions.iter().flatten().next().copied().unwrap_or(0);
-        let has = (0..WIDTH).map(|l| u16::from(regions[l].is_some()) << l).sum();
-        Self { region: first, mixed: regions.iter().flatten().any(|&r| r != first), has }
+        let lanes = |is: &dyn Fn(u8) -> bool| (0..WIDTH).map(|l| u16::from(regions[l].is_some_and(is)) << l).sum();
+        let some = || regions.iter().flatten().copied();
+        let first = some().next().unwrap_or(0);
+        let other = some().find(|&r| r != first).unwrap_or(first);
+        Self {
+            regions: [first, other],
+            several: some().any(|r| r != first && r != other),
+            second: lanes(&|r| r != first),
+            has: lanes(&|_| true),
+        }
     }
 }
 
 impl Damped<'_> {
-    /// Of a row with several regions: derivatives at no volume and shares of the second ones.
+    /// Of a row of elements along a walk: derivatives at no volume and shares of the second ones. Spelled out, not mapped:
+    /// closures would be compiled for any processor.
+    #[inline(always)]
+    fn row<V: Lanes>(&self, of: RowRegions, (places, row): (&Places<1, u32>, usize), first: usize) -> [V; 2] {
+        if of.several {
+            let [slopes, shares] = self.several(&places.row(row)[0]);
+            return [V::load(&slopes, first), V::load(&shares, first)];
+        }
+        let [slope, share] = self.regions[of.regions[0] as usize];
+        let [other_slope, other_share] = self.regions[of.regions[1] as usize];
+        let slope = V::choose(of.second, first, V::splat(other_slope), V::splat(slope));
+        let share = V::choose(of.second, first, V::splat(other_share), V::splat(share));
+        [V::choose(of.has, first, slope, V::splat(0.0)), share]
+    }
+
+    /// The same of a row with more than two regions.
     #[inline(never)]
-    fn mixed(&self, row: &[u32; WIDTH]) -> [Row; 2] {
+    fn several(&self, row: &[u32; WIDTH]) -> [Row; 2] {
         let of = row.map(|t| self.region.get(t as usize).map_or([0.0; 2], |&r| self.regions[r as usize]));
         [of.map(|r| r[0]), of.map(|r| r[1])]
     }
@@ -152,13 +176,7 @@ impl<V: Lanes> Around<V> for Resistance<V> {
     #[inline(always)]
     fn element(&mut self, (walk, row, first): (&Self::Walk<'_>, usize, usize), n: &Vector<V>, volume: V) {
         let (elements, places, start) = walk;
-        let RowRegions { region, mixed, has } = elements.rows[row];
-        let [slope, share] = if mixed {
-            elements.mixed(&places.row(start + row)[0]).map(|r| V::load(&r, first))
-        } else {
-            let [slope, share] = elements.regions[region as usize].map(V::splat);
-            [V::choose(has, first, slope, V::splat(0.0)), share]
-        };
+        let [slope, share] = elements.row::<V>(elements.rows[row], (places, start + row), first);
         let rise = V::load(&elements.rise[row], first) * share;
         self.0.add_element(rise.mul_off(volume, slope), n);
     }
@@ -210,8 +228,9 @@ mod tests {
     #[test]
     fn damping_has_the_share_of_each_elements_region_and_none_of_what_is_none() {
         let one = core::array::from_fn(|l| if l % 3 == 0 { 5 } else { (l % 2) as u32 });
+        let two = core::array::from_fn(|l| [1, 3, 5][l % 3]);
         let several = core::array::from_fn(|l| (l % 7) as u32);
-        for row in [one, several] {
+        for row in [one, two, several] {
             let force = |t: u32| {
                 let of = REGION.get(t as usize).map(|&r| REGIONS[r as usize]);
                 of.map_or(0.0, |[slope, share]| slope - 16.0 * share)
