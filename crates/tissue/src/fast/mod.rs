@@ -22,7 +22,7 @@ pub(crate) use lanes::{
 };
 pub(crate) use plan::{Plans, span};
 pub(crate) use pool::{Pool, Turn};
-pub(crate) use sums::Sums;
+pub(crate) use sums::{Sums, Take};
 
 /// Threads at most, unless more are asked for: beyond that they would wait for memory.
 pub(crate) const MOST_THREADS: usize = 8;

@@ -79,26 +79,26 @@ impl Sums {
         self.batch_of[sum]
     }
 
-    /// For each sum of a piece that is in a batch asked for, in any order, what `then` makes of its number and of it.
-    pub(crate) fn of_piece<F: FnMut(usize, f32)>(
-        &self,
-        piece: usize,
-        asked: impl Fn(u32) -> bool,
-        numbers: &[f32],
-        then: F,
-    ) {
+    /// Hands over each sum of a piece that is in a batch asked for, in any order.
+    pub(crate) fn of_piece<T: Take>(&self, piece: usize, asked: impl Fn(u32) -> bool, numbers: &[f32], to: T) {
         let own = self.pieces[piece]..self.pieces[piece + 1];
         let batches = own.filter(|&b| asked(b as u32)).map(|b| &self.batches[b]);
-        super::widest(Chosen { of: self, batches, numbers, then });
+        super::widest(Chosen { of: self, batches, numbers, to });
     }
 }
 
+/// What sums are for. Not a closure: these are compiled for any processor, and called.
+pub(crate) trait Take {
+    /// Takes a sum, with its number.
+    fn take(&mut self, number: usize, sum: f32);
+}
+
 /// Some of the sums.
-struct Chosen<'a, B, F> {
+struct Chosen<'a, B, T> {
     of: &'a Sums,
     batches: B,
     numbers: &'a [f32],
-    then: F,
+    to: T,
 }
 
 impl Sums {
@@ -109,7 +109,7 @@ impl Sums {
     }
 }
 
-impl<'a, B: Iterator<Item = &'a Batch>, F: FnMut(usize, f32)> Kernel for Chosen<'a, B, F> {
+impl<'a, B: Iterator<Item = &'a Batch>, T: Take> Kernel for Chosen<'a, B, T> {
     type Out = ();
 
     #[inline(always)]
@@ -131,7 +131,9 @@ impl<'a, B: Iterator<Item = &'a Batch>, F: FnMut(usize, f32)> Kernel for Chosen<
                 }
                 (even + odd).store(&mut all, first);
             }
-            (0..batch.count).for_each(|l| (self.then)(batch.sums[l] as usize, all[l]));
+            for (&number, &sum) in batch.sums[..batch.count].iter().zip(&all) {
+                self.to.take(number as usize, sum);
+            }
         }
     }
 }
@@ -139,6 +141,12 @@ impl<'a, B: Iterator<Item = &'a Batch>, F: FnMut(usize, f32)> Kernel for Chosen<
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl Take for &mut Vec<(usize, f32)> {
+        fn take(&mut self, number: usize, sum: f32) {
+            self.push((number, sum));
+        }
+    }
 
     #[test]
     fn sums_of_any_lengths_in_any_pieces_are_those_of_each_list_by_itself() {
@@ -150,17 +158,20 @@ mod tests {
         let numbers: Vec<f32> = (0..101).map(|i| (i * i % 59) as f32 - 20.0).collect();
         for cuts in [vec![0, 75], vec![0, 0, 16, 17, 60, 75]] {
             let sums = Sums::new(&start, &around, &cuts);
-            let mut found = vec![f32::NAN; 75];
+            let mut all = Vec::new();
             for piece in 0..cuts.len() - 1 {
-                sums.of_piece(piece, |_| true, &numbers, |i, sum| found[i] = sum);
+                sums.of_piece(piece, |_| true, &numbers, &mut all);
             }
+            all.sort_by_key(|s| s.0);
+            assert!(all.iter().map(|s| s.0).eq(0..75));
+            let found: Vec<f32> = all.iter().map(|s| s.1).collect();
             let list = |i: usize| &around[start[i] as usize..start[i + 1] as usize];
             let wanted: Vec<f32> = (0..75).map(|i| list(i).iter().map(|&p| numbers[p as usize]).sum()).collect();
             assert_eq!(found, wanted);
             let batches: Vec<u32> = [3, 40].map(|i| sums.batch_of(i)).into();
             let mut some = Vec::new();
             for piece in 0..cuts.len() - 1 {
-                sums.of_piece(piece, |b| batches.contains(&b), &numbers, |i, sum| some.push((i, sum)));
+                sums.of_piece(piece, |b| batches.contains(&b), &numbers, &mut some);
             }
             assert!([3, 40].iter().all(|&i| some.contains(&(i, wanted[i]))), "{some:?}");
             assert!(some.len() < 75 && some.iter().all(|s| s.1 == wanted[s.0]), "{some:?}");

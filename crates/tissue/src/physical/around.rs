@@ -7,10 +7,6 @@ use crate::fast::{Lanes, Line, Places, Row, WIDTH, cross};
 pub(super) type Vector<V> = [V; 3];
 pub(super) type Matrix<V> = [V; 6];
 
-/// An element, by six times its volume `v`: derivative of its energy by `v` at `v = 0` (kPa/6), and the second derivative
-/// (kPa/mm3/36).
-pub(crate) type Element = [f32; 2];
-
 /// What is summed on a walk around the vertices of a batch.
 pub(super) trait Around<V: Lanes> {
     /// The elements that it goes by, all of them and those of a walk.

@@ -302,9 +302,9 @@ impl Descent {
     /// Lays out what does not change with the positions, and notes how it is at rest, so that all forces cancel there to the last bit: for each damping anew, as sums are rounded otherwise.
     fn balance(&self, body: &Body<'_>, scratch: &mut DescentScratch, damping: f32, pool: &Pool) {
         let DescentScratch { still, streams, far, .. } = scratch;
-        let elements = |i: usize| still.elements.iter().map(|e| e[i]).collect::<Vec<f32>>();
-        streams.lay_slopes((&self.rounds, &self.visits), &elements(0), pool);
-        streams.lay_rises((&self.rounds, &self.visits), &elements(1), pool);
+        let parts = (&self.rounds, &self.visits);
+        streams.lay_slopes(parts, &still.slopes(), pool);
+        streams.lay_rises(parts, &self.pressures.rises(body.tissue(), still), pool);
         far.clear();
         far.resize(body.rest.len(), [0.0; 4]);
         self.pass(
@@ -486,19 +486,19 @@ mod tests {
         if let Some(when) = when {
             descent.press(&mut body, &mut scratch, when, &pool);
         }
-        in_order(descent, &scratch);
+        in_order(descent, &scratch, &descent.pressures.rises(body.tissue(), &scratch.still));
         (state.pressure.clone(), scratch.total, scratch.slopes)
     }
 
     /// What sweeps come by is what the elements are.
-    fn in_order(descent: &Descent, scratch: &DescentScratch) {
+    fn in_order(descent: &Descent, scratch: &DescentScratch, rises: &[f32]) {
         let mut visits = 0;
         for (i, part) in descent.rounds.iter().flat_map(|r| &r.1).enumerate() {
             let stream = scratch.streams.part(&descent.visits, i);
             for batch in &part.batches {
                 for (row, lane) in batch.rows().flat_map(|row| (0..batch.count).map(move |lane| (row, lane))) {
                     let t = part.tets.row(row)[0][lane] as usize;
-                    let element = (scratch.slopes[t], scratch.still.elements[t][1]);
+                    let element = (scratch.slopes[t], rises[t]);
                     assert_eq!((stream.slope[row][lane], stream.rise[row][lane]), element, "element {t}");
                     visits += usize::from(t < descent.pressures.elements());
                 }

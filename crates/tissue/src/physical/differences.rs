@@ -4,39 +4,48 @@ use super::elastic::Rows;
 use crate::bytes;
 use crate::fast::{Kernel, Lanes};
 
+/// Entries of a row that are summed side by side: one after the other would wait for each addition. Rows are filled up to
+/// whole lots with entries that weigh nothing.
+const LOT: usize = 8;
+
 /// Rows of such a matrix in single precision. Columns lie near each other, so they are held as what they are beyond the
 /// first of their row: the largest part of a model, gone through in each substep.
 #[derive(Debug, Clone)]
 pub(super) struct DifferenceRows {
+    /// Lot that each row begins with, and the end.
     start: Vec<u32>,
     first: Vec<u32>,
     beyond: Beyond,
-    weight: Vec<f32>,
+    weight: Vec<[f32; LOT]>,
 }
 
 #[derive(Debug, Clone)]
 enum Beyond {
-    Near(Vec<u16>),
-    Far(Vec<u32>),
+    Near(Vec<[u16; LOT]>),
+    Far(Vec<[u32; LOT]>),
 }
 
 impl DifferenceRows {
     pub(super) fn new(rows: &Rows) -> Self {
-        let columns = |i: usize| &rows.column[rows.start[i] as usize..rows.start[i + 1] as usize];
         let count = rows.start.len() - 1;
-        let first: Vec<u32> = (0..count).map(|i| columns(i).iter().copied().min().unwrap_or(0)).collect();
-        let beyond: Vec<u32> =
-            (0..count).flat_map(|i| columns(i).iter().map(|c| c - first[i]).collect::<Vec<_>>()).collect();
-        let near: Result<Vec<u16>, _> = beyond.iter().map(|&b| u16::try_from(b)).collect();
-        Self {
-            start: rows.start.clone(),
-            first,
-            // They stay as long as the model: nothing is kept free.
-            beyond: near.map_or(Beyond::Far(beyond.into_boxed_slice().into_vec()), |near| {
-                Beyond::Near(near.into_boxed_slice().into_vec())
-            }),
-            weight: rows.weight.iter().map(|&w| w as f32).collect(),
+        let own = |i: usize| rows.start[i] as usize..rows.start[i + 1] as usize;
+        let lots = |i: usize| own(i).len().div_ceil(LOT);
+        let all = (0..count).map(lots).sum();
+        let (mut start, mut first) = (vec![0; count + 1], vec![0; count]);
+        // They stay as long as the model: nothing is kept free.
+        let (mut beyond, mut weight) = (Vec::with_capacity(all), Vec::with_capacity(all));
+        for i in 0..count {
+            let (columns, weights) = (&rows.column[own(i)], &rows.weight[own(i)]);
+            first[i] = columns.iter().copied().min().unwrap_or(0);
+            for k in (0..columns.len()).step_by(LOT) {
+                beyond.push(core::array::from_fn(|l| columns.get(k + l).map_or(0, |c| c - first[i])));
+                weight.push(core::array::from_fn(|l| weights.get(k + l).map_or(0.0, |&w| w as f32)));
+            }
+            start[i + 1] = weight.len() as u32;
         }
+        let fits = beyond.as_flattened().iter().all(|&b: &u32| u16::try_from(b).is_ok());
+        let near = || beyond.iter().map(|lot| lot.map(|b| b as u16)).collect();
+        Self { start, first, weight, beyond: if fits { Beyond::Near(near()) } else { Beyond::Far(beyond) } }
     }
 
     /// Whether there is nothing to sum.
@@ -77,7 +86,7 @@ impl Kernel for Differences<'_> {
 
 impl Differences<'_> {
     #[inline(always)]
-    fn sums<B: Copy + Into<u32>>(self, beyond: &[B]) {
+    fn sums<B: Copy + Into<u32>>(self, beyond: &[[B; LOT]]) {
         let rows = self.rows;
         for (v, out) in (self.first..).zip(self.out) {
             let row = rows.start[v] as usize..rows.start[v + 1] as usize;
@@ -89,27 +98,22 @@ impl Differences<'_> {
 
 /// Weighted sum of differences from `own`. Loops, not closures: these would be compiled for any processor.
 #[inline(always)]
-fn weighted<B: Copy + Into<u32>>((beyond, weight): (&[B], &[f32]), from: &[[f32; 4]], own: [f32; 4]) -> [f32; 4] {
-    // Four sums at a time: one after the other would wait for each addition.
-    let mut sums = [[0f32; 4]; 4];
-    let ((fours, rest), (weights, last)) = (beyond.as_chunks::<4>(), weight.as_chunks::<4>());
-    for (four, weights) in fours.iter().zip(weights) {
-        for i in 0..4 {
-            add(&mut sums[i], from[four[i].into() as usize], own, weights[i]);
+fn weighted<B: Copy + Into<u32>>(
+    (beyond, weight): (&[[B; LOT]], &[[f32; LOT]]),
+    from: &[[f32; 4]],
+    own: [f32; 4],
+) -> [f32; 4] {
+    let mut sums = [[0f32; 4]; LOT];
+    for (places, weights) in beyond.iter().zip(weight) {
+        for i in 0..LOT {
+            let other = from[places[i].into() as usize];
+            for a in 0..4 {
+                sums[i][a] = weights[i].mul_add(other[a] - own[a], sums[i][a]);
+            }
         }
     }
-    for (i, (&b, &weight)) in rest.iter().zip(last).enumerate() {
-        add(&mut sums[i], from[b.into() as usize], own, weight);
-    }
-    let [a, b, c, d] = sums;
-    core::array::from_fn(|i| (a[i] + b[i]) + (c[i] + d[i]))
-}
-
-#[inline(always)]
-fn add(sum: &mut [f32; 4], other: [f32; 4], own: [f32; 4], weight: f32) {
-    for a in 0..4 {
-        sum[a] = weight.mul_add(other[a] - own[a], sum[a]);
-    }
+    let [a, b, c, d, e, f, g, h] = sums;
+    core::array::from_fn(|i| ((a[i] + b[i]) + (c[i] + d[i])) + ((e[i] + f[i]) + (g[i] + h[i])))
 }
 
 #[cfg(test)]

@@ -1,10 +1,9 @@
 //! The nodal pressures: an augmented Lagrangian of the volume of each patch.
 
-use super::around::Element;
 use super::elastic::{ELEMENT_BULK, Elastic, patch_kpa};
 use super::near::Near;
 use crate::csf::FluidPressure;
-use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, WIDTH, widest};
+use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, Take, WIDTH, widest};
 use crate::model::Region;
 use crate::vec3::xyz;
 use crate::volumes::Volumes;
@@ -23,6 +22,8 @@ pub(super) struct Pressures {
     /// Number of elements, and the few whose patches do not all have the numbers of their corners, with their patches.
     tets: usize,
     walls: Vec<(u32, [u32; 4])>,
+    /// First wall of each row of elements, and the end.
+    wall_start: Vec<u32>,
     /// Of each patch over its elements.
     around: Sums,
     /// Of each patch: what the sweeps carry of its volumetric stiffness over 24 times its volume, kPa/mm3, and the share
@@ -94,18 +95,25 @@ impl Which<'_> {
 pub(super) struct Still {
     /// The damping time over the time step that it is for.
     damping: Option<f32>,
-    /// Each element, and one more that is nothing.
-    pub(super) elements: Vec<Element>,
+    /// Of each element, and one more that is nothing: the derivative at no volume, kPa/6, and the part of the second derivative
+    /// that is the sweeps' own volumetric stiffness, kPa/mm3/36.
+    elements: Vec<[f32; 2]>,
     /// Of each region: what damping has of an element's derivative at no volume, and its share of the second derivative.
     pub(super) damped: Vec<[f32; 2]>,
-    /// Of each region: the share of an element's second derivative that is the sweeps' own volumetric stiffness.
-    carried: Vec<f32>,
+    /// Of each region: six times an element's second derivative times its volume at rest, and the share of it that is the
+    /// sweeps' own volumetric stiffness.
+    rises: Vec<[f32; 2]>,
 }
 
 impl Still {
+    /// Derivative of each element at no volume (kPa/6), and one more that is nothing.
+    pub(super) fn slopes(&self) -> Vec<f32> {
+        self.elements.iter().map(|e| e[0]).collect()
+    }
+
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
-        bytes::of(&self.elements) + bytes::of(&self.damped) + bytes::of(&self.carried)
+        bytes::of(&self.elements) + bytes::of(&self.damped) + bytes::of(&self.rises)
     }
 }
 
@@ -127,10 +135,14 @@ impl Pressures {
         let (start, around) = Incidence::new(&elastic.patch, patches).into_lists();
         let patch_cuts = slabs::even_cuts(patches);
         let wall = (0..).zip(elastic.patch.iter().zip(&elastic.tets));
+        let walls: Vec<(u32, [u32; 4])> =
+            wall.filter(|(_, (patches, corners))| patches != corners).map(|(t, (p, _))| (t, *p)).collect();
+        let first = |row: usize| walls.partition_point(|w| (w.0 as usize) < row * WIDTH) as u32;
         Self {
             regions: moduli,
             tets: elastic.tets.len(),
-            walls: wall.filter(|(_, (patches, corners))| patches != corners).map(|(t, (p, _))| (t, *p)).collect(),
+            wall_start: (0..=elastic.tets.len().div_ceil(WIDTH)).map(first).collect(),
+            walls,
             around: Sums::new(&start, &around, &patch_cuts),
             rate: patch_penalty.iter().zip(&elastic.patch_volume).map(|(r, v)| (r / (24.0 * v)) as f32).collect(),
             // What is left for the multiplier is `k - r`, so its share is `(k - r) / k`.
@@ -149,7 +161,7 @@ impl Pressures {
     /// Bytes that they take.
     pub(super) fn bytes(&self) -> usize {
         let patches = bytes::of(&self.rate) + bytes::of(&self.share);
-        patches + self.around.bytes() + bytes::of(&self.walls) + bytes::of(&self.fluid)
+        patches + self.around.bytes() + bytes::of(&self.walls) + bytes::of(&self.wall_start) + bytes::of(&self.fluid)
     }
 
     /// Number of patches.
@@ -169,20 +181,28 @@ impl Pressures {
         // Of `-mu` and of what the growth against rest takes off the volume itself.
         let slope = |mu: f64, more: f64| -(mu * more + own(mu, more));
         let rise = |&[mu, carried]: &[f64; 2]| own(mu, more) + carried;
-        let element = |r: &[f64; 2]| [(slope(r[0], more) - r[1]) / 6.0, rise(r) / 6.0].map(|v| v as f32);
+        let slopes: Vec<f32> = self.regions.iter().map(|r| ((slope(r[0], more) - r[1]) / 6.0) as f32).collect();
         let damped = |r: &[f64; 2]| [slope(r[0], damping) / 6.0, own(r[0], damping) / rise(r)].map(|v| v as f32);
-        still.carried = self.regions.iter().map(|r| (r[1] / rise(r)) as f32).collect();
+        still.rises = self.regions.iter().map(|r| [rise(r) / 6.0, r[1] / rise(r)].map(|v| v as f32)).collect();
         still.damped = self.regions.iter().map(damped).collect();
-        let regions: Vec<Element> = self.regions.iter().map(element).collect();
         still.elements.resize(self.tets + 1, [0.0; 2]);
         let (six, cuts) = (of.volumes.six_rest().as_flattened(), self.element_cuts());
+        let rises = &still.rises;
         pool.each_part(&mut still.elements, &cuts, &mut [(); slabs::PIECES], &|i, elements, ()| {
             for (t, element) in (cuts[i]..).zip(elements) {
-                let [slope, rise] = regions[of.region[t] as usize];
-                *element = [slope, rise / six[t]];
+                let region = of.region[t] as usize;
+                let [rise, carried] = rises[region];
+                *element = [slopes[region], rise / six[t] * carried];
             }
         });
         true
+    }
+
+    /// Second derivative of each element by six times its volume (kPa/mm3/36), and one more that is nothing.
+    pub(super) fn rises(&self, of: Tissue<'_>, still: &Still) -> Vec<f32> {
+        let six = of.volumes.six_rest().as_flattened();
+        let elements = of.region.iter().zip(six).map(|(&r, six)| still.rises[r as usize][0] / six);
+        elements.chain([0.0]).collect()
     }
 
     /// Growth of elements at the current positions, and their pressures with it. With `advance` the nodal pressures
@@ -201,16 +221,7 @@ impl Pressures {
         (which, fluid, pool): (Which<'_>, &FluidPressure, &Pool),
     ) {
         of.volumes.measure_where(|row| which.row(row), positions, growth, pool);
-        total.resize(self.len(), 0.0);
-        // Each piece has its part of the nodal pressures and, as its slot, the same part of the totals.
-        let mut totals = slabs::split(total, &self.patch_cuts);
-        pool.each_part(nodal, &self.patch_cuts, &mut totals, &|i, nodal, total| {
-            let first = self.patch_cuts[i];
-            let asked = |batch| which.batch(batch);
-            self.around.of_piece(i, asked, growth.as_flattened(), |p, sum| {
-                self.step(p, sum, which.advances(p), (&mut nodal[p - first], &mut total[p - first]));
-            });
-        });
+        self.follow((nodal, total), growth, which, pool);
         let Some((still, slopes)) = elements else { return };
         if !fluid.is_none() {
             self.add_fluid((fluid, positions), (nodal, total), |p| which.batch(self.around.batch_of(p)));
@@ -219,6 +230,17 @@ impl Pressures {
         slopes[self.tets] = 0.0;
         pool.each_part(slopes, &self.element_cuts(), &mut [(); slabs::PIECES], &|i, slopes, ()| {
             self.spread(&Spread { of, total, growth, still, which, first: self.row_cuts[i] }, slopes);
+        });
+    }
+
+    /// Pressures of the patches from the growth of their elements.
+    fn follow(&self, (nodal, total): (&mut [f32], &mut Vec<f32>), growth: &[Row], which: Which<'_>, pool: &Pool) {
+        total.resize(self.len(), 0.0);
+        // Each piece has its part of the nodal pressures and, as its slot, the same part of the totals.
+        let mut totals = slabs::split(total, &self.patch_cuts);
+        pool.each_part(nodal, &self.patch_cuts, &mut totals, &|i, nodal, total| {
+            let steps = Steps { of: self, which, first: self.patch_cuts[i], nodal, total };
+            self.around.of_piece(i, |batch| which.batch(batch), growth.as_flattened(), steps);
         });
     }
 
@@ -253,16 +275,6 @@ impl Pressures {
         }
     }
 
-    /// One step of patch `p`, whose elements have grown by `sum`, and its pressure with the penalty.
-    #[inline(always)]
-    fn step(&self, p: usize, sum: f32, advance: bool, (nodal, total): (&mut f32, &mut f32)) {
-        let step = self.rate[p] * sum;
-        if advance {
-            *nodal = (*nodal + step) * self.share[p];
-        }
-        *total = *nodal + step;
-    }
-
     /// Adds the fluid's pressure to those of its patches that are asked for; no suction where nothing is left to drain, which
     /// would draw elements ever further inside out.
     fn add_fluid(
@@ -291,8 +303,7 @@ impl Pressures {
 
     /// The walls among the elements of some rows.
     fn walls_between(&self, rows: core::ops::Range<usize>) -> &[(u32, [u32; 4])] {
-        let from = |row: usize| self.walls.partition_point(|w| (w.0 as usize) < row * WIDTH);
-        &self.walls[from(rows.start)..from(rows.end)]
+        &self.walls[self.wall_start[rows.start] as usize..self.wall_start[rows.end] as usize]
     }
 
     /// Pressures of elements at walls; `slopes` are those from the first row on.
@@ -301,10 +312,9 @@ impl Pressures {
         for &(t, patches) in walls.iter().filter(|w| spread.which.element(w.0 as usize)) {
             let t = t as usize;
             let [a, b, c, d] = patches.map(|p| spread.total[p as usize]);
-            let [start, rise] = spread.still.elements[t];
-            let carried = spread.still.carried[spread.of.region[t] as usize];
+            let [start, held] = spread.still.elements[t];
             let growth = spread.growth.as_flattened()[t];
-            slopes[t - first] = start + (((a + b) + (c + d)) * MEAN - growth * (rise * carried));
+            slopes[t - first] = start + (((a + b) + (c + d)) * MEAN - growth * held);
         }
     }
 
@@ -316,6 +326,30 @@ impl Pressures {
 
 /// Share of a patch's pressure in the derivative of an element's energy by six times its volume.
 const MEAN: f32 = 1.0 / 24.0;
+
+/// Steps of a piece's patches.
+struct Steps<'a> {
+    of: &'a Pressures,
+    which: Which<'a>,
+    /// Patch that the piece begins with.
+    first: usize,
+    nodal: &'a mut [f32],
+    /// With the penalty.
+    total: &'a mut [f32],
+}
+
+impl Take for Steps<'_> {
+    /// One step of a patch, whose elements have grown by `sum`.
+    #[inline(always)]
+    fn take(&mut self, patch: usize, sum: f32) {
+        let step = self.of.rate[patch] * sum;
+        let nodal = &mut self.nodal[patch - self.first];
+        if self.which.advances(patch) {
+            *nodal = (*nodal + step) * self.of.share[patch];
+        }
+        self.total[patch - self.first] = *nodal + step;
+    }
+}
 
 /// What elements' derivatives follow from.
 struct Spread<'a> {
@@ -359,31 +393,18 @@ impl Spread<'_> {
     /// The elements of a row; what is missing in the last one is nothing.
     #[inline(always)]
     fn row<V: Lanes>(&self, corners: &Numbers<'_, 4, u32>, row: usize) -> Row {
-        let (regions, still) = (&self.of.region[row * WIDTH..], &self.still.elements[row * WIDTH..]);
-        let (mut padded_regions, mut padded) = ([0; WIDTH], [[0.0; 2]; WIDTH]);
-        let (regions, still) = match (regions.first_chunk::<WIDTH>(), still.first_chunk::<WIDTH>()) {
-            (Some(regions), Some(still)) => (regions, still),
-            _ => {
-                padded_regions[..regions.len()].copy_from_slice(regions);
-                padded[..regions.len()].copy_from_slice(&still[..regions.len()]);
-                (&padded_regions, &padded)
-            }
-        };
-        let carried = |r: u8| self.still.carried[r as usize];
-        let alike = regions.iter().fold(true, |alike, r| alike & (*r == regions[0]));
+        let (still, mut padded) = (&self.still.elements[row * WIDTH..], [[0.0; 2]; WIDTH]);
+        let still = still.first_chunk::<WIDTH>().unwrap_or_else(|| {
+            padded[..still.len()].copy_from_slice(still);
+            &padded
+        });
         let mut out = [0.0; WIDTH];
         for lane in (0..WIDTH).step_by(V::N) {
-            let carried = if alike {
-                V::splat(carried(regions[0]))
-            } else {
-                V::load(&core::array::from_fn(|l| carried(regions[l])), lane)
-            };
             let (a, b): (V, V) = (corners.gather(row, 0, lane), corners.gather(row, 1, lane));
             let (c, d): (V, V) = (corners.gather(row, 2, lane), corners.gather(row, 3, lane));
-            let [start, rise] = V::load_pairs(still, lane);
+            let [start, held] = V::load_pairs(still, lane);
             // The mean of its patches, less what the element's own change from now on will add again.
-            let slope =
-                start + (((a + b) + (c + d)) * V::splat(MEAN) - V::load(&self.growth[row], lane) * (rise * carried));
+            let slope = start + (((a + b) + (c + d)) * V::splat(MEAN) - V::load(&self.growth[row], lane) * held);
             slope.store(&mut out, lane);
         }
         out
@@ -412,6 +433,7 @@ mod tests {
         positions.iter_mut().enumerate().for_each(|(i, p)| (0..3).for_each(|a| p[a] += noise(3 * i + a)));
         let (mut still, mut growth, mut slopes, mut total) = (Still::default(), Vec::new(), Vec::new(), Vec::new());
         pressures.still(of, 0.0, &mut still, &pool);
+        let rises = pressures.rises(of, &still);
         let mut nodal = vec![0.0; pressures.len()];
         for _ in 0..400 {
             let which = (Which::All { advance: true }, &FluidPressure::default(), &pool);
@@ -423,7 +445,7 @@ mod tests {
         elastic.gradient(&at, &mut Vec::new(), &mut tangent);
         for (t, tet) in model.tets.iter().enumerate() {
             let six = six_volume(tet.map(|v| xyz(positions[v as usize])));
-            let (ours, energy) = (slopes[t] + still.elements[t][1] * six, tangent.pressure[t] / 6.0);
+            let (ours, energy) = (slopes[t] + rises[t] * six, tangent.pressure[t] / 6.0);
             assert!((f64::from(ours) - energy).abs() < 2e-4 * energy.abs().max(1.0), "{t}: {ours} for {energy}");
         }
     }

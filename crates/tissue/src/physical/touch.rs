@@ -3,6 +3,7 @@
 use super::film::FilmsAround;
 use super::rings::Batch;
 use crate::contact::{Coupling, Rule};
+use crate::marks::Marks;
 use crate::model::Tether;
 use crate::vec3::{V3, axpy, dot, scale, sub, xyz};
 
@@ -11,42 +12,43 @@ use crate::vec3::{V3, axpy, dot, scale, sub, xyz};
 pub(super) struct Touches {
     /// Vertex, coupling and weight, in order.
     list: Vec<(u32, u32, f32)>,
-    /// First entry of each vertex in the list.
-    first: Vec<u32>,
+    /// Entries of each vertex in the list, where the first begins and the last ends.
+    own: Vec<(u32, u32)>,
     /// Stiffness of the springs on each vertex, mN/mm.
     spring: Vec<f32>,
-    /// Whether anything acts on each vertex, and whether anything does on any.
-    touched: Vec<bool>,
-    any: bool,
+    /// Vertices that anything acts on.
+    touched: Marks,
 }
 
 impl Touches {
-    /// Lists what acts on the vertices of a model.
+    /// Lists what acts on the vertices of a model. Few are touched: only what was listed before is cleared.
     pub(super) fn list(&mut self, couplings: &[Coupling], tethers: &[Tether], vertices: usize) {
+        for &v in self.touched.list() {
+            (self.own[v as usize], self.spring[v as usize]) = ((0, 0), 0.0);
+        }
+        self.touched.clear(vertices);
+        self.own.resize(vertices, (0, 0));
+        self.spring.resize(vertices, 0.0);
         self.list.clear();
         for (k, c) in couplings.iter().enumerate() {
             let shares = c.nodes.iter().zip(&c.weights).filter(|s| *s.1 != 0.0);
             self.list.extend(shares.map(|(&n, &w)| (n, k as u32, w)));
         }
         self.list.sort_unstable_by_key(|t| (t.0, t.1));
-        self.first.clear();
-        let mut next = 0;
-        for i in 0..=vertices as u32 {
-            while next < self.list.len() && self.list[next].0 < i {
-                next += 1;
-            }
-            self.first.push(next as u32);
+        for (i, &(v, ..)) in (0..).zip(&self.list) {
+            let own = &mut self.own[v as usize];
+            *own = if self.touched.has(v as usize) { (own.0, i + 1) } else { (i, i + 1) };
+            self.touched.mark(v);
         }
-        self.spring.clear();
-        self.spring.resize(vertices, 0.0);
         for t in tethers {
             self.spring[t.node as usize] += t.stiffness;
+            self.touched.mark(t.node);
         }
-        self.touched.clear();
-        self.touched.resize(vertices, false);
-        self.list.iter().for_each(|t| self.touched[t.0 as usize] = true);
-        tethers.iter().for_each(|t| self.touched[t.node as usize] = true);
-        self.any = !self.list.is_empty() || !tethers.is_empty();
+    }
+
+    /// Whether anything acts on any vertex.
+    fn any(&self) -> bool {
+        !self.touched.list().is_empty()
     }
 }
 
@@ -64,19 +66,19 @@ pub(super) struct Touching<'a> {
 impl Touching<'_> {
     /// Whether a tool or a spring acts on a vertex of the batch.
     pub(super) fn held(&self, batch: &Batch) -> bool {
-        self.touches.any && batch.vertices[..batch.count].iter().any(|&v| self.holds(v))
+        self.touches.any() && batch.vertices[..batch.count].iter().any(|&v| self.holds(v))
     }
 
     /// Whether a tool or a spring acts on a vertex.
     #[inline(always)]
     pub(super) fn holds(&self, v: u32) -> bool {
-        self.touches.touched[v as usize]
+        self.touches.touched.has(v as usize)
     }
 
     /// Whether anything acts on a vertex of the batch.
     #[inline(always)]
     pub(super) fn any(&self, batch: &Batch) -> bool {
-        let somewhere = self.touches.any || self.films.any();
+        let somewhere = self.touches.any() || self.films.any();
         somewhere && batch.vertices[..batch.count].iter().any(|&v| self.touches(v))
     }
 
@@ -97,8 +99,8 @@ impl Touching<'_> {
             *g = axpy(*g, spring, sub(xyz(vertices[i - self.first]), xyz(self.rest[i])));
             (0..3).for_each(|a| h[a] += spring);
         }
-        let own = self.touches.first[i] as usize..self.touches.first[i + 1] as usize;
-        for &(_, c, weight) in &self.touches.list[own] {
+        let (first, end) = self.touches.own[i];
+        for &(_, c, weight) in &self.touches.list[first as usize..end as usize] {
             let coupling = &self.couplings[c as usize];
             let x = coupling.point_from(vertices, self.first);
             let force = penalty_force(coupling, x);
