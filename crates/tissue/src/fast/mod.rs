@@ -18,11 +18,11 @@ mod sums;
 mod x86;
 
 pub(crate) use lanes::{
-    Kernel, Lanes, Line, Numbers, Places, Row, View, WIDTH, Window, cross, dot, plain, sum_of_roots, widest,
+    Kernel, Lanes, Line, Numbers, Place, Places, Row, View, WIDTH, Window, cross, dot, plain, sum_of_roots, widest,
 };
 pub(crate) use plan::{Plans, span};
 pub(crate) use pool::{Pool, Turn};
-pub(crate) use sums::{Sums, Take};
+pub(crate) use sums::{Sums, Take, side_by_side};
 
 /// Threads at most, unless more are asked for: beyond that they would wait for memory.
 pub(crate) const MOST_THREADS: usize = 8;

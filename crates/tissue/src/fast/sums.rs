@@ -7,10 +7,24 @@ use super::lanes::{Kernel, Lanes, Numbers, Places, WIDTH};
 use crate::bytes;
 use core::ops::Range;
 
-/// Sums side by side that are sorted by their lengths: many end together, few stay near each other.
+/// Sums that are sorted by their lengths: many end together, few stay near each other.
 const NEIGHBOURHOOD: usize = 64;
 // The first sum of each batch is its longest.
 const _: () = assert!(NEIGHBOURHOOD.is_multiple_of(WIDTH));
+
+/// Batches of sums, sixteen of about as many numbers or fewer, the longest first; and where those of each piece of sums cut at
+/// `cuts` begin, and the end.
+pub(crate) fn side_by_side(cuts: &[usize], length: impl Fn(u32) -> usize) -> (Vec<Vec<u32>>, Vec<usize>) {
+    let (mut batches, mut pieces) = (Vec::new(), vec![0]);
+    for piece in cuts.windows(2) {
+        let mut order: Vec<u32> = (piece[0] as u32..piece[1] as u32).collect();
+        let near = order.chunks_mut(NEIGHBOURHOOD);
+        near.for_each(|sums| sums.sort_by_key(|&sum| (core::cmp::Reverse(length(sum)), sum)));
+        batches.extend(order.chunks(WIDTH).map(<[u32]>::to_vec));
+        pieces.push(batches.len());
+    }
+    (batches, pieces)
+}
 
 /// Sixteen sums.
 #[derive(Debug, Clone)]
@@ -37,27 +51,21 @@ pub(crate) struct Sums {
 impl Sums {
     /// Of the lists `around[start[i]..start[i + 1]]`, for pieces of lists cut at `cuts`.
     pub(crate) fn new(start: &[u32], around: &[u32], cuts: &[usize]) -> Self {
-        let list = |sum: usize| &around[start[sum] as usize..start[sum + 1] as usize];
-        let (mut rows, mut out) = (Vec::new(), Self { pieces: vec![0], ..Self::default() });
+        let list = |sum: u32| &around[start[sum as usize] as usize..start[sum as usize + 1] as usize];
+        let (batches, pieces) = side_by_side(cuts, |sum| list(sum).len());
+        let (mut rows, mut out) = (Vec::new(), Self { pieces, ..Self::default() });
         out.batch_of = vec![0; start.len().saturating_sub(1)];
-        for piece in cuts.windows(2) {
-            let mut order: Vec<usize> = (piece[0]..piece[1]).collect();
-            order
-                .chunks_mut(NEIGHBOURHOOD)
-                .for_each(|c| c.sort_by_key(|&sum| (core::cmp::Reverse(list(sum).len()), sum)));
-            for sums in order.chunks(WIDTH) {
-                let (first, most) = (rows.len(), list(sums[0]).len());
-                for k in 0..most {
-                    let place = |l: usize| sums.get(l).and_then(|&sum| list(sum).get(k));
-                    let some = list(sums[0])[k];
-                    rows.push([core::array::from_fn(|l| place(l).copied().unwrap_or(some))]);
-                    out.lanes.push((0..WIDTH).filter(|&l| place(l).is_some()).fold(0, |bits, l| bits | 1 << l));
-                }
-                let sums_of = core::array::from_fn(|l| sums[l.min(sums.len() - 1)] as u32);
-                sums.iter().for_each(|&sum| out.batch_of[sum] = out.batches.len() as u32);
-                out.batches.push(Batch { sums: sums_of, count: sums.len(), rows: first..rows.len() });
+        for sums in &batches {
+            let (first, most) = (rows.len(), list(sums[0]).len());
+            for k in 0..most {
+                let place = |l: usize| sums.get(l).and_then(|&sum| list(sum).get(k));
+                let some = list(sums[0])[k];
+                rows.push([core::array::from_fn(|l| place(l).copied().unwrap_or(some))]);
+                out.lanes.push((0..WIDTH).filter(|&l| place(l).is_some()).fold(0, |bits, l| bits | 1 << l));
             }
-            out.pieces.push(out.batches.len());
+            let sums_of = core::array::from_fn(|l| sums[l.min(sums.len() - 1)]);
+            sums.iter().for_each(|&sum| out.batch_of[sum as usize] = out.batches.len() as u32);
+            out.batches.push(Batch { sums: sums_of, count: sums.len(), rows: first..rows.len() });
         }
         out.places = Places::new(rows);
         out

@@ -7,7 +7,7 @@ use super::film::FilmsAround;
 use super::near::Near;
 use super::pressure::{Pressures, Still, Tissue, Which};
 use super::region;
-use super::rhythm::{Press, Substep};
+use super::rhythm::{Press, Substep, calm_beyond};
 use super::rings::{self, Part};
 use super::streams::{Streams, Visits};
 use super::sweep::{Memory, Pace, Substep as Shared, Sweep, Task};
@@ -42,6 +42,8 @@ pub(crate) struct Descent {
     reach: f32,
     /// Mean way of the vertices in a sweep below which the tissue is calm, mm.
     calm_mm: f64,
+    /// How many times as far as their minimum vertices go in calm tissue.
+    calm_beyond: f32,
     /// Vertices that move.
     free_vertices: usize,
     /// Largest damping time of the regions, s.
@@ -67,7 +69,8 @@ pub(crate) struct DescentScratch {
     memory: [Vec<Memory>; 2],
     touches: Touches,
     near: Near,
-    is_calm: bool,
+    /// How far sweeps go in tissue that is calm, as found in the first one.
+    calm: Option<f32>,
     /// Vertices in the predicted space last chosen.
     active_nodes: usize,
 }
@@ -139,19 +142,22 @@ impl Descent {
         (region, regions): (&[u8], &[Region]),
         slabs: &Slabs,
     ) -> Self {
+        let free_vertices = rest.iter().filter(|p| p[3] > 0.0).count();
         let rounds = rings::rounds(elastic, (rest, region), mass, slabs);
+        let node_cuts = slabs::even_cuts(rest.len());
         let [even, odd] = rounds.each_ref().map(|r| r.1.iter().map(|p| p.weight.len()).collect::<Vec<_>>());
         Self {
             visits: Visits::new(&rounds, elastic.tets.len()),
             rounds,
             plans: Plans::new([&even, &odd]),
-            far: DifferenceRows::new(&elastic.far),
-            node_cuts: slabs::even_cuts(rest.len()),
+            far: DifferenceRows::new(&elastic.far, &node_cuts),
+            node_cuts,
             pressures: Pressures::new(elastic, region, regions),
             films: FilmsAround::new(&elastic.films, rest),
             reach: rest.iter().flat_map(|p| &p[..3]).fold(0f32, |m, v| m.max(v.abs())),
             calm_mm: CALM * mean_edge(&elastic.volume),
-            free_vertices: rest.iter().filter(|p| p[3] > 0.0).count(),
+            calm_beyond: calm_beyond(free_vertices),
+            free_vertices,
             damping_s: region.iter().map(|&r| regions[r as usize].material.damping_s as f32).fold(0.0, f32::max),
         }
     }
@@ -188,12 +194,12 @@ impl Descent {
         self.begin(body, scratch, step, pool);
         let mut k = 0;
         while k < step.iterations {
-            let end = step.run(k, scratch.is_calm);
+            let end = step.run(k, scratch.calm);
             self.sweeps(body, scratch, step, k..end, pool);
-            if step.chooses(end - 1, scratch.is_calm) {
+            if step.chooses(end - 1, scratch.calm) {
                 self.choose(body, scratch, (end == 1, step.predicted_space));
             }
-            if let Some(when) = step.press(end - 1, scratch.is_calm) {
+            if let Some(when) = step.press(end - 1, scratch.calm) {
                 self.press(body, scratch, when, pool);
             }
             k = end;
@@ -239,13 +245,13 @@ impl Descent {
     /// Chooses the predicted space, if there is to be one, from the last sweep, and `anew`, at the start of a substep, what
     /// is near.
     fn choose(&self, body: &Body<'_>, scratch: &mut DescentScratch, (anew, predicted_space): (bool, bool)) {
-        let DescentScratch { memory, touches, near, is_calm, active_nodes, .. } = scratch;
+        let DescentScratch { memory, touches, near, calm, active_nodes, .. } = scratch;
         let (couplings, rest) = (&*body.couplings, body.rest);
         let touching = Touching { touches, films: &self.films, couplings, rest, first: 0 };
         let mean = region::mean_way(memory, self.free_vertices);
         if anew {
-            *is_calm = mean < self.calm_mm;
-            self.choose_near(near, (memory, touching), body.tissue(), is_calm.then_some(mean));
+            *calm = (mean < self.calm_mm).then_some(self.calm_beyond);
+            self.choose_near(near, (memory, touching), body.tissue(), calm.map(|_| mean));
         }
         if predicted_space {
             *active_nodes = region::predict(&self.rounds, memory, (touching, near), (anew, mean, self.reach));
@@ -331,7 +337,7 @@ impl Descent {
         sweeps: Range<u32>,
         pool: &Pool,
     ) {
-        let calm = scratch.is_calm;
+        let calm = scratch.calm;
         let pace = |i: usize| step.pace(sweeps.start + i as u32, calm);
         let passes = Passes {
             purpose: Purpose::Move,
@@ -383,7 +389,7 @@ impl Descent {
         widest(Apart { positions: body.positions, from: body.rest, times: 1.0, out: &mut scratch.displacement });
         let displacement = &scratch.displacement;
         pool.each_part(&mut scratch.far, &self.node_cuts, &mut [(); slabs::PIECES], &|i, far, ()| {
-            widest(Differences { rows: &self.far, of: displacement, first: self.node_cuts[i], out: far });
+            widest(Differences { rows: &self.far, of: displacement, piece: i, first: self.node_cuts[i], out: far });
         });
     }
 }

@@ -2,71 +2,98 @@
 
 use super::elastic::Rows;
 use crate::bytes;
-use crate::fast::{Kernel, Lanes};
+use crate::fast::{Kernel, Lanes, Place, Places, Row, WIDTH, side_by_side};
+use core::ops::Range;
 
-/// Entries of a row that are summed side by side: one after the other would wait for each addition. Rows are filled up to
-/// whole lots with entries that weigh nothing.
-const LOT: usize = 8;
-
-/// Rows of such a matrix in single precision. Columns lie near each other, so they are held as what they are beyond the
-/// first of their row: the largest part of a model, gone through in each substep.
+/// Rows of such a matrix in single precision, sixteen side by side: the largest part of a model, gone through in each substep.
+/// Columns of a batch lie near each other, so they are held as what they are beyond the first vertex of a window.
 #[derive(Debug, Clone)]
 pub(super) struct DifferenceRows {
-    /// Lot that each row begins with, and the end.
-    start: Vec<u32>,
-    first: Vec<u32>,
-    beyond: Beyond,
-    weight: Vec<[f32; LOT]>,
+    batches: Vec<Batch>,
+    /// Where each piece's batches begin, and the end.
+    pieces: Vec<usize>,
+    /// Rows of each batch.
+    own: Places<1, u32>,
+    columns: Columns,
+    weights: Vec<Row>,
+}
+
+/// Sixteen rows, or fewer at the end of a piece.
+#[derive(Debug, Clone)]
+struct Batch {
+    count: usize,
+    /// First vertex of the window.
+    from: usize,
+    steps: Range<usize>,
 }
 
 #[derive(Debug, Clone)]
-enum Beyond {
-    Near(Vec<[u16; LOT]>),
-    Far(Vec<[u32; LOT]>),
+enum Columns {
+    Near(Places<1, u16>),
+    Far(Places<1, u32>),
+}
+
+impl Columns {
+    fn new(places: Vec<[[u32; WIDTH]; 1]>) -> Self {
+        let fit = places.iter().flatten().flatten().all(|&p| u16::try_from(p).is_ok());
+        if fit {
+            return Self::Near(Places::new(places.iter().map(|[lanes]| [lanes.map(|p| p as u16)]).collect()));
+        }
+        Self::Far(Places::new(places))
+    }
 }
 
 impl DifferenceRows {
-    pub(super) fn new(rows: &Rows) -> Self {
-        let count = rows.start.len() - 1;
-        let own = |i: usize| rows.start[i] as usize..rows.start[i + 1] as usize;
-        let lots = |i: usize| own(i).len().div_ceil(LOT);
-        let all = (0..count).map(lots).sum();
-        let (mut start, mut first) = (vec![0; count + 1], vec![0; count]);
+    /// For pieces of rows cut at `cuts`.
+    pub(super) fn new(rows: &Rows, cuts: &[usize]) -> Self {
+        let entries = |row: u32| rows.start[row as usize] as usize..rows.start[row as usize + 1] as usize;
+        let (batches, pieces) = side_by_side(cuts, |row| entries(row).len());
+        let ends = |batch: &[u32]| {
+            let columns = batch.iter().flat_map(|&row| &rows.column[entries(row)]).map(|&c| c as usize);
+            columns.fold((usize::MAX, 0), |(low, high), c| (low.min(c), high.max(c)))
+        };
+        let window = batches.iter().map(|b| ends(b)).map(|(low, high)| high.saturating_sub(low) + 1).max().unwrap_or(0);
         // They stay as long as the model: nothing is kept free.
-        let (mut beyond, mut weight) = (Vec::with_capacity(all), Vec::with_capacity(all));
-        for i in 0..count {
-            let (columns, weights) = (&rows.column[own(i)], &rows.weight[own(i)]);
-            first[i] = columns.iter().copied().min().unwrap_or(0);
-            for k in (0..columns.len()).step_by(LOT) {
-                beyond.push(core::array::from_fn(|l| columns.get(k + l).map_or(0, |c| c - first[i])));
-                weight.push(core::array::from_fn(|l| weights.get(k + l).map_or(0.0, |&w| w as f32)));
+        let steps = batches.iter().map(|b| entries(b[0]).len()).sum();
+        let (mut columns, mut weights) = (Vec::with_capacity(steps), Vec::with_capacity(steps));
+        let mut list = Vec::with_capacity(batches.len());
+        for batch in &batches {
+            // No window reaches beyond the last vertex.
+            let from = ends(batch).0.min(rows.start.len() - 1 - window);
+            let first = columns.len();
+            for k in 0..entries(batch[0]).len() {
+                // A row that has ended goes on with what weighs nothing.
+                let entry = |l: usize| batch.get(l).and_then(|&row| entries(row).nth(k));
+                columns.push([core::array::from_fn(|l| entry(l).map_or(0, |e| rows.column[e] - from as u32))]);
+                weights.push(core::array::from_fn(|l| entry(l).map_or(0.0, |e| rows.weight[e] as f32)));
             }
-            start[i + 1] = weight.len() as u32;
+            list.push(Batch { count: batch.len(), from, steps: first..columns.len() });
         }
-        let fits = beyond.as_flattened().iter().all(|&b: &u32| u16::try_from(b).is_ok());
-        let near = || beyond.iter().map(|lot| lot.map(|b| b as u16)).collect();
-        Self { start, first, weight, beyond: if fits { Beyond::Near(near()) } else { Beyond::Far(beyond) } }
+        let own = batches.iter().map(|b| [core::array::from_fn(|l| b[l.min(b.len() - 1)])]).collect();
+        Self { batches: list, pieces, own: Places::new(own), columns: Columns::new(columns), weights }
     }
 
     /// Whether there is nothing to sum.
     pub(super) fn is_empty(&self) -> bool {
-        self.weight.is_empty()
+        self.weights.is_empty()
     }
 
     /// Bytes that they take.
     pub(super) fn bytes(&self) -> usize {
-        let beyond = match &self.beyond {
-            Beyond::Near(b) => bytes::of(b),
-            Beyond::Far(b) => bytes::of(b),
+        let columns = match &self.columns {
+            Columns::Near(places) => places.bytes(),
+            Columns::Far(places) => places.bytes(),
         };
-        bytes::of(&self.start) + bytes::of(&self.first) + beyond + bytes::of(&self.weight)
+        let batches = bytes::of(&self.batches) + bytes::of(&self.pieces) + self.own.bytes();
+        batches + columns + bytes::of(&self.weights)
     }
 }
 
-/// For each vertex from `first` on, the sum of its row's weights times what others have more than it.
+/// For each vertex of a piece, the first of which is `first`, the sum of its row's weights times what others have more than it.
 pub(super) struct Differences<'a> {
     pub(super) rows: &'a DifferenceRows,
     pub(super) of: &'a [[f32; 4]],
+    pub(super) piece: usize,
     pub(super) first: usize,
     pub(super) out: &'a mut [[f32; 4]],
 }
@@ -74,46 +101,42 @@ pub(super) struct Differences<'a> {
 impl Kernel for Differences<'_> {
     type Out = ();
 
-    /// Four numbers at a time on any processor; but one with wider vectors has better words for that, too.
     #[inline(always)]
-    fn run<V: Lanes>(self) {
-        match &self.rows.beyond {
-            Beyond::Near(beyond) => self.sums(beyond),
-            Beyond::Far(beyond) => self.sums(beyond),
+    fn run<V: Lanes>(mut self) {
+        match &self.rows.columns {
+            Columns::Near(columns) => self.sums::<V, _>(columns),
+            Columns::Far(columns) => self.sums::<V, _>(columns),
         }
     }
 }
 
 impl Differences<'_> {
     #[inline(always)]
-    fn sums<B: Copy + Into<u32>>(self, beyond: &[[B; LOT]]) {
-        let rows = self.rows;
-        for (v, out) in (self.first..).zip(self.out) {
-            let row = rows.start[v] as usize..rows.start[v + 1] as usize;
-            let from = &self.of[rows.first[v] as usize..];
-            *out = weighted((&beyond[row.clone()], &rows.weight[row]), from, self.of[v]);
-        }
-    }
-}
-
-/// Weighted sum of differences from `own`. Loops, not closures: these would be compiled for any processor.
-#[inline(always)]
-fn weighted<B: Copy + Into<u32>>(
-    (beyond, weight): (&[[B; LOT]], &[[f32; LOT]]),
-    from: &[[f32; 4]],
-    own: [f32; 4],
-) -> [f32; 4] {
-    let mut sums = [[0f32; 4]; LOT];
-    for (places, weights) in beyond.iter().zip(weight) {
-        for i in 0..LOT {
-            let other = from[places[i].into() as usize];
-            for a in 0..4 {
-                sums[i][a] = weights[i].mul_add(other[a] - own[a], sums[i][a]);
+    fn sums<V: Lanes, P: Place>(&mut self, columns: &Places<1, P>) {
+        let (rows, own) = (self.rows, self.rows.own.view(self.of));
+        for b in rows.pieces[self.piece]..rows.pieces[self.piece + 1] {
+            let batch = &rows.batches[b];
+            let weights = &rows.weights[batch.steps.clone()];
+            let others = columns.view(&self.of[batch.from..]).part(batch.steps.start, weights.len());
+            let mut sums = [[0.0; WIDTH]; 3];
+            for first in (0..WIDTH).step_by(V::N).take_while(|&f| f < batch.count) {
+                let p: [V; 4] = own.gather(b, 0, first);
+                let mut sum = [V::splat(0.0); 3];
+                for (k, weight) in weights.iter().enumerate() {
+                    let (q, weight): ([V; 4], V) = (others.gather(k, 0, first), V::load(weight, first));
+                    for a in 0..3 {
+                        sum[a] = weight.mul_add(q[a] - p[a], sum[a]);
+                    }
+                }
+                for a in 0..3 {
+                    sum[a].store(&mut sums[a], first);
+                }
+            }
+            for (l, &row) in rows.own.row(b)[0][..batch.count].iter().enumerate() {
+                self.out[row as usize - self.first] = [sums[0][l], sums[1][l], sums[2][l], 0.0];
             }
         }
     }
-    let [a, b, c, d, e, f, g, h] = sums;
-    core::array::from_fn(|i| ((a[i] + b[i]) + (c[i] + d[i])) + ((e[i] + f[i]) + (g[i] + h[i])))
 }
 
 #[cfg(test)]
@@ -123,23 +146,30 @@ mod tests {
 
     #[test]
     fn rows_with_columns_near_and_far_give_the_same_sums() {
-        // The third row reaches beyond what 16 bits hold.
+        // The third row may reach beyond what 16 bits hold; those after it have no entries, but for the last one.
+        const COUNT: usize = 70_000;
+        let start = [0, 0, 5].into_iter().chain(core::iter::repeat_n(12, COUNT - 3)).chain([14]).collect::<Vec<u32>>();
         let rows = |far: u32| Rows {
-            start: vec![0, 0, 5, 12],
-            column: [3, 1, 2, 4, 0].into_iter().chain((0..6).map(|i| 2 * i)).chain([far]).collect(),
-            weight: (0..12).map(|i| f64::from(i) - 4.5).collect(),
+            start: start.clone(),
+            column: [3, 1, 2, 4, 0].into_iter().chain((0..6).map(|i| 2 * i)).chain([far, 69_998, 69_999]).collect(),
+            weight: (0..14).map(|i| f64::from(i) - 4.5).collect(),
         };
-        let of: Vec<[f32; 4]> = (0..70_000u32).map(|i| [i % 97, i % 31, i % 7, i].map(|v| v as f32 * 0.25)).collect();
+        let of: Vec<[f32; 4]> =
+            (0..COUNT as u32).map(|i| [i % 97, i % 31, i % 7, i].map(|v| v as f32 * 0.25)).collect();
         for far in [11, 69_999] {
-            let (rows, single) = (rows(far), DifferenceRows::new(&rows(far)));
-            assert_eq!(matches!(single.beyond, Beyond::Far(_)), far > 65_535);
-            let mut out = [[[0.0; 4]; 3]; 2];
-            widest(Differences { rows: &single, of: &of, first: 0, out: &mut out[0] });
-            plain(Differences { rows: &single, of: &of, first: 0, out: &mut out[1] });
+            let cuts = [0, 2, 1000, COUNT];
+            let (rows, single) = (rows(far), DifferenceRows::new(&rows(far), &cuts));
+            assert_eq!(matches!(single.columns, Columns::Far(_)), far > 65_535);
+            let mut out = [vec![[f32::NAN; 4]; COUNT], vec![[f32::NAN; 4]; COUNT]];
+            for (piece, cut) in cuts.windows(2).enumerate() {
+                let [a, b] = out.each_mut().map(|out| &mut out[cut[0]..cut[1]]);
+                widest(Differences { rows: &single, of: &of, piece, first: cut[0], out: a });
+                plain(Differences { rows: &single, of: &of, piece, first: cut[0], out: b });
+            }
             assert_eq!(out[0], out[1]);
-            for v in 0..3 {
+            for v in 0..COUNT {
                 let row = rows.start[v] as usize..rows.start[v + 1] as usize;
-                for a in 0..4 {
+                for a in 0..3 {
                     let one = |k: usize| rows.weight[k] * f64::from(of[rows.column[k] as usize][a] - of[v][a]);
                     let (wanted, size) =
                         (row.clone().map(one).sum::<f64>(), row.clone().map(|k| one(k).abs()).sum::<f64>());

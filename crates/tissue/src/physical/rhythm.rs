@@ -8,11 +8,13 @@ use crate::vec3::V3;
 /// (docs/speed.md). The last sweep of a substep goes to the minimum: it takes away what over-relaxation leaves, which is
 /// rough.
 const BEYOND: f32 = 1.5;
-/// The same in calm tissue, where all pressures follow one sweep in six only, and that one goes to the minimum.
-const CALM_BEYOND: f32 = 1.8;
-/// With a predicted space, in sweeps over all, and such in calm tissue: what is outside gets few, and its motion is smooth.
+/// With a predicted space, in sweeps over all: what is outside gets few, and its motion is smooth.
 const FAR_BEYOND: f32 = 1.8;
-const CALM_FAR_BEYOND: f32 = 1.9;
+/// In calm tissue, what is missing to twice as far, times the vertices along an edge of a cube of as many: the finer a mesh, the
+/// more sweeps smooth motion takes, and the nearer to 2 the factor with which it takes the fewest (Young 1954; measured in
+/// docs/speed.md). There all pressures follow one sweep in six only, and that one goes to the minimum. With a predicted space,
+/// sweeps over all lack half of it.
+const LACKS: f64 = 1.5;
 /// Sweeps for each step of the pressures near what moves fast: after a single over-relaxed one they would follow what is
 /// not there yet. And sweeps for each step of all pressures.
 const SWEEPS_A_STEP: u32 = 2;
@@ -21,6 +23,11 @@ const SWEEPS_A_WHOLE_STEP: u32 = 6;
 /// where what is outside would otherwise be left further behind.
 const WHOLE_EVERY: u32 = 3;
 const CALM_WHOLE_EVERY: u32 = 2;
+
+/// How many times as far as their minimum vertices go in calm tissue of so many of them.
+pub(super) fn calm_beyond(vertices: usize) -> f32 {
+    (2.0 - LACKS / (vertices.max(1) as f64).cbrt()).max(BEYOND.into()) as f32
+}
 
 /// Numbers of a substep.
 #[derive(Debug, Clone, Copy)]
@@ -38,45 +45,45 @@ impl Substep {
     }
 
     /// Whether sweep `k` goes over the whole tissue, calm or not.
-    fn is_whole(&self, k: u32, calm: bool) -> bool {
-        let every = if calm { CALM_WHOLE_EVERY } else { WHOLE_EVERY };
+    fn is_whole(&self, k: u32, calm: Option<f32>) -> bool {
+        let every = if calm.is_some() { CALM_WHOLE_EVERY } else { WHOLE_EVERY };
         !self.predicted_space || k == 0 || self.left(k).is_multiple_of(every)
     }
 
     /// Whether sweep `k` is followed by a choice: the first of what is near, and those over all of the predicted space.
-    pub(super) fn chooses(&self, k: u32, calm: bool) -> bool {
+    pub(super) fn chooses(&self, k: u32, calm: Option<f32>) -> bool {
         self.left(k) > 0 && (k == 0 || self.predicted_space && self.is_whole(k, calm))
     }
 
-    /// What sweep `k` is like, in tissue that is calm or not: before the first one is through, nobody knows.
-    pub(super) fn pace(&self, k: u32, calm: bool) -> Pace {
+    /// What sweep `k` is like; `calm` is how far sweeps go in tissue that is calm. Before the first one is through, nobody knows.
+    pub(super) fn pace(&self, k: u32, calm: Option<f32>) -> Pace {
         let far = self.predicted_space && self.is_whole(k, calm);
-        let beyond = match (self.left(k), calm && k > 0) {
+        let beyond = match (self.left(k), calm.filter(|_| k > 0)) {
             (0, _) => 1.0,
-            (left, true) if !self.predicted_space && left.is_multiple_of(SWEEPS_A_WHOLE_STEP) => 1.0,
-            (_, true) if far => CALM_FAR_BEYOND,
-            (_, true) => CALM_BEYOND,
-            (_, false) if far => FAR_BEYOND,
-            (_, false) => BEYOND,
+            (left, Some(_)) if !self.predicted_space && left.is_multiple_of(SWEEPS_A_WHOLE_STEP) => 1.0,
+            (_, Some(calm)) if far => 0.5 * (calm + 2.0),
+            (_, Some(calm)) => calm,
+            (_, None) if far => FAR_BEYOND,
+            (_, None) => BEYOND,
         };
         Pace { beyond, only_active: !self.is_whole(k, calm), tells: self.chooses(k, calm) }
     }
 
     /// Where the sweeps from number `k` on end between which nothing else is done.
-    pub(super) fn run(&self, k: u32, calm: bool) -> u32 {
+    pub(super) fn run(&self, k: u32, calm: Option<f32>) -> u32 {
         let ends = |k: &u32| self.chooses(*k, calm) || self.press(*k, calm).is_some();
         (k..self.iterations).find(ends).map_or(self.iterations, |last| last + 1)
     }
 
     /// Which pressures take a step after sweep `k`, in tissue that is calm or not. While it is not, also after sweeps over the
     /// predicted space alone: held for longer, they throw what a membrane has let go.
-    pub(super) fn press(&self, k: u32, calm: bool) -> Option<Press> {
-        let all = if calm { SWEEPS_A_WHOLE_STEP } else { SWEEPS_A_STEP };
+    pub(super) fn press(&self, k: u32, calm: Option<f32>) -> Option<Press> {
+        let all = if calm.is_some() { SWEEPS_A_WHOLE_STEP } else { SWEEPS_A_STEP };
         match self.left(k) {
             0 => Some(Press::End),
             _ if k == 0 => None,
             left if left.is_multiple_of(all) => Some(Press::Between),
-            left if calm && left.is_multiple_of(SWEEPS_A_STEP) => Some(Press::Near),
+            left if calm.is_some() && left.is_multiple_of(SWEEPS_A_STEP) => Some(Press::Near),
             _ => None,
         }
     }
