@@ -16,9 +16,10 @@ const FAR_BEYOND: f32 = 1.8;
 /// sweeps over all lack half of it.
 const LACKS: f64 = 1.5;
 /// Sweeps for each step of the pressures near what moves fast: after a single over-relaxed one they would follow what is
-/// not there yet. And sweeps for each step of all pressures.
+/// not there yet. And sweeps for each step of all pressures in calm tissue, without and with a predicted space.
 const SWEEPS_A_STEP: u32 = 2;
 const SWEEPS_A_WHOLE_STEP: u32 = 6;
+const SWEEPS_A_FAR_STEP: u32 = 12;
 /// With a predicted space, one sweep in so many goes over the whole tissue, and after that it is chosen; and in calm tissue,
 /// where what is outside would otherwise be left further behind.
 const WHOLE_EVERY: u32 = 3;
@@ -75,15 +76,19 @@ impl Substep {
         (k..self.iterations).find(ends).map_or(self.iterations, |last| last + 1)
     }
 
-    /// Which pressures take a step after sweep `k`, in tissue that is calm or not. While it is not, also after sweeps over the
-    /// predicted space alone: held for longer, they throw what a membrane has let go.
+    /// Which pressures take a step after sweep `k`. In tissue that is not calm all do, also after sweeps over the predicted space
+    /// alone: held for longer, they throw what a membrane has let go.
     pub(super) fn press(&self, k: u32, calm: Option<f32>) -> Option<Press> {
-        let all = if calm.is_some() { SWEEPS_A_WHOLE_STEP } else { SWEEPS_A_STEP };
+        let all = match (calm, self.predicted_space) {
+            (None, _) => SWEEPS_A_STEP,
+            (Some(_), false) => SWEEPS_A_WHOLE_STEP,
+            (Some(_), true) => SWEEPS_A_FAR_STEP,
+        };
         match self.left(k) {
             0 => Some(Press::End),
             _ if k == 0 => None,
             left if left.is_multiple_of(all) => Some(Press::Between),
-            left if calm.is_some() && left.is_multiple_of(SWEEPS_A_STEP) => Some(Press::Near),
+            left if left.is_multiple_of(SWEEPS_A_STEP) => Some(Press::Near),
             _ => None,
         }
     }
