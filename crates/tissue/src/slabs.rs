@@ -6,6 +6,8 @@
 //! the same result for any number of them. What lies within a slab may as well be done with what begins in the slab before,
 //! and evens out their work.
 
+use crate::fast::WIDTH;
+
 /// Vertices of two slabs at most: places within them have 16 bits.
 const FIT: usize = 1 << 16;
 
@@ -26,10 +28,11 @@ pub(crate) struct Round {
 /// Pieces that work without any order is cut into: enough for all threads, each worth the while.
 pub(crate) const PIECES: usize = 16;
 
-/// Cuts of `count` entries into at most [`PIECES`] equal pieces.
+/// Cuts of `count` entries into at most [`PIECES`] pieces, equal but for a row of lanes: what is done sixteen at a time has few
+/// that are not full.
 pub(crate) fn even_cuts(count: usize) -> Vec<usize> {
     let pieces = PIECES.min(count.div_ceil(64)).max(1);
-    (0..=pieces).map(|i| count * i / pieces).collect()
+    (0..=pieces).map(|i| (count * i / pieces).next_multiple_of(WIDTH).min(count)).collect()
 }
 
 /// The lowest and the highest of some numbers.
