@@ -103,3 +103,49 @@ pub(super) enum Press {
     Between,
     End,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn substep(iterations: u32, predicted_space: bool) -> Substep {
+        Substep { dt: 0.01, iterations, gravity: [0.0; 3], predicted_space }
+    }
+
+    #[test]
+    fn sweeps_go_the_further_the_more_vertices_there_are_and_always_less_than_twice_as_far() {
+        let counts = [0, 1, 27, 1000, 6000, 170_000, 1_000_000_000];
+        let beyond = counts.map(calm_beyond);
+        assert!(beyond.is_sorted() && (beyond[0] - BEYOND).abs() < 1e-6 && beyond[6] < 2.0, "{beyond:?}");
+        // By hand: 1000 are a cube of ten.
+        assert!((beyond[3] - 1.85).abs() < 1e-6, "{beyond:?}");
+        for (k, calm) in (0..10).flat_map(|k| beyond.map(|b| (k, b))) {
+            for predicted in [false, true] {
+                let pace = substep(10, predicted).pace(k, Some(calm));
+                assert!((1.0..2.0).contains(&pace.beyond), "sweep {k}: {pace:?}");
+                assert!(k < 9 || pace.beyond == 1.0 && !pace.only_active, "the last one: {pace:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn pressures_follow_every_second_sweep_somewhere_and_at_the_end_everywhere() {
+        for (iterations, predicted) in [1, 2, 7, 10, 40].into_iter().flat_map(|n| [(n, false), (n, true)]) {
+            let step = substep(iterations, predicted);
+            let after = |calm: Option<f32>| (0..iterations).map(|k| step.press(k, calm)).collect::<Vec<_>>();
+            for calm in [None, Some(1.9)] {
+                let presses = after(calm);
+                assert_eq!(presses.iter().filter(|p| **p == Some(Press::End)).count(), 1);
+                assert_eq!(presses[iterations as usize - 1], Some(Press::End));
+                for (k, press) in presses.iter().enumerate().skip(1) {
+                    let second = (iterations as usize - 1 - k).is_multiple_of(2);
+                    assert_eq!(press.is_some(), second, "sweep {k} of {iterations}, calm: {calm:?}");
+                }
+            }
+            let between = |calm| after(calm).iter().filter(|p| **p == Some(Press::Between)).count() as u32;
+            let every = if predicted { 12 } else { 6 };
+            assert_eq!(between(Some(1.9)), iterations.saturating_sub(2) / every);
+            assert_eq!(between(None), iterations.saturating_sub(2) / 2);
+        }
+    }
+}
