@@ -3,8 +3,8 @@
 //! Pressures that are held while vertices sweep on push as hard as they did at first. Where a membrane has just given way,
 //! what it was in balance with is then thrown out, on fine meshes further in three sweeps than any later sweep takes back.
 //! So around the few vertices that go much further than the mean, or that a tool or a spring holds, they follow every second
-//! sweep, everywhere else every sixth: the rest of the tissue needs no more as long as it is calm. While it is not, nothing
-//! is near, and all follow as often.
+//! sweep, everywhere else every sixth (twelfth with a predicted space): the rest of the tissue needs no more as long as it is
+//! calm. While it is not, nothing is near, and all follow as often.
 
 use super::rings::{Batch, Part};
 use super::sweep::Memory;

@@ -12,8 +12,8 @@ const BEYOND: f32 = 1.5;
 const FAR_BEYOND: f32 = 1.8;
 /// In calm tissue, what is missing to twice as far, times the vertices along an edge of a cube of as many: the finer a mesh, the
 /// more sweeps smooth motion takes, and the nearer to 2 the factor with which it takes the fewest (Young 1954; measured in
-/// docs/speed.md). There all pressures follow one sweep in six only, and that one goes to the minimum. With a predicted space,
-/// sweeps over all lack half of it.
+/// docs/speed.md). There all pressures follow one sweep in six only, and that one goes to the minimum. With a predicted space
+/// they follow one in twelve, and sweeps over all lack half as much.
 const LACKS: f64 = 1.5;
 /// Sweeps for each step of the pressures near what moves fast: after a single over-relaxed one they would follow what is
 /// not there yet. And sweeps for each step of all pressures in calm tissue, without and with a predicted space.
