@@ -222,10 +222,10 @@ pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
     };
     let mut head = vec![format!("{}; {} side", asked::headline(done), done.plan.side().name())];
     head.extend(asked::extras(done));
-    head.push(if done.reliable() {
-        "computed without trouble, as far as the program can tell".into()
-    } else {
-        "NOT TO BE RELIED ON, see the warnings above and in the report".into()
+    head.push(match (done.reliable(), done.findings().len()) {
+        (true, 0) => "computed without trouble, as far as the program can tell".into(),
+        (true, remarks) => format!("computed, with {remarks} remark(s): see the warnings above and in the report"),
+        (false, _) => "NOT TO BE RELIED ON, see the warnings above and in the report".into(),
     });
     if !done.of_case.is_empty() {
         head.push(format!(
