@@ -44,6 +44,7 @@ pub(crate) fn prepare(
         let on = rod.at(-LOOKS * rod.radius);
         memory.leads_out =
             memory.press.is_some() && detect::region_at(model, state, spheres, on, found) != memory.inside;
+        shaft::let_around(model, state, spheres, rod, memory, found);
         shaft::renew_anchors(model, state, spheres, rod, memory, found);
     }
     match memory.inside {
@@ -103,8 +104,8 @@ fn follow_tip(
     events: &mut Vec<Event>,
 ) {
     let now = detect::region_at(model, state, spheres, rod.tip, found);
-    let (hole, away) = (&memory.hole, |n: u32| norm(sub(xyz(state.positions[n as usize]), rod.tip)));
-    let wall = Yielded::follow(&mut memory.yielded, now, |reach| hole.iter().any(|&n| away(n) <= reach));
+    let away = memory.hole.iter().map(|&n| norm(sub(xyz(state.positions[n as usize]), rod.tip)));
+    let wall = Yielded::follow(&mut memory.yielded, now, away);
     let waits = advance == Advance::Forwards && wall == Wall::DrawsBack;
     memory.ahead = now.filter(|_| advance == Advance::Forwards && !waits);
     memory.beyond = false;

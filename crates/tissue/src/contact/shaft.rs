@@ -81,6 +81,32 @@ pub(super) fn renew_anchors(
     measure(&mut memory.anchors, step);
 }
 
+/// Has the shaft hold what is at each place of it now near a wall that draws back: as far along the axis as before, and
+/// without a pull to the side. The tip came to that wall through a dimple in which tissue was folded. Held at the points
+/// that it passed there, some stayed on the axis though they belong millimetres beside it, and with them the wall and
+/// elements that they crushed.
+pub(super) fn let_around(
+    model: &Model,
+    state: &State,
+    spheres: &Spheres,
+    rod: &Rod,
+    memory: &mut ToolState,
+    found: &mut Found,
+) {
+    let Some(wall) = memory.yielded else { return };
+    let ToolState { hole, anchors, .. } = memory;
+    let near = |x: V3| wall.is_near(hole.iter().map(|&n| norm(sub(xyz(state.positions[n as usize]), x))));
+    anchors.retain_mut(|a| {
+        if !near(current(state, a)) {
+            return true;
+        }
+        let at = axpy(held_at(rod, a), -a.stretch, rod.back);
+        let here = detect::locate(model, state, spheres, at, found);
+        let new = here.and_then(|place| anchor(model, place, (a.arc, a.aside), a.share));
+        new.map(|new| *a = Anchor { slipping: a.slipping, stretch: a.stretch, length: a.length, ..new }).is_some()
+    });
+}
+
 /// The anchors of a piece of shaft that is in tissue `arc` mm behind the tip, at `place`.
 fn around_axis(
     model: &Model,

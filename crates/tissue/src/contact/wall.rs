@@ -48,12 +48,15 @@ pub(super) enum Wall {
 }
 
 impl Yielded {
-    /// Follows a tip that is in region `now`; the wall is forgotten once it is late, or not `within` its reach.
-    pub(super) fn follow(this: &mut Option<Self>, now: Option<u8>, within: impl Fn(f32) -> bool) -> Wall {
-        let Some(wall) = this.take_if(|y| within(y.reach)) else {
-            *this = None;
-            return Wall::Past;
-        };
+    /// Whether it is near what lies `away` from the vertices around its hole, mm.
+    pub(super) fn is_near(&self, mut away: impl Iterator<Item = f32>) -> bool {
+        away.any(|away| away <= self.reach)
+    }
+
+    /// Follows a tip that is in region `now`, `away` from the vertices around the hole; the wall is forgotten once it is late,
+    /// or not near.
+    pub(super) fn follow(this: &mut Option<Self>, now: Option<u8>, away: impl Iterator<Item = f32>) -> Wall {
+        let Some(wall) = this.take().filter(|y| y.is_near(away)) else { return Wall::Past };
         let arrived = wall.arrived || now != wall.from;
         if wall.since >= DRAWS_BACK {
             return if arrived { Wall::Past } else { Wall::Slack };
