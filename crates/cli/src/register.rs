@@ -122,10 +122,11 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
     let found = refine(args, &case, &landmarks, by_landmarks)?;
     let (target, entry) = (case.plan.target(), case.plan.entry());
     // Traced skin tells left from right.
-    let exchanged = found.surface.is_none().then(|| found.landmarks.ambiguity(&landmarks, target)).flatten();
-    let check = args.check.as_deref().map(|c| check(c, args, &marked, (&found, exchanged.as_ref()))).transpose()?;
+    let namings = || found.landmarks.ambiguities(&landmarks, target);
+    let exchanged = if found.surface.is_none() { namings() } else { Vec::new() };
+    let check = args.check.as_deref().map(|c| check(c, args, &marked, (&found, &exchanged))).transpose()?;
     let pose = found.patient_from_reference();
-    let remarks = remarks(&found, exchanged.as_ref());
+    let remarks = remarks(&found, exchanged.first());
     remarks.iter().for_each(|remark| console.warn(remark));
     // All that a live session takes, and nothing else: it refuses what it does not know.
     let session_event = json!({
@@ -278,7 +279,7 @@ fn check(
     text: &str,
     args: &RegisterArgs,
     marked: &[NamedPoint],
-    (found, exchanged): (&Found, Option<&Exchanged>),
+    (found, exchanged): (&Found, &[Exchanged]),
 ) -> Result<Value> {
     let (name, place) = text.split_once(',').with_context(|| format!("--check {text} is not NAME,X,Y,Z"))?;
     let known = marked.iter().find(|l| l.label.eq_ignore_ascii_case(name.trim()));
@@ -289,9 +290,10 @@ fn check(
     let noise = Covariance::isotropic(args.touch_sigma);
     let checked = recheck(mark.position, touched, &found.tre(mark.position), &noise);
     let is_used = found.landmarks.residuals.iter().any(|r| r.name.eq_ignore_ascii_case(&mark.label));
-    if let Some(other) = exchanged
-        && (is_used || checked.holds() && other.to_from.point(place).distance(mark.position) <= checked.limit)
-    {
+    let fits = |other: &&Exchanged| {
+        is_used || checked.holds() && other.to_from.point(place).distance(mark.position) <= checked.limit
+    };
+    if let Some(other) = exchanged.iter().find(fits) {
         bail!("--check at '{}' proves nothing: {other}", mark.label);
     }
     Ok(

@@ -155,7 +155,7 @@ fn describe(shared: &Shared, checked: Option<Value>) -> Value {
     let why_not = solved.as_ref().err().map(ToString::to_string).or_else(|| Some(contradiction.as_ref()?.to_string()));
     // The size of residuals that are a mistake says nothing about the error at the target.
     let usable = solved.as_ref().ok().filter(|_| contradiction.is_none());
-    let ambiguity = usable.and_then(|s| registering.ambiguity(s));
+    let ambiguities = usable.map_or_else(Vec::new, |s| registering.ambiguities(s));
     let residual = |mark: &TouchMark| {
         let solved = solved.as_ref().ok()?;
         let index = solved.residuals.iter().position(|r| r.name == mark.name)?;
@@ -174,7 +174,7 @@ fn describe(shared: &Shared, checked: Option<Value>) -> Value {
         "landmarks": registering.marks().iter().map(landmark).collect::<Vec<_>>(),
         "predicted_tre_mm": usable.map(|s| registering.predicted_tre_mm(s)),
         "why_not": why_not,
-        "remarks": ambiguity.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "remarks": ambiguities.first().iter().map(ToString::to_string).collect::<Vec<_>>(),
         "phase": shared.live.phase().name(),
         "checked": checked,
     })

@@ -1,10 +1,11 @@
-//! Landmarks that fit as well with two of their names exchanged.
+//! Landmarks that fit as well with some of their names exchanged.
 //!
 //! Both sides of a head are much the same: of nasion and a point on either side, left and right can be exchanged, and the patient
-//! is registered face down with hardly a residual. No sum over the landmarks tells; a look at another place does.
+//! is registered face down with hardly a residual. So can the corners of both eyes and both ears all together. No sum over the
+//! landmarks tells; a look at another place does.
 
-use super::contradiction::reordered;
 use super::landmarks::{chi_square, fit};
+use super::naming::{Naming, namings, reordered};
 use super::{Landmark, LandmarkRegistration};
 use core::fmt;
 use monro_geometry::{Frame, Point, Rigid};
@@ -18,8 +19,8 @@ const MATTERS_MM: f64 = 3.0;
 /// A naming of the landmarks that the touches do not exclude.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ambiguity<To: Frame, From: Frame> {
-    /// The two that may be exchanged.
-    pub names: [String; 2],
+    /// Those that may be exchanged, two or more.
+    pub names: Vec<String>,
     /// How far the target would be from where it is taken to be, mm.
     pub apart_mm: f64,
     /// The registration with the names exchanged.
@@ -28,47 +29,38 @@ pub struct Ambiguity<To: Frame, From: Frame> {
 
 impl<To: Frame, From: Frame> fmt::Display for Ambiguity<To, From> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [a, b] = &self.names;
+        let names: Vec<String> = self.names.iter().map(|name| format!("'{name}'")).collect();
+        let (last, others) = names.split_last().ok_or(fmt::Error)?;
         write!(
             f,
-            "these landmarks fit about as well with '{a}' and '{b}' exchanged (left and right are the patient's), with the target {:.0} mm from there; touch another landmark, off the plane between the two, or check at one that was not touched",
+            "these landmarks fit about as well with {} and {last} exchanged (left and right are the patient's), with the target {:.0} mm from there; touch another landmark, off the plane between the two sides, or check at one that was not touched",
+            others.join(", "),
             self.apart_mm
         )
     }
 }
 
 impl<To: Frame, From: Frame> LandmarkRegistration<To, From> {
-    /// Whether two of `landmarks`, of which this is the registration, may be exchanged, so that `target` would be elsewhere: of
-    /// several such namings the one that fits best.
-    pub fn ambiguity(&self, landmarks: &[Landmark<To, From>], target: Point<To>) -> Option<Ambiguity<To, From>> {
+    /// How else `landmarks`, of which this is the registration, may be named, so that `target` would be elsewhere; what fits
+    /// best comes first.
+    pub fn ambiguities(&self, landmarks: &[Landmark<To, From>], target: Point<To>) -> Vec<Ambiguity<To, From>> {
         let own = chi_square(landmarks, &self.to_from);
         let freedom = (3 * landmarks.len()).saturating_sub(6).max(1) as f64;
-        let at = self.to_from.inverse().point(target);
-        let exchanged = |(i, j): (usize, usize)| {
-            let order = |k: usize| {
-                if k == i {
-                    j
-                } else if k == j {
-                    i
-                } else {
-                    k
-                }
-            };
-            let others = reordered(landmarks, order, false);
-            let pose: Rigid<To, From> = fit(&others).ok()?.0;
-            let found = Ambiguity {
-                names: [i, j].map(|k| landmarks[k].name.clone()),
-                apart_mm: pose.point(at).distance(target),
-                to_from: pose,
-            };
-            Some((chi_square(&others, &pose), found))
+        let most = |other: f64| own + CLEARLY * (own.min(other) / freedom).max(1.0);
+        let named = |order: Naming| {
+            let others = reordered(landmarks, |i| order[i], false);
+            let to_from = fit(&others).ok()?.0;
+            let other = chi_square(&others, &to_from);
+            (other < most(other)).then_some((other, order, to_from))
         };
-        let pairs = (0..landmarks.len()).flat_map(|j| (0..j).map(move |i| (i, j)));
-        let (other, found) = pairs
-            .filter_map(exchanged)
-            .filter(|(_, found)| found.apart_mm > MATTERS_MM)
-            .min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let noise = (own.min(other) / freedom).max(1.0);
-        (other < own + CLEARLY * noise).then_some(found)
+        let mut found: Vec<_> = namings(landmarks, most(own)).into_iter().filter_map(named).collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let at = self.to_from.inverse().point(target);
+        let ambiguity = |(_, order, to_from): (f64, Naming, Rigid<To, From>)| {
+            let exchanged = landmarks.iter().zip(&order).enumerate().filter(|(i, (_, o))| i != *o);
+            let names = exchanged.map(|(_, (l, _))| l.name.clone()).collect();
+            Ambiguity { names, apart_mm: to_from.point(at).distance(target), to_from }
+        };
+        found.into_iter().map(ambiguity).filter(|a| a.apart_mm > MATTERS_MM).collect()
     }
 }

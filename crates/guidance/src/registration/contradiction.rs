@@ -1,9 +1,10 @@
 //! Landmarks that no rigid motion joins, and the mistake of the hand or of the file that would explain it.
 
 use super::landmarks::{chi_square, fit};
+use super::naming::{is_by_twos, moved, namings, reordered};
 use super::{Landmark, LandmarkRegistration};
 use core::fmt;
-use monro_geometry::{Frame, Point};
+use monro_geometry::Frame;
 
 /// Residuals this many times what the noise explains, in the root mean square, are no noise: with three landmarks (chi-square
 /// of three degrees of freedom) chance alone does that once in 10^15 times, and once in 3000 where the noise is twice what
@@ -16,10 +17,11 @@ const DOUBTFUL: f64 = 2.5;
 /// What "far better" is: residuals this many times smaller. An unsteady hand shows with the mistake undone, too; of hands
 /// three times as unsteady as was said, one in a hundred is refused for it.
 const FAR_BETTER: f64 = 3.0;
+/// Residuals that are no more than that are those of another naming where that has a sum of squares over the noise (over their
+/// own, where that is more) that is smaller by this: e to the power of 9 times as likely.
+const SURELY: f64 = 18.0;
 /// A mistake is named when undoing it leaves residuals of at most this many times the noise.
 const NEAR: f64 = 2.0;
-/// Up to so many landmarks all orders are tried; beyond, only exchanges of two.
-const ALL_ORDERS: usize = 6;
 
 /// Touched landmarks whose distances from each other are not those of the marked ones.
 #[derive(Debug, Clone, PartialEq)]
@@ -79,89 +81,72 @@ impl<To: Frame, From: Frame> LandmarkRegistration<To, From> {
         let residual = (squares / self.residuals.len().max(1) as f64).sqrt();
         let suspicions = match excess {
             e if e > FAR => suspicions(landmarks),
-            // Of orders that move more than two names there are so many that one may fit by chance.
+            // Of all orders there are so many that one may fit by chance.
             e if e > DOUBTFUL => {
                 let most = NEAR.min(e / FAR_BETTER);
-                Some(misnamed(landmarks, most, 2)).filter(|found| !found.is_empty())?
+                Some(misnamed(landmarks, most, is_by_twos)).filter(|found| !found.is_empty())?
             }
-            _ => return None,
+            _ => vec![likelier(landmarks, chi_square(landmarks, &self.to_from))?],
         };
         Some(Contradiction { residual, excess, suspicions })
     }
 }
 
+/// The names that were exchanged two by two for a registration that leaves `own`, if that is far more likely than that they
+/// were not.
+fn likelier<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], own: f64) -> Option<Suspicion> {
+    let freedom = freedom(landmarks).max(1.0);
+    let left = |order: &[usize]| {
+        let others = reordered(landmarks, |i| order[i], false);
+        Some(chi_square(&others, &fit(&others).ok()?.0))
+    };
+    let by_twos = namings(landmarks, own).into_iter().filter(|o| is_by_twos(o));
+    let (other, order) = by_twos.filter_map(|o| Some((left(&o)?, o))).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (other + SURELY * (other / freedom).max(1.0) < own).then(|| names_moved(landmarks, &order))
+}
+
+fn names_moved<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], order: &[usize]) -> Suspicion {
+    let names = landmarks.iter().zip(order).enumerate().filter(|(i, (_, o))| i != *o).map(|(_, (l, _))| l.name.clone());
+    Suspicion::Exchanged(names.collect())
+}
+
 fn suspicions<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>]) -> Vec<Suspicion> {
-    let found = misnamed(landmarks, NEAR, landmarks.len());
+    let found = misnamed(landmarks, NEAR, |_| true);
     if found.is_empty() { wrong(landmarks).into_iter().collect() } else { found }
 }
 
-/// Mistakes that concern no place but signs or at most `names` names, and leave residuals of at most `most` times the noise.
-fn misnamed<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], most: f64, names: usize) -> Vec<Suspicion> {
-    let mirrored = is_near(&reordered(landmarks, |i| i, true), most).then_some(Suspicion::Mirrored);
-    mirrored.into_iter().chain(exchanged(landmarks, most, names)).collect()
-}
-
-/// The landmarks with the touch of `of(i)` at each `i`, its first coordinate negated or not.
-pub(super) fn reordered<To: Frame, From: Frame>(
+/// Mistakes that concern no place but signs or names, of those orders that are to be thought of, and leave residuals of at most
+/// `most` times the noise.
+fn misnamed<To: Frame, From: Frame>(
     landmarks: &[Landmark<To, From>],
-    of: impl Fn(usize) -> usize,
-    mirror: bool,
-) -> Vec<Landmark<To, From>> {
-    let one = |(i, l): (usize, &Landmark<To, From>)| {
-        let [x, y, z] = landmarks[of(i)].touched.to_array();
-        Landmark { touched: Point::new(if mirror { -x } else { x }, y, z), ..l.clone() }
-    };
-    landmarks.iter().enumerate().map(one).collect()
+    most: f64,
+    thinkable: impl Fn(&[usize]) -> bool,
+) -> Vec<Suspicion> {
+    let mirrored = is_near(&reordered(landmarks, |i| i, true), most).then_some(Suspicion::Mirrored);
+    mirrored.into_iter().chain(exchanged(landmarks, most, thinkable)).collect()
 }
 
 /// Whether a registration leaves residuals of at most `most` times the noise.
 fn is_near<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], most: f64) -> bool {
-    let freedom = 3 * landmarks.len() as i64 - 6;
-    let ratio = || Some(chi_square(landmarks, &fit(landmarks).ok()?.0) / freedom as f64);
-    freedom > 0 && ratio().is_some_and(|r| r <= most * most)
+    let freedom = freedom(landmarks);
+    freedom > 0.0 && fit(landmarks).is_ok_and(|(pose, _)| chi_square(landmarks, &pose) / freedom <= most * most)
+}
+
+fn freedom<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>]) -> f64 {
+    (3 * landmarks.len()).saturating_sub(6) as f64
 }
 
 /// The fewest names that were exchanged, if that explains it.
-fn exchanged<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], most: f64, names: usize) -> Option<Suspicion> {
-    let n = landmarks.len();
-    let fits = |o: &Vec<usize>| moved(o) <= names && is_near(&reordered(landmarks, |i| o[i], false), most);
-    let order = orders(n).into_iter().find(fits)?;
-    let exchanged = (0..n).filter(|&i| order[i] != i).map(|i| landmarks[i].name.clone());
-    Some(Suspicion::Exchanged(exchanged.collect()))
-}
-
-/// Orders of `n` things but their own, those that move the fewest first.
-fn orders(n: usize) -> Vec<Vec<usize>> {
-    let mut all: Vec<Vec<usize>> = if n <= ALL_ORDERS {
-        permutations(n)
-    } else {
-        let swapped = |(i, j)| {
-            let mut order: Vec<usize> = (0..n).collect();
-            order.swap(i, j);
-            order
-        };
-        (0..n).flat_map(|i| (0..i).map(move |j| (i, j))).map(swapped).collect()
-    };
-    all.retain(|o| moved(o) > 0);
-    all.sort_by_key(|o| moved(o));
-    all
-}
-
-/// How many things an order moves.
-fn moved(order: &[usize]) -> usize {
-    order.iter().enumerate().filter(|(i, o)| i != *o).count()
-}
-
-fn permutations(n: usize) -> Vec<Vec<usize>> {
-    let Some(last) = n.checked_sub(1) else { return vec![Vec::new()] };
-    let extended = |shorter: Vec<usize>| {
-        (0..n).map(move |at| {
-            let mut longer = shorter.clone();
-            longer.insert(at, last);
-            longer
-        })
-    };
-    permutations(last).into_iter().flat_map(extended).collect()
+fn exchanged<To: Frame, From: Frame>(
+    landmarks: &[Landmark<To, From>],
+    most: f64,
+    thinkable: impl Fn(&[usize]) -> bool,
+) -> Option<Suspicion> {
+    let mut orders = namings(landmarks, most * most * freedom(landmarks));
+    orders.retain(|o| thinkable(o));
+    orders.sort_by_key(|o| moved(o));
+    let order = orders.into_iter().find(|o| is_near(&reordered(landmarks, |i| o[i], false), most))?;
+    Some(names_moved(landmarks, &order))
 }
 
 /// The one landmark without which the others fit.

@@ -4,6 +4,7 @@ mod agreement;
 mod ambiguity;
 mod contradiction;
 mod landmarks;
+mod naming;
 mod normal;
 mod recheck;
 mod surface;

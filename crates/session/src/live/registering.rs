@@ -132,8 +132,8 @@ pub struct Registering {
     marks: Vec<TouchMark>,
     target: Point<Patient>,
     accepted: Option<LandmarkRegistration<Patient, Tool>>,
-    /// Names of what was accepted that may be exchanged, until a check elsewhere has held.
-    ambiguity: Option<Ambiguity<Patient, Tool>>,
+    /// How else what was accepted may be named, until a check elsewhere has held.
+    ambiguities: Vec<Ambiguity<Patient, Tool>>,
     round: u64,
 }
 
@@ -141,7 +141,13 @@ impl Registering {
     /// With the landmarks of the case that can be touched; the predicted error is that at `target`.
     pub fn new(landmarks: impl IntoIterator<Item = (String, Point<Patient>)>, target: Point<Patient>) -> Self {
         let mark = |(name, marked)| TouchMark { name, marked, added: false, touched: None };
-        Self { marks: landmarks.into_iter().map(mark).collect(), target, accepted: None, ambiguity: None, round: 0 }
+        Self {
+            marks: landmarks.into_iter().map(mark).collect(),
+            target,
+            accepted: None,
+            ambiguities: Vec::new(),
+            round: 0,
+        }
     }
 
     /// All landmarks.
@@ -212,9 +218,9 @@ impl Registering {
         solved.contradiction(&self.touched())
     }
 
-    /// Names that may be exchanged in a solution.
-    pub fn ambiguity(&self, solved: &LandmarkRegistration<Patient, Tool>) -> Option<Ambiguity<Patient, Tool>> {
-        solved.ambiguity(&self.touched(), self.target)
+    /// How else the landmarks of a solution may be named; what fits best comes first.
+    pub fn ambiguities(&self, solved: &LandmarkRegistration<Patient, Tool>) -> Vec<Ambiguity<Patient, Tool>> {
+        solved.ambiguities(&self.touched(), self.target)
     }
 
     fn touched(&self) -> Vec<Landmark<Patient, Tool>> {
@@ -233,7 +239,7 @@ impl Registering {
     /// Forgets all touches, and what was accepted by them: the reference, or the tip, is not where it was.
     pub fn forget_all(&mut self) {
         self.marks.iter_mut().for_each(|m| m.touched = None);
-        (self.accepted, self.ambiguity) = (None, None);
+        (self.accepted, self.ambiguities) = (None, Vec::new());
         self.round += 1;
     }
 
@@ -253,7 +259,7 @@ impl Registering {
         }
         let predicted_tre_mm = Some(self.predicted_tre_mm(&solved));
         let registration = Registration { patient_from_reference: solved.to_from, predicted_tre_mm };
-        self.ambiguity = self.ambiguity(&solved);
+        self.ambiguities = self.ambiguities(&solved);
         self.accepted = Some(solved);
         Ok(registration)
     }
@@ -262,7 +268,7 @@ impl Registering {
     /// one that was not accepted here is what it says of the target, none where it says nothing.
     ///
     /// # Errors
-    /// No such landmark, no registration, or one in which two names may be exchanged and a landmark that was touched for it (that
+    /// No such landmark, no registration, or one in which names may be exchanged and a landmark that was touched for it (that
     /// would be the same mistake once more) or that fits either way. After a check elsewhere has held, any will do.
     pub fn check(&mut self, name: &str, touch: &Touch, used: Option<&Registration>) -> Result<Recheck, TouchError> {
         let mark = &self.marks[self.index(name)?];
@@ -271,14 +277,15 @@ impl Registering {
         let said = || Covariance::isotropic(used.predicted_tre_mm.unwrap_or(0.0) / 3f64.sqrt());
         let tre = accepted.map_or_else(said, |a| a.tre(mark.marked));
         let found = recheck(mark.marked, used.patient_from_reference.point(touch.at), &tre, &touch.noise());
-        if let (Some(accepted), Some(ambiguity)) = (accepted, &self.ambiguity)
-            && (accepted.residuals.iter().any(|r| r.name == name)
-                || found.holds() && ambiguity.to_from.point(touch.at).distance(mark.marked) <= found.limit)
-        {
+        let touched = accepted.is_some_and(|a| a.residuals.iter().any(|r| r.name == name));
+        let fits = |a: &&Ambiguity<Patient, Tool>| {
+            touched || found.holds() && a.to_from.point(touch.at).distance(mark.marked) <= found.limit
+        };
+        if let Some(ambiguity) = self.ambiguities.iter().filter(|_| accepted.is_some()).find(fits) {
             return Err(TouchError::SameMistake { name: name.to_owned(), ambiguity: Box::new(ambiguity.clone()) });
         }
         if found.holds() && accepted.is_some() {
-            self.ambiguity = None;
+            self.ambiguities.clear();
         }
         Ok(found)
     }
