@@ -118,22 +118,29 @@ impl<'a, const BIG: bool> Reader<'a, BIG> {
         Ok(out)
     }
 
-    /// A NUL-terminated text, lossily decoded.
+    /// A NUL-terminated text, lossily decoded, without control characters.
     pub(crate) fn c_text(&mut self, what: &'static str) -> Result<String, ReadError> {
         let tail = &self.bytes[self.at..];
         let Some(end) = tail.iter().position(|&b| b == 0) else {
             return Err(ReadError::Unterminated { what, offset: self.at });
         };
         self.at += end + 1;
-        Ok(String::from_utf8_lossy(&tail[..end]).into_owned())
+        Ok(printable(&tail[..end]))
     }
 
-    /// A text in a field of `n` bytes, up to the first NUL or the field's end.
+    /// A text in a field of `n` bytes, up to the first NUL or the field's end, without control characters.
     pub(crate) fn fixed_text(&mut self, n: usize, what: &'static str) -> Result<String, ReadError> {
         let field = self.take(n, what)?;
         let end = field.iter().position(|&b| b == 0).unwrap_or(n);
-        Ok(String::from_utf8_lossy(&field[..end]).into_owned())
+        Ok(printable(&field[..end]))
     }
+}
+
+/// A name as it came, but for what is no text and for control characters: a peer's name must not write to a terminal what
+/// moves its cursor or sets its title.
+fn printable(bytes: &[u8]) -> String {
+    let shown = |c: char| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c };
+    String::from_utf8_lossy(bytes).chars().map(shown).collect()
 }
 
 /// A growing message; `BIG` says the byte order.
@@ -214,6 +221,16 @@ mod tests {
         assert_eq!(Reader::<true>::new(b"ab\0c").c_text("t"), Ok("ab".to_owned()));
         assert_eq!(Reader::<true>::new(b"abc").c_text("t"), Err(ReadError::Unterminated { what: "t", offset: 0 }));
         assert_eq!(Reader::<true>::new(b"ab\0\xff").fixed_text(4, "t"), Ok("ab".to_owned()));
+    }
+
+    #[test]
+    fn a_peer_s_name_cleared_the_terminal() {
+        let told = Reader::<true>::new(b"\x1b[2Jpen\n\x7f\0").fixed_text(9, "t").expect("a text");
+        assert_eq!(told, "\u{fffd}[2Jpen\u{fffd}\u{fffd}");
+        assert_eq!(
+            Reader::<true>::new("Sonde gr\u{f6}\u{df}er\0".as_bytes()).c_text("t"),
+            Ok("Sonde gr\u{f6}\u{df}er".to_owned())
+        );
     }
 
     #[test]

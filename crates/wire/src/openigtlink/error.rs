@@ -24,17 +24,25 @@ pub enum IgtlError {
         /// Version found.
         version: u16,
     },
-    /// A body larger than the bound. The stream cannot be followed any further: close the connection.
+    /// A body larger than is held. The message is skipped, the stream goes on.
+    #[error("OpenIGTLink {type_name} with a body of {size} bytes was skipped: more than {limit} are not taken")]
+    BodySkipped {
+        /// Message type.
+        type_name: String,
+        /// Bytes announced.
+        size: u64,
+        /// Bytes taken at most.
+        limit: usize,
+    },
+    /// A body larger than any message has. The stream cannot be followed any further: close the connection.
     #[error(
-        "OpenIGTLink {type_name} announces a body of {size} bytes, above the bound of {limit}; close the connection or raise the bound"
+        "a message of type '{type_name}' announces a body of {size} bytes, which no OpenIGTLink message has: is it an OpenIGTLink server that sends there?"
     )]
     BodyTooLarge {
         /// Message type.
         type_name: String,
         /// Bytes announced.
         size: u64,
-        /// Bytes allowed.
-        limit: usize,
     },
     /// The checksum does not match; the message was dropped, the stream goes on.
     #[error(

@@ -3,8 +3,10 @@
 use super::message::{HEADER_SIZE, Header};
 use super::{IgtlError, Message};
 
-/// Default bound of a body, bytes.
+/// Bytes of a body that are held at most, unless asked otherwise. Larger ones (volumes, mostly) are skipped.
 pub const DEFAULT_BODY_LIMIT: usize = 64 << 20;
+/// No message has a larger body, bytes: what announces one is no message.
+const LARGEST_BODY: u64 = 1 << 40;
 
 /// Collects the bytes of one connection and cuts messages from them. It holds what has arrived and no more: a body's
 /// announced size is never allocated ahead of its bytes.
@@ -14,6 +16,8 @@ pub struct Parser {
     /// Bytes at the front of the buffer that are done with.
     done: usize,
     header: Option<Header>,
+    /// Bytes to come of a body that is too large to be held.
+    skip: u64,
     limit: usize,
     broken: Option<IgtlError>,
 }
@@ -25,9 +29,9 @@ impl Default for Parser {
 }
 
 impl Parser {
-    /// A parser that refuses bodies above `limit` bytes.
+    /// A parser that skips bodies above `limit` bytes.
     pub const fn new(limit: usize) -> Self {
-        Self { buffer: Vec::new(), done: 0, header: None, limit, broken: None }
+        Self { buffer: Vec::new(), done: 0, header: None, skip: 0, limit, broken: None }
     }
 
     /// Takes bytes as they came. After a fatal error they are ignored.
@@ -36,7 +40,16 @@ impl Parser {
             self.buffer.drain(..self.done);
             self.done = 0;
             self.buffer.extend_from_slice(bytes);
+            self.pass();
         }
+    }
+
+    /// Passes over what has come of a body that is not held.
+    fn pass(&mut self) {
+        let passed = self.skip.min(self.pending() as u64);
+        self.skip -= passed;
+        // No more than is pending.
+        self.done += passed as usize;
     }
 
     /// Bytes held that belong to an unfinished message.
@@ -57,7 +70,8 @@ impl Parser {
         }
         if self.header.is_none() {
             let bytes = self.buffer[self.done..].get(..HEADER_SIZE)?;
-            match Header::decode(bytes).and_then(|h| self.within_limit(h)) {
+            match Header::decode(bytes).and_then(possible) {
+                Ok(header) if header.body_size > self.limit as u64 => return Some(Err(self.skipped(header))),
                 Ok(header) => self.header = Some(header),
                 Err(e) => return Some(Err(self.break_off(e))),
             }
@@ -72,12 +86,12 @@ impl Parser {
         Some(message)
     }
 
-    fn within_limit(&self, header: Header) -> Result<Header, IgtlError> {
-        if header.body_size > self.limit as u64 {
-            let (type_name, size) = (header.type_name, header.body_size);
-            return Err(IgtlError::BodyTooLarge { type_name, size, limit: self.limit });
-        }
-        Ok(header)
+    /// Begins to skip a message.
+    fn skipped(&mut self, header: Header) -> IgtlError {
+        self.done += HEADER_SIZE;
+        self.skip = header.body_size;
+        self.pass();
+        IgtlError::BodySkipped { type_name: header.type_name, size: header.body_size, limit: self.limit }
     }
 
     fn break_off(&mut self, e: IgtlError) -> IgtlError {
@@ -86,4 +100,12 @@ impl Parser {
         self.broken = Some(e.clone());
         e
     }
+}
+
+/// A header that may be that of a message.
+fn possible(header: Header) -> Result<Header, IgtlError> {
+    if header.body_size > LARGEST_BODY {
+        return Err(IgtlError::BodyTooLarge { type_name: header.type_name, size: header.body_size });
+    }
+    Ok(header)
 }

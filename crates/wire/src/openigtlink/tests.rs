@@ -171,6 +171,31 @@ fn a_huge_body_is_refused_before_it_is_allocated() {
     assert!(p.is_broken() && p.pending() == 0);
 }
 
+/// A volume on the connection ended `track` and what it recorded, and its message asked for a setting that there is not.
+#[test]
+fn a_body_that_is_too_large_to_be_held_ended_the_stream() {
+    let pose = vector("transform");
+    let mut volume = pose[..HEADER_SIZE].to_vec();
+    volume[42..50].copy_from_slice(&3_000_000u64.to_be_bytes());
+    volume.resize(HEADER_SIZE + 3_000_000, 7);
+    let stream = [&pose[..], &volume, &pose, &pose].concat();
+    for piece in [1000, 65_536, stream.len()] {
+        let (mut p, mut poses, mut skipped) = (Parser::new(1 << 20), 0, 0);
+        for bytes in stream.chunks(piece) {
+            p.push(bytes);
+            while let Some(message) = p.next_message() {
+                match message {
+                    Ok(_) => poses += 1,
+                    Err(IgtlError::BodySkipped { size: 3_000_000, .. }) => skipped += 1,
+                    Err(e) => panic!("{e}"),
+                }
+            }
+            assert!(p.pending() <= piece.max(pose.len()), "a volume is not held");
+        }
+        assert_eq!((poses, skipped, p.is_broken(), p.pending()), (3, 1, false, 0));
+    }
+}
+
 #[test]
 fn an_unknown_type_is_skipped_and_queries_are_understood() {
     let unknown = Content::Unknown { type_name: "VIDEO".to_owned(), size: 0 };
