@@ -41,10 +41,11 @@ pub fn decode_header(bytes: &[u8]) -> Result<Header, Problem> {
         return Err(unsupported(what, way_out));
     }
     let element = fields.element()?;
+    // Before the order of the bytes, which text has none of.
+    let packing = fields.packing()?;
     let layout = Layout { grid: fields.grid()?, element, endian: fields.endian(element)?, slope: 1.0, intercept: 0.0 };
     let byte_skip = fields.whole("byte skip", ["byte skip", "byteskip"])?;
     let line_skip = fields.whole("line skip", ["line skip", "lineskip"])?.max(0).cast_unsigned();
-    let packing = fields.packing()?;
     if byte_skip < -1 || byte_skip == -1 && packing != Packing::Raw {
         return Err(header("byte skip", format!("{byte_skip} with this encoding")));
     }
@@ -148,11 +149,13 @@ impl Fields {
     }
 
     fn endian(&self, element: Element) -> Result<Endian, Problem> {
-        match self.find(&["endian"]) {
-            Some("little") => Ok(Endian::Little),
-            Some("big") => Ok(Endian::Big),
-            None if element.size() == 1 => Ok(Endian::Little),
-            other => Err(header("endian", format!("{other:?} is neither little nor big"))),
+        if element.size() == 1 {
+            return Ok(Endian::Little);
+        }
+        match self.get("endian")? {
+            "little" => Ok(Endian::Little),
+            "big" => Ok(Endian::Big),
+            other => Err(header("endian", format!("{:?} is neither little nor big", text::excerpt(other)))),
         }
     }
 

@@ -192,6 +192,23 @@ fn too_few_slices_wide_gaps_and_conflicts() {
     refused(&files[0], &["1 slices make no volume"]);
 }
 
+/// "None is neither little nor big".
+#[test]
+fn voxels_as_text_were_refused_for_the_order_of_their_bytes() {
+    let f = folder();
+    let path = f.path().join("a.nrrd");
+    let write = |more: &str| {
+        let head = "NRRD0005\ntype: int16\ndimension: 3\nsizes: 1 1 2\nspace: LPS\nspace directions: (1,0,0) (0,1,0) (0,0,2)\n";
+        fs::write(&path, format!("{head}space origin: (0,0,0)\n{more}\n\n1 2 3 4")).expect("written");
+    };
+    write("encoding: ascii");
+    refused(&path, &["NRRD encoding \"ascii\"", "save it with encoding raw or gzip"]);
+    write("encoding: raw");
+    refused(&path, &["endian: is missing"]);
+    write("encoding: raw\nendian: middle");
+    refused(&path, &["\"middle\" is neither little nor big"]);
+}
+
 #[test]
 fn copies_and_foreign_files_are_left_out_with_a_warning() {
     let f = folder();

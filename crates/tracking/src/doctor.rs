@@ -113,13 +113,17 @@ fn unseen(tools: &BTreeMap<String, Seen>, wanted: &[&str]) -> Option<Health> {
 
 /// That a tool is told of but has never had a pose, why, and what to do; `more` goes between.
 pub fn never_seen(name: &str, why: Missing, more: &str) -> String {
-    let advice = match why {
+    format!("'{name}' is sent, but was never seen ({}){more}: {}", why.name(), advice(why))
+}
+
+/// What to do about poses that are missing.
+pub(crate) const fn advice(why: Missing) -> &'static str {
+    match why {
         Missing::NotRigid => {
             "what is sent is scaled, sheared, mirrored or not finite: let the server send rotation and translation alone, right-handed"
         }
         Missing::NoOrientation => "let the server send its orientation, too",
         Missing::Ambiguous => "which of the two is the tool? Rename one",
         _ => "is it in the cameras' view?",
-    };
-    format!("'{name}' is sent, but was never seen ({}){more}: {advice}", why.name())
+    }
 }

@@ -19,6 +19,7 @@ mod scene;
 mod sim;
 mod source;
 mod still;
+mod unusable;
 mod url;
 
 pub use clock::Clock;
@@ -33,4 +34,5 @@ pub use rivals::Rivals;
 pub use scene::{CATHETER_TIP, Motion, STYLUS_TIP, Scene, SceneOptions, TOOLS};
 pub use source::{Batch, Health, Source, open};
 pub use still::Stillness;
+pub use unusable::Unusable;
 pub use url::{IgtlAddress, NatNetAddress, ReplayAddress, TrackerUrl};

@@ -24,7 +24,7 @@ pub enum PivotError {
     },
     /// The tool was hardly tilted, or about one axis only.
     #[error(
-        "the tool was tilted by {found:.0} degrees about its stiffest axis, at least {needed:.0} are needed: swing it in a cone, in all directions"
+        "the tool was tilted by {found:.1} degrees about its stiffest axis, at least {needed:.0} are needed: swing it in a cone, in all directions"
     )]
     TooLittleMotion {
         /// Root mean square tilt, degrees.

@@ -9,7 +9,7 @@ use monro_guidance::Plan;
 use monro_guidance::clock::age;
 use monro_session::live::{Observation, Refusal};
 use monro_tracking::{
-    Batch, Clock, Rivals, Source, Stillness, TrackerUrl, TrackerUrlError, TrackingError, open, tool_name,
+    Batch, Clock, Rivals, Source, Stillness, TrackerUrl, TrackerUrlError, TrackingError, Unusable, open, tool_name,
 };
 use sim::ScriptSource;
 use std::io;
@@ -101,11 +101,13 @@ pub(crate) enum StartError {
 /// themselves. Poses that are `measured` are watched for whether they ever change.
 fn pump(mut source: Box<dyn Source>, live: &Live, measured: bool) {
     let (mut asked, mut rivals, mut stillness) = (f64::NEG_INFINITY, Rivals::default(), Stillness::default());
+    let mut unusable = Unusable::default();
     while !live.is_stopping() {
         match source.next(WAIT) {
             Ok(Some(mut batch)) => {
                 stillness.take(&batch);
                 rivals.settle(&mut batch);
+                unusable.take(&batch);
                 live.observe(observations(&batch, source.now(), live.clock.now()));
             }
             Ok(None) => {
@@ -122,7 +124,7 @@ fn pump(mut source: Box<dyn Source>, live: &Live, measured: bool) {
             let wanted = live.wanted_tools();
             let wanted = wanted.each_ref().map(String::as_str);
             let still = stillness.words(&wanted).filter(|_| measured);
-            let more = rivals.words(&wanted).or_else(|| still.clone());
+            let more = rivals.words(&wanted).or_else(|| unusable.words(&wanted)).or_else(|| still.clone());
             let more = more.map_or_else(String::new, |words| format!("; {words}"));
             live.note_tracker(source.diagnosis(&wanted).words + &more, still);
         }
