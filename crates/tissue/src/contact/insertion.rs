@@ -252,8 +252,9 @@ fn yield_membrane(
         }
     };
     let depth = memory.press.insert(Dimple::follow(memory.press, rod.tip, push)).depth;
-    // On its way back a tip is pushed on, and goes through nothing.
-    if memory.heading.advance == Advance::Backwards || (press.is_some() && !gives_way(model, to, force, depth)) {
+    // On its way back a tip is pushed on, and goes through nothing, nor does one that has begun to turn.
+    let is_back = memory.heading.advance == Advance::Backwards || !memory.heading.goes_on(rod.tip);
+    if is_back || (press.is_some() && !gives_way(model, to, force, depth)) {
         return 1.0;
     }
     let borne = borne(model, to, force);
