@@ -11,7 +11,7 @@ export async function calibrate(p, held, { until, text, shot }) {
   assert.ok(!(await button("Turn about the axis").isEnabled()) && !(await button("Accept calibration").isEnabled()));
   // Held still, nothing tells the tip.
   await button("Pivot about the tip").click();
-  await until("a refusal", async () => /tilted by 0 degrees.*swing it in a cone/.test(await said()));
+  await until("a refusal", async () => /tilted by 0\.\d degrees.*swing it in a cone/.test(await said()));
   await shot(p, "calibrate-refused");
   held.tell("pivot");
   await button("Pivot about the tip").click();

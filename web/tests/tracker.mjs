@@ -51,7 +51,8 @@ async function frozenIsSaid(p, until, text) {
     window.honest = honest;
   });
   await until("it is frozen", async () => /Poses do not change: 'Catheter'/.test(await text(p, "#alarm")));
-  assert.equal(await text(p, "#signal span"), "Live");
+  // On a busy machine a pose may be late for a moment.
+  await until("it is live all the same", async () => (await text(p, "#signal span")) === "Live");
   await p.evaluate(() => void (window.fetch = window.honest));
   await until("it is not any more", async () => (await text(p, "#alarm")) === "");
 }
