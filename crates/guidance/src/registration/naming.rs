@@ -5,6 +5,8 @@ use monro_geometry::{Frame, Point};
 
 /// So many namings are looked at, and no more: of more that are alike in shape none tells anything.
 const MOST: usize = 2000;
+/// And so many beginnings of them: of many landmarks close together, for their noise, there are more than can be gone through.
+const BEGINNINGS: usize = 200_000;
 
 /// The touches in the order in which other namings have them: of the landmark at each place, the number of the one that was
 /// touched there.
@@ -15,11 +17,11 @@ pub(super) type Naming = Vec<usize>;
 /// make up that sum. In the order of their numbers.
 pub(super) fn namings<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], most: f64) -> Vec<Naming> {
     let variance = landmarks.iter().map(|l| l.noise.inner().trace()).fold(0.0, f64::max);
-    let search = Search { landmarks, off: (2.0 * most * variance).sqrt() };
-    let mut found = Vec::new();
-    search.extend(&mut Vec::new(), &mut found);
-    found.retain(|order| moved(order) > 0);
-    found
+    let off = (2.0 * most * variance).sqrt();
+    let mut search = Search { landmarks, off, left: BEGINNINGS, found: Vec::new() };
+    search.extend(&mut Vec::new());
+    search.found.retain(|order| moved(order) > 0);
+    search.found
 }
 
 /// How many landmarks have another's place.
@@ -50,21 +52,25 @@ struct Search<'a, To: Frame, From: Frame> {
     landmarks: &'a [Landmark<To, From>],
     /// How far off a distance may be, mm.
     off: f64,
+    /// Beginnings that may still be looked at.
+    left: usize,
+    found: Vec<Naming>,
 }
 
 impl<To: Frame, From: Frame> Search<'_, To, From> {
-    fn extend(&self, order: &mut Naming, found: &mut Vec<Naming>) {
-        if found.len() == MOST {
+    fn extend(&mut self, order: &mut Naming) {
+        if self.found.len() == MOST || self.left == 0 {
             return;
         }
+        self.left -= 1;
         if order.len() == self.landmarks.len() {
-            found.push(order.clone());
+            self.found.push(order.clone());
             return;
         }
         for next in 0..self.landmarks.len() {
             if !order.contains(&next) && self.fits(order, next) {
                 order.push(next);
-                self.extend(order, found);
+                self.extend(order);
                 order.pop();
             }
         }
