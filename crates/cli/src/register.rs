@@ -290,9 +290,7 @@ fn check(
     let noise = Covariance::isotropic(args.touch_sigma);
     let checked = recheck(mark.position, touched, &found.tre(mark.position), &noise);
     let is_used = found.landmarks.residuals.iter().any(|r| r.name.eq_ignore_ascii_case(&mark.label));
-    let fits = |other: &&Exchanged| {
-        is_used || checked.holds() && other.to_from.point(place).distance(mark.position) <= checked.limit
-    };
+    let fits = |other: &&Exchanged| is_used || other.holds_too(place, mark.position, &checked);
     if let Some(other) = exchanged.iter().find(fits) {
         bail!("--check at '{}' proves nothing: {other}", mark.label);
     }

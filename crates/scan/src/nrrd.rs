@@ -149,13 +149,12 @@ impl Fields {
     }
 
     fn endian(&self, element: Element) -> Result<Endian, Problem> {
-        if element.size() == 1 {
-            return Ok(Endian::Little);
-        }
-        match self.get("endian")? {
-            "little" => Ok(Endian::Little),
-            "big" => Ok(Endian::Big),
-            other => Err(header("endian", format!("{:?} is neither little nor big", text::excerpt(other)))),
+        match self.get("endian") {
+            Ok("little") => Ok(Endian::Little),
+            Ok("big") => Ok(Endian::Big),
+            Err(_) if element.size() == 1 => Ok(Endian::Little),
+            Err(missing) => Err(missing),
+            Ok(other) => Err(header("endian", format!("{:?} is neither little nor big", text::excerpt(other)))),
         }
     }
 

@@ -4,9 +4,9 @@
 //! is registered face down with hardly a residual. So can the corners of both eyes and both ears all together. No sum over the
 //! landmarks tells; a look at another place does.
 
-use super::landmarks::{chi_square, fit};
-use super::naming::{Naming, namings, reordered};
-use super::{Landmark, LandmarkRegistration};
+use super::landmarks::{chi_square, freedom};
+use super::naming::{Naming, names_moved, namings, renamed};
+use super::{Landmark, LandmarkRegistration, Recheck};
 use core::fmt;
 use monro_geometry::{Frame, Point, Rigid};
 
@@ -40,25 +40,30 @@ impl<To: Frame, From: Frame> fmt::Display for Ambiguity<To, From> {
     }
 }
 
+impl<To: Frame, From: Frame> Ambiguity<To, From> {
+    /// Whether a check at a landmark, `touched` and `marked` there, would have held under this naming as it has: then it proves
+    /// nothing.
+    pub fn holds_too(&self, touched: Point<From>, marked: Point<To>, check: &Recheck) -> bool {
+        check.holds() && self.to_from.point(touched).distance(marked) <= check.limit
+    }
+}
+
 impl<To: Frame, From: Frame> LandmarkRegistration<To, From> {
     /// How else `landmarks`, of which this is the registration, may be named, so that `target` would be elsewhere; what fits
     /// best comes first.
     pub fn ambiguities(&self, landmarks: &[Landmark<To, From>], target: Point<To>) -> Vec<Ambiguity<To, From>> {
         let own = chi_square(landmarks, &self.to_from);
-        let freedom = (3 * landmarks.len()).saturating_sub(6).max(1) as f64;
+        let freedom = freedom(landmarks).max(1.0);
         let most = |other: f64| own + CLEARLY * (own.min(other) / freedom).max(1.0);
         let named = |order: Naming| {
-            let others = reordered(landmarks, |i| order[i], false);
-            let to_from = fit(&others).ok()?.0;
-            let other = chi_square(&others, &to_from);
+            let (other, to_from) = renamed(landmarks, &order)?;
             (other < most(other)).then_some((other, order, to_from))
         };
         let mut found: Vec<_> = namings(landmarks, most(own)).into_iter().filter_map(named).collect();
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
         let at = self.to_from.inverse().point(target);
         let ambiguity = |(_, order, to_from): (f64, Naming, Rigid<To, From>)| {
-            let exchanged = landmarks.iter().zip(&order).enumerate().filter(|(i, (_, o))| i != *o);
-            let names = exchanged.map(|(_, (l, _))| l.name.clone()).collect();
+            let names = names_moved(landmarks, &order);
             Ambiguity { names, apart_mm: to_from.point(at).distance(target), to_from }
         };
         found.into_iter().map(ambiguity).filter(|a| a.apart_mm > MATTERS_MM).collect()

@@ -1,7 +1,7 @@
 //! Landmarks that no rigid motion joins, and the mistake of the hand or of the file that would explain it.
 
-use super::landmarks::{chi_square, fit};
-use super::naming::{is_by_twos, moved, namings, reordered};
+use super::landmarks::{chi_square, fit, freedom};
+use super::naming::{is_by_twos, moved, names_moved, namings, renamed, reordered};
 use super::{Landmark, LandmarkRegistration};
 use core::fmt;
 use monro_geometry::Frame;
@@ -96,18 +96,11 @@ impl<To: Frame, From: Frame> LandmarkRegistration<To, From> {
 /// were not.
 fn likelier<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], own: f64) -> Option<Suspicion> {
     let freedom = freedom(landmarks).max(1.0);
-    let left = |order: &[usize]| {
-        let others = reordered(landmarks, |i| order[i], false);
-        Some(chi_square(&others, &fit(&others).ok()?.0))
-    };
     let by_twos = namings(landmarks, own).into_iter().filter(|o| is_by_twos(o));
-    let (other, order) = by_twos.filter_map(|o| Some((left(&o)?, o))).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (other + SURELY * (other / freedom).max(1.0) < own).then(|| names_moved(landmarks, &order))
-}
-
-fn names_moved<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], order: &[usize]) -> Suspicion {
-    let names = landmarks.iter().zip(order).enumerate().filter(|(i, (_, o))| i != *o).map(|(_, (l, _))| l.name.clone());
-    Suspicion::Exchanged(names.collect())
+    let left = by_twos.filter_map(|o| Some((renamed(landmarks, &o)?.0, o)));
+    let (other, order) = left.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let is_likelier = other + SURELY * (other / freedom).max(1.0) < own;
+    is_likelier.then(|| Suspicion::Exchanged(names_moved(landmarks, &order)))
 }
 
 fn suspicions<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>]) -> Vec<Suspicion> {
@@ -132,10 +125,6 @@ fn is_near<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], most: f64) 
     freedom > 0.0 && fit(landmarks).is_ok_and(|(pose, _)| chi_square(landmarks, &pose) / freedom <= most * most)
 }
 
-fn freedom<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>]) -> f64 {
-    (3 * landmarks.len()).saturating_sub(6) as f64
-}
-
 /// The fewest names that were exchanged, if that explains it.
 fn exchanged<To: Frame, From: Frame>(
     landmarks: &[Landmark<To, From>],
@@ -146,7 +135,7 @@ fn exchanged<To: Frame, From: Frame>(
     orders.retain(|o| thinkable(o));
     orders.sort_by_key(|o| moved(o));
     let order = orders.into_iter().find(|o| is_near(&reordered(landmarks, |i| o[i], false), most))?;
-    Some(names_moved(landmarks, &order))
+    Some(Suspicion::Exchanged(names_moved(landmarks, &order)))
 }
 
 /// The one landmark without which the others fit.

@@ -148,7 +148,7 @@ pub fn register_landmarks<To: Frame, From: Frame>(
     let excess = |i: usize| residuals[i].excess().unwrap_or(0.0);
     let worst = (0..residuals.len()).fold(0, |w, i| if excess(i) > excess(w) { i } else { w });
     let outlier = (excess(worst) > 3.0).then_some(worst);
-    let variance_ratio = chi_square(landmarks, &to_from) / (3 * landmarks.len() - 6).max(1) as f64;
+    let variance_ratio = chi_square(landmarks, &to_from) / freedom(landmarks).max(1.0);
     Ok(LandmarkRegistration { to_from, residuals, outlier, uncertainty, variance_ratio })
 }
 
@@ -234,6 +234,11 @@ pub(super) fn chi_square<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>
         l.noise.seen_from(pose).inner().try_inverse().map_or(0.0, |w| e.dot(&(w * e)))
     };
     landmarks.iter().map(one).sum()
+}
+
+/// How many coordinates there are more than a rigid motion has.
+pub(super) fn freedom<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>]) -> f64 {
+    (3 * landmarks.len()).saturating_sub(6) as f64
 }
 
 fn residual<To: Frame, From: Frame>(

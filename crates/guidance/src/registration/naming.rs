@@ -1,7 +1,8 @@
 //! Other namings of touched landmarks: which of them was touched where.
 
 use super::Landmark;
-use monro_geometry::{Frame, Point};
+use super::landmarks::{chi_square, fit};
+use monro_geometry::{Frame, Point, Rigid};
 
 /// So many namings are looked at, and no more: of more that are alike in shape none tells anything.
 const MOST: usize = 2000;
@@ -27,6 +28,22 @@ pub(super) fn namings<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], 
 /// How many landmarks have another's place.
 pub(super) fn moved(order: &[usize]) -> usize {
     order.iter().enumerate().filter(|(i, o)| i != *o).count()
+}
+
+/// The names of those.
+pub(super) fn names_moved<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>], order: &[usize]) -> Vec<String> {
+    let names = landmarks.iter().zip(order).enumerate().filter(|(i, (_, o))| i != *o);
+    names.map(|(_, (l, _))| l.name.clone()).collect()
+}
+
+/// The registration under a naming, and its sum of squares over the noise.
+pub(super) fn renamed<To: Frame, From: Frame>(
+    landmarks: &[Landmark<To, From>],
+    order: &[usize],
+) -> Option<(f64, Rigid<To, From>)> {
+    let others = reordered(landmarks, |i| order[i], false);
+    let pose = fit(&others).ok()?.0;
+    Some((chi_square(&others, &pose), pose))
 }
 
 /// Whether all of them were exchanged two by two, as left and right are.

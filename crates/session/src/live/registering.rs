@@ -278,9 +278,7 @@ impl Registering {
         let tre = accepted.map_or_else(said, |a| a.tre(mark.marked));
         let found = recheck(mark.marked, used.patient_from_reference.point(touch.at), &tre, &touch.noise());
         let touched = accepted.is_some_and(|a| a.residuals.iter().any(|r| r.name == name));
-        let fits = |a: &&Ambiguity<Patient, Tool>| {
-            touched || found.holds() && a.to_from.point(touch.at).distance(mark.marked) <= found.limit
-        };
+        let fits = |a: &&Ambiguity<Patient, Tool>| touched || a.holds_too(touch.at, mark.marked, &found);
         if let Some(ambiguity) = self.ambiguities.iter().filter(|_| accepted.is_some()).find(fits) {
             return Err(TouchError::SameMistake { name: name.to_owned(), ambiguity: Box::new(ambiguity.clone()) });
         }

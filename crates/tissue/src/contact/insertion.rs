@@ -6,12 +6,12 @@
 //! at the tip until it exceeds what it takes to cut. A wall to another region is pushed, dimples and yields in turn.
 
 use super::detect::{self, Found, Side};
-use super::wall::Wall;
+use super::wall::{Wall, away};
 use super::{Advance, Coupling, Dimple, Rule, ToolState, Yielded, shaft};
 use crate::model::Region;
 use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
-use crate::vec3::{V3, add, dot, norm, scale, sub, xyz};
+use crate::vec3::{V3, add, dot, scale, sub};
 use crate::{CollisionResponse, Event, Model, State};
 use monro_geometry::{Patient, Point};
 
@@ -104,8 +104,7 @@ fn follow_tip(
     events: &mut Vec<Event>,
 ) {
     let now = detect::region_at(model, state, spheres, rod.tip, found);
-    let away = memory.hole.iter().map(|&n| norm(sub(xyz(state.positions[n as usize]), rod.tip)));
-    let wall = Yielded::follow(&mut memory.yielded, now, away);
+    let wall = Yielded::follow(&mut memory.yielded, now, away(&memory.hole, &state.positions, rod.tip));
     let waits = advance == Advance::Forwards && wall == Wall::DrawsBack;
     memory.ahead = now.filter(|_| advance == Advance::Forwards && !waits);
     memory.beyond = false;
@@ -216,8 +215,7 @@ fn pierce(
     memory.hole.extend(pressed.filter(|c| memory.inside == Some(c.source as u8)).flat_map(|c| &c.nodes[..3]));
     memory.hole.sort_unstable();
     memory.hole.dedup();
-    let away = memory.hole.iter().map(|&n| norm(sub(xyz(positions[n as usize]), rod.tip)));
-    let reach = away.fold(0.0, f32::max) + 2.0 * rod.radius;
+    let reach = away(&memory.hole, positions, rod.tip).fold(0.0, f32::max) + 2.0 * rod.radius;
     memory.yielded = Some(Yielded { from, since: 0.0, arrived: false, reach });
 }
 

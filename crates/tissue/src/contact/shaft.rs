@@ -1,6 +1,7 @@
 //! What the shaft of a tool does to the tissue that it has passed: holds it at material points, rubs along it, lets it go.
 
 use super::detect::{self, Found};
+use super::wall::away;
 use super::{Advance, Anchor, Coupling, Rule, ToolState};
 use crate::material::Insertion;
 use crate::sphere_tree::Spheres;
@@ -95,9 +96,8 @@ pub(super) fn let_around(
 ) {
     let Some(wall) = memory.yielded else { return };
     let ToolState { hole, anchors, .. } = memory;
-    let near = |x: V3| wall.is_near(hole.iter().map(|&n| norm(sub(xyz(state.positions[n as usize]), x))));
     anchors.retain_mut(|a| {
-        if !near(current(state, a)) {
+        if !wall.is_near(away(hole, &state.positions, current(state, a))) {
             return true;
         }
         let at = axpy(held_at(rod, a), -a.stretch, rod.back);

@@ -1,6 +1,6 @@
 //! The wall before a tip: how deep it is dimpled, and whether it has drawn back over the tip since it yielded.
 
-use crate::vec3::{V3, dot, sub, unit};
+use crate::vec3::{V3, dot, norm, sub, unit, xyz};
 
 /// How long a wall that has yielded may take to draw back over the tip, s: tissue that is let go is at rest in about that
 /// time, and what has not come by then lies slack.
@@ -45,6 +45,11 @@ pub(super) enum Wall {
     DrawsBack,
     /// It has not come and will not.
     Slack,
+}
+
+/// How far the vertices around a hole are from `x`, mm.
+pub(super) fn away<'a>(hole: &'a [u32], positions: &'a [[f32; 4]], x: V3) -> impl Iterator<Item = f32> + 'a {
+    hole.iter().map(move |&n| norm(sub(xyz(positions[n as usize]), x)))
 }
 
 impl Yielded {
