@@ -62,9 +62,7 @@ pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
         done.seconds, done.frames, done.steps, done.identical, done.snapshots
     );
     console.result(&result, &text);
-    if let Some(damage) = &done.damage {
-        console.warn(&format!("{damage}; it and all that follows, {} bytes, were left out", done.cut_off));
-    } else if done.cut_off > 0 {
+    if done.damage.is_none() && done.cut_off > 0 {
         console.warn(&format!("the last {} bytes of the recording are no whole entry: it was cut off, or the length of an entry is damaged", done.cut_off));
     }
     if let Some(at) = done.differs_at_s {
@@ -76,6 +74,9 @@ pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
             done.generator,
             env!("CARGO_PKG_VERSION")
         );
+    }
+    if let Some(damage) = &done.damage {
+        bail!("{damage}; it and all that follows, {} bytes, were left out", done.cut_off);
     }
     Ok(())
 }

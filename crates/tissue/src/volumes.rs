@@ -1,6 +1,6 @@
 //! Volumes of all elements at once.
 
-use crate::fast::{Kernel, Lanes, Places, Pool, Row, View, WIDTH, cross, dot, widest};
+use crate::fast::{Kernel, Lanes, Places, Pool, Row, View, WIDTH, ask_ahead, cross, dot, widest};
 use crate::{bytes, slabs};
 use core::ops::Range;
 use monro_geometry::Incidence;
@@ -228,6 +228,8 @@ impl<R: Iterator<Item = usize>> Kernel for Growth<'_, R> {
     fn run<V: Lanes>(self) {
         let corners = self.of.corners.view(self.positions);
         for r in self.rows {
+            corners.ask_ahead(r);
+            ask_ahead(&self.of.rest, r);
             grown::<V>(&corners, r, &self.of.rest[r], &mut self.out[r - self.first]);
         }
     }

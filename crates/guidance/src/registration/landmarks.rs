@@ -167,12 +167,14 @@ fn check<To: Frame, From: Frame>(landmarks: &[Landmark<To, From>]) -> Result<(),
         span(landmarks.iter().map(|l| vec3(l.touched.to_array()))),
         span(landmarks.iter().map(|l| vec3(l.marked.to_array()))),
     );
-    if marked > 5.0 * touched && touched > 0.0 || touched > 5.0 * marked && marked > 0.0 {
-        return Err(RegistrationError::Unit { touched, marked });
-    }
     let width = width(landmarks.iter().map(|l| vec3(l.marked.to_array())));
     let touched_width = self::width(landmarks.iter().map(|l| vec3(l.touched.to_array())));
     let narrow = width.min(touched_width);
+    // In one place or on a line in any unit: metres for millimetres leave a head 0.05 wide.
+    let in_any_unit = narrow < 1e-3;
+    if !in_any_unit && (marked > 5.0 * touched || touched > 5.0 * marked) {
+        return Err(RegistrationError::Unit { touched, marked });
+    }
     // A line leaves the turn about itself open; 5 mm of width already makes any noise a turn of many degrees.
     if narrow < 5.0 { Err(RegistrationError::OnALine { width: narrow }) } else { Ok(()) }
 }

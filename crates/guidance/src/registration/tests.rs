@@ -272,6 +272,20 @@ fn landmarks_in_metres_are_told_so() {
 }
 
 #[test]
+fn landmarks_touched_in_one_place_are_not_taken_for_another_unit() {
+    let mut marks = touched(Covariance::isotropic(1.0), None);
+    for (i, m) in marks.iter_mut().enumerate() {
+        m.touched = Point::new(100.0 + 1e-9 * i as f64, 20.0, -40.0);
+    }
+    let error = register_landmarks(&marks).expect_err("one place");
+    assert!(matches!(error, RegistrationError::OnALine { .. }), "{error}");
+    for m in &mut marks {
+        m.marked = Point::new(1.0, 2.0, 3.0);
+    }
+    assert!(matches!(register_landmarks(&marks), Err(RegistrationError::OnALine { .. })));
+}
+
+#[test]
 fn three_landmarks_on_a_line_or_two_at_all_are_refused() {
     let mut marks = touched(Covariance::isotropic(1.0), None);
     assert!(matches!(register_landmarks(&marks[..2]), Err(RegistrationError::TooFew { found: 2, needed: 3 })));

@@ -18,7 +18,8 @@ mod sums;
 mod x86;
 
 pub(crate) use lanes::{
-    Kernel, Lanes, Line, Numbers, Place, Places, Row, View, WIDTH, Window, cross, dot, plain, sum_of_roots, widest,
+    Kernel, Lanes, Line, Numbers, Place, Places, Row, View, WIDTH, Window, ask_ahead, cross, dot, plain, sum_of_roots,
+    widest,
 };
 pub(crate) use plan::{Plans, span};
 pub(crate) use pool::{Pool, Turn};

@@ -1,7 +1,7 @@
 //! What is summed on a walk around vertices: forces of neighbours and elements, and their derivatives.
 
 use super::streams::Stream;
-use crate::fast::{Lanes, Line, Places, Row, WIDTH, cross};
+use crate::fast::{Lanes, Line, Places, Row, WIDTH, ask_ahead, cross};
 
 /// Three components, and the six different entries of a symmetric matrix (xx, yy, zz, xy, xz, yz).
 pub(super) type Vector<V> = [V; 3];
@@ -20,6 +20,9 @@ pub(super) trait Around<V: Lanes> {
         first: usize,
         count: usize,
     ) -> Self::Walk<'e>;
+
+    /// Asks for the elements that come later than those of row `k` of a walk.
+    fn ask_ahead(walk: &Self::Walk<'_>, k: usize);
 
     /// A neighbour at `d` with its weight in the shear matrix.
     fn neighbour(&mut self, weight: V, d: &Vector<V>);
@@ -65,6 +68,12 @@ impl<V: Lanes> Around<V> for Sums<V> {
     #[inline(always)]
     fn along<'e>(elements: Stream<'e>, _: &'e Places<1, u32>, first: usize, count: usize) -> Stream<'e> {
         Stream { slope: &elements.slope[first..][..count], rise: &elements.rise[first..][..count] }
+    }
+
+    #[inline(always)]
+    fn ask_ahead(walk: &Self::Walk<'_>, k: usize) {
+        ask_ahead(walk.slope, k);
+        ask_ahead(walk.rise, k);
     }
 
     #[inline(always)]
@@ -162,6 +171,11 @@ impl<V: Lanes> Around<V> for Resistance<V> {
     fn along<'e>(elements: Damped<'e>, places: &'e Places<1, u32>, first: usize, count: usize) -> Self::Walk<'e> {
         let (rise, rows) = (&elements.rise[first..][..count], &elements.rows[first..][..count]);
         (Damped { rise, rows, ..elements }, places, first)
+    }
+
+    #[inline(always)]
+    fn ask_ahead(walk: &Self::Walk<'_>, k: usize) {
+        ask_ahead(walk.0.rise, k);
     }
 
     #[inline(always)]

@@ -3,7 +3,7 @@
 use super::elastic::{ELEMENT_BULK, Elastic, patch_kpa};
 use super::near::Near;
 use crate::csf::FluidPressure;
-use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, Take, WIDTH, widest};
+use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, Take, WIDTH, ask_ahead, widest};
 use crate::model::Region;
 use crate::vec3::xyz;
 use crate::volumes::Volumes;
@@ -376,6 +376,9 @@ impl Kernel for Rows<'_> {
         let corners = self.spread.of.volumes.corners().numbers(self.spread.total);
         let which = self.spread.which;
         for (row, slopes) in (self.spread.first..).zip(self.slopes.chunks_mut(WIDTH)).filter(|s| which.row(s.0)) {
+            corners.ask_ahead(row);
+            ask_ahead(self.spread.growth, row);
+            ask_ahead(self.spread.still.elements.as_chunks::<WIDTH>().0, row);
             let all = self.spread.row::<V>(&corners, row);
             // Sixteen but in the last.
             match (slopes.as_chunks_mut::<WIDTH>().0, which) {

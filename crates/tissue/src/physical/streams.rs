@@ -128,6 +128,7 @@ impl Kernel for Lay<'_> {
     fn run<V: Lanes>(self) {
         let numbers = self.part.tets.numbers(self.numbers);
         for (row, out) in self.out.iter_mut().enumerate() {
+            numbers.ask_ahead(row);
             for first in (0..WIDTH).step_by(V::N) {
                 numbers.gather::<V>(row, 0, first).store(out, first);
             }

@@ -4,8 +4,11 @@ use super::around::{Around, Damped, Force, Matrix, Resistance, Sums, Vector, are
 use super::rings::{Batch, Part};
 use super::streams::Stream;
 use super::touch::Touching;
-use crate::fast::{Kernel, Lanes, Row, WIDTH, dot, sum_of_roots};
+use crate::fast::{Kernel, Lanes, Row, WIDTH, ask_ahead, dot, sum_of_roots};
 use crate::space::Space;
+
+/// Rows of steps, some 200 bytes each, from which on a part is a large one.
+const LARGE: usize = 4096;
 
 /// What a sweep goes by. Arrays of vertices are those of the part.
 #[derive(Clone, Copy)]
@@ -116,6 +119,7 @@ impl<'a> Sweep<'a> {
     #[inline(always)]
     fn lanes<V: Lanes>(&mut self, b: usize, batch: &Batch, first: usize) {
         let (part, s) = (self.part, self.substep);
+        self.ask_next(b);
         let damped = V::splat(1.0) + V::splat(s.damping);
         let mut p: [V; 4] = part.own.view(self.vertices).gather(b, 0, first);
         let (mut g, mut h) = self.force(b, batch, first, (s.stream, damped));
@@ -141,6 +145,26 @@ impl<'a> Sweep<'a> {
         }
         motion.store(&mut self.memory.motion[b], first);
         part.own.over(self.vertices).scatter(b, 0, first, p, batch.count - first);
+    }
+
+    /// Asks for what the next batches begin with, in a part that no cache holds from one sweep to the next.
+    #[inline(always)]
+    fn ask_next(&self, b: usize) {
+        let (part, memory) = (self.part, &*self.memory);
+        if part.ring.len() < LARGE {
+            return;
+        }
+        ask_ahead(&part.batches, b);
+        ask_ahead(&part.mass, b);
+        ask_ahead(&part.diagonal, b);
+        ask_ahead(&part.most, b);
+        ask_ahead(&memory.motion, b);
+        for a in 0..3 {
+            ask_ahead(memory.steady.as_flattened(), 3 * b + a);
+        }
+        let targets = part.own.view(self.substep.target);
+        targets.ask_ahead(b);
+        targets.ask_next(b);
     }
 
     #[inline(always)]
@@ -227,6 +251,9 @@ impl<'a> Sweep<'a> {
         let elements = A::along(elements, &part.tets, batch.elements, count);
         for k in 0..count {
             let c = away(ring.gather(k, 0, first), p);
+            ask_ahead(weights, k);
+            ring.ask_ahead(k);
+            A::ask_ahead(&elements, k);
             sums.neighbour(V::load(&weights[k], first), &c);
             let n = area(&a, &b, &c);
             // Six times the volume is minus this.
