@@ -1,12 +1,12 @@
 //! What makes a step fast: vectors of the width that the processor has, and threads that are there at once.
 //!
-//! The only home of `unsafe` in this project, for two reasons that the language has no other word for: a function compiled
-//! for certain instructions may only be called after asking the processor, and threads that live longer than a call may
-//! only be lent its data while the call waits for them. Everything that leaves this module is safe to call.
+//! The only home of `unsafe` in this project, for three reasons that the language has no other word for: a function compiled
+//! for certain instructions may only be called after asking the processor, memory that will be read soon is asked for by its
+//! address, and threads that live longer than a call may only be lent its data while the call waits for them. Everything that leaves this module is safe to call.
 
 #![expect(
     unsafe_code,
-    reason = "vector instructions and lending data to waiting threads; each use says why it is sound"
+    reason = "vector instructions, asking for memory and lending data to waiting threads; each use says why it is sound"
 )]
 
 mod lanes;
