@@ -135,7 +135,7 @@ impl Way {
     }
 
     /// Cuts into at most so many slabs of equal work, but for the last, which has somewhat more: work may go to the slab
-    /// before (see [`slabs::lent`]), not to the one after.
+    /// before (see [`crate::slabs::lent`]), not to the one after.
     fn cuts(&self, count: usize) -> Vec<u32> {
         let even = self.work[self.end()] as f64 / count as f64;
         let share = (even * (1.0 - SPARE / count as f64)).ceil().max(1.0) as usize;
