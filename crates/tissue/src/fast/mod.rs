@@ -2,7 +2,8 @@
 //!
 //! The only home of `unsafe` in this project, for three reasons that the language has no other word for: a function compiled
 //! for certain instructions may only be called after asking the processor, memory that will be read soon is asked for by its
-//! address, and threads that live longer than a call may only be lent its data while the call waits for them. Everything that leaves this module is safe to call.
+//! address, and threads that live longer than a call may only be lent its data while the call waits for them. Everything
+//! that leaves this module is safe to call.
 
 #![expect(
     unsafe_code,
