@@ -15,6 +15,8 @@ const WARP: f64 = 0.25;
 /// A point that may not move is taken for one on the cut within this fraction of the edge: where surfaces meet in a plane
 /// of the lattice, its cuts would lie in one place but for rounding.
 const SNAP: f64 = 0.02;
+/// What lies behind a cut is looked at this part of the edge further on.
+const BEYOND: f64 = 0.02;
 /// A warp may not leave an element worse than this.
 const WORST: f64 = 0.08;
 /// Label of elements not yet given away.
@@ -115,7 +117,12 @@ impl<'a> Cut<'a> {
         for (t, _) in mesh.tets.iter().zip(&mesh.labels).filter(|(_, l)| **l == PENDING) {
             t.iter().for_each(|&v| asked[v as usize] = true);
         }
-        let side = |(v, &p): (usize, &V3)| if asked[v] { sign(fields.side(surface, p)) } else { 0 };
+        // Edges between points on an earlier surface may lie in its label: a cut there is on all later ones.
+        let is_beyond = |v: usize, p: V3| surface > 0 && pinned[v] && fields.is_beyond(surface, p);
+        let side = |(v, &p): (usize, &V3)| match asked[v] && !is_beyond(v, p) {
+            true => sign(fields.side(surface, p)),
+            false => 0,
+        };
         let side: Vec<i8> = mesh.points.iter().enumerate().map(side).collect();
         for v in 0..side.len() {
             pinned[v] |= asked[v] && side[v] == 0;
@@ -171,7 +178,26 @@ impl<'a> Cut<'a> {
                 high.1 *= if i < 3 { 1.0 } else { 0.5 };
             }
         }
+        t = self.middle_beyond([a, b], t, low.1 > 0.0);
         Crossing { ends, at: lerp(a, b, t), t, length: distance(a, b) }
+    }
+
+    /// Where an edge leaves the inner side of the surface at `t`, and lies from there on in a label that was cut off before
+    /// until it comes to what is to be parted from this one: the middle of that way. It crosses the surface of that label
+    /// about there, where all three meet. Else `t`.
+    fn middle_beyond(&self, [a, b]: [V3; 2], t: f64, from_first: bool) -> f64 {
+        let (own, other) = if from_first { (0.0, 1.0) } else { (1.0, 0.0) };
+        let is_beyond = |t: f64| self.surface > 0 && self.fields.is_beyond(self.surface, lerp(a, b, t));
+        let after = t + BEYOND * (other - own);
+        if !(0.0..=1.0).contains(&after) || !is_beyond(after) || is_beyond(other) {
+            return t;
+        }
+        let (mut near, mut far) = (after, other);
+        for _ in 0..8 {
+            let middle = 0.5 * (near + far);
+            *if is_beyond(middle) { &mut near } else { &mut far } = middle;
+        }
+        0.5 * (t + near)
     }
 
     /// Moves points near a cut onto the nearest one, in the order of their numbers.

@@ -5,6 +5,7 @@
 //! cell survives between two ventricles.
 
 use super::order::cutting_order;
+use super::remainder::give_away;
 use super::smooth::smoothed;
 use super::vec3::{V3, sub};
 use crate::surface::even::{Extent, even, even_step, extents};
@@ -21,7 +22,7 @@ const HEAD: f64 = 180.0;
 const FINEST_UNIT: f64 = 0.2;
 
 /// A label has a part in a cell where its field is above this: on either side of a surface along the cells it is 0.2.
-const COMMON: f32 = 0.15;
+pub(super) const COMMON: f32 = 0.15;
 
 /// Where the field of a label is not above this, it is not there: at its surface it is a sixth at least.
 pub(super) const ABSENT: f64 = 0.1;
@@ -43,6 +44,10 @@ impl Field {
         &self.volume
     }
 
+    pub(super) const fn volume_mut(&mut self) -> &mut Volume<f32> {
+        &mut self.volume
+    }
+
     pub(super) fn at(&self, p: V3) -> f64 {
         let Some((at, t)) = self.cell(p) else { return self.outside };
         let d = self.volume.grid().dims();
@@ -57,7 +62,7 @@ impl Field {
     }
 
     /// Where the first cell of `other`, a field on the same lattice, lies in this one.
-    fn offset_of(&self, other: &Self) -> [isize; 3] {
+    pub(super) fn offset_of(&self, other: &Self) -> [isize; 3] {
         let first = self.voxel_from_patient.point(other.volume.grid().centre(0, 0, 0)).to_array();
         first.map(|x| x.round() as isize)
     }
@@ -184,8 +189,9 @@ impl LabelFields {
         let parts = present.iter().map(|(k, e)| {
             Some(Field::new(smoothed(even(labels, &|l: T| l.into() == *k, e, step, MARGIN)?.field, true)))
         });
-        let parts: Vec<Field> = parts.collect::<Option<_>>()?;
-        let fronts: Vec<Field> = parts.iter().map(|own| front(own, &union, &parts)).collect();
+        let mut parts: Vec<Field> = parts.collect::<Option<_>>()?;
+        let mut fronts: Vec<Field> = parts.iter().map(|own| front(own, &union, &parts)).collect();
+        give_away((labels, &|l: T| l.into() == rest.0), &union, (&mut parts, &mut fronts), step);
         let cells: Vec<usize> = parts.iter().map(|own| own.cells_from(0.5)).collect();
         let order = cutting_order(&cells, &shared(&parts, &fronts));
         let (parts, fronts) = (put_in_order(parts, &order), put_in_order(fronts, &order));
@@ -234,6 +240,11 @@ impl LabelFields {
         }
         // Where neither it nor any later one is, what is left of others has no side by rounding.
         if side.abs() < ABSENT { side.min(self.parts[s - 1].at(p) - ABSENT) } else { side }
+    }
+
+    /// Whether none of the labels that surface `s` > 0 parts is at a point, which then lies in one that was cut off before.
+    pub(super) fn is_beyond(&self, s: usize, p: V3) -> bool {
+        self.parts[s - 1..].iter().all(|part| part.at(p) < ABSENT) && self.rest(p) < ABSENT
     }
 
     /// Positive on the side of label `a`, zero on its surface with label `b` (`None`: with the outside); and the gradient

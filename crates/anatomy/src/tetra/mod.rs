@@ -38,6 +38,7 @@ mod octree;
 mod order;
 mod quality;
 mod region;
+mod remainder;
 mod remarks;
 mod repair;
 mod report;

@@ -38,6 +38,8 @@ const RESORT: f64 = 0.426;
 /// Their neighbours are bettered up to this, and up to that when next to none are left.
 const ROOMY: f64 = 0.55;
 const ROOMIER: f64 = 0.65;
+/// More than this part of the elements is many.
+const MANY: f64 = 0.02;
 /// By how much of an edge they may leave the surface;
 const LOOSE: [f64; 14] = [0.03, 0.06, 0.06, 0.09, 0.12, 0.16, 0.2, 0.25, 0.3, 0.3, 0.35, 0.4, 0.5, 0.6];
 /// from which of these on neighbours are bettered, labels changed, and points put in.
@@ -112,13 +114,17 @@ impl Work<'_> {
         self.merges = true;
     }
 
-    /// Betters the good neighbours of elements below a bar, so many rings of them, which are then less in their way.
+    /// Betters the good neighbours of elements below a bar, so many rings of them, which are then less in their way: of each
+    /// for itself, or where these are many, as where many labels meet, of all at once. They share most of them.
     fn make_room(&mut self, bar: f64, rings: usize) {
-        let up_to = if rings > 1 { ROOMIER } else { ROOMY };
-        for t in self.below(bar) {
+        let (up_to, bad) = (if rings > 1 { ROOMIER } else { ROOMY }, self.below(bar));
+        let near = |work: &Self, bad: Vec<u32>| (0..rings).fold(bad, |near, _| work.around(&near));
+        if bad.len() as f64 > MANY * self.count() as f64 {
+            return self.mend_all(near(self, bad), up_to);
+        }
+        for t in bad {
             if self.is_alive(t) {
-                let near = (0..rings).fold(vec![t], |near, _| self.around(&near));
-                self.mend_all(near, up_to);
+                self.mend_all(near(self, vec![t]), up_to);
             }
         }
     }
