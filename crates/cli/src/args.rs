@@ -471,7 +471,7 @@ pub(crate) struct MeshArgs {
     /// Labels to mesh, numbers as 4,5 (default: all but 0; of a case, everything inside the skull).
     #[arg(long, value_name = "LABEL,..", value_delimiter = ',', value_parser = crate::mesh::label)]
     pub(crate) keep: Option<Vec<u16>>,
-    /// Labels to be fine around (default: the ventricles where there are any, else all).
+    /// Labels to be fine around (default: the ventricles of a case or its labels, else all).
     #[arg(long, value_name = "LABEL,..", value_delimiter = ',', value_parser = crate::mesh::label)]
     pub(crate) fine: Option<Vec<u16>>,
     /// A path to be fine along, LPS mm (default: the plan of a case).

@@ -57,7 +57,8 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
     }
     let input = console.stage("read", || input(args))?;
     if args.fine.is_none() && !input.fine.is_empty() && input.fine != input.keep {
-        console.note(&format!("fine around {} (the ventricles of a case; --fine changes it)", numbers(&input.fine)));
+        console
+            .note(&format!("fine around {} (the ventricles of a case; --fine changes it)", numbers(&input.fine, ", ")));
     }
     let options = mesh_options(&input, args)?;
     let mut parts = Parts::new();
@@ -112,6 +113,9 @@ fn of_fine(input: &Input) -> Option<String> {
     };
     Some(format!("none of the labels to be fine around is meshed: {instead}"))
 }
+
+/// The label of the brain in a case.
+const BRAIN: u16 = Structure::Brain.label() as u16;
 
 /// Points along a path that are looked at.
 const ALONG: usize = 1000;
@@ -168,7 +172,7 @@ fn input(args: &MeshArgs) -> Result<Input> {
     if let Some(fine) = &args.fine {
         input.fine = each_once(fine);
     } else if !input.structures {
-        input.remarks.extend(taken_for_ventricles(&input.keep, &input.fine));
+        input.remarks.extend(not_taken_for_ventricles(&input.keep, &input.fine));
     }
     if let Some(path) = &args.path {
         input.path = Some(options::path(path)?);
@@ -215,30 +219,35 @@ fn of_file(path: &Path) -> Result<Input> {
     Ok(Input { labels, keep, fine, path: None, structures: false, remarks })
 }
 
-/// Of some labels those of ventricles in a case, all where there are none.
+/// The ventricles where some labels are those of a case, else all: an atlas may use the same numbers for anything.
 fn usually_fine(keep: &[u16]) -> Vec<u16> {
+    let known = |l: &u16| Structure::from_label(*l).is_some();
+    let ventricles = ventricles(keep);
+    let of_a_case = keep.contains(&BRAIN) && keep.iter().all(known) && !ventricles.is_empty();
+    if of_a_case { ventricles } else { keep.to_vec() }
+}
+
+/// Those of some labels that are ventricles in a case.
+fn ventricles(keep: &[u16]) -> Vec<u16> {
     let ventricle = |l: &u16| Structure::from_label(*l).is_some_and(Structure::is_ventricle);
-    let fine: Vec<u16> = keep.iter().copied().filter(ventricle).collect();
-    if fine.is_empty() { keep.to_vec() } else { fine }
+    keep.iter().copied().filter(ventricle).collect()
 }
 
 /// Labels in words.
-fn numbers(labels: &[u16]) -> String {
+fn numbers(labels: &[u16], between: &str) -> String {
     let words: Vec<String> = labels.iter().map(u16::to_string).collect();
-    words.join(", ")
+    words.join(between)
 }
 
-/// What is said where labels were taken for those of a case, and others are there that are none of these.
-fn taken_for_ventricles(keep: &[u16], fine: &[u16]) -> Option<String> {
-    let known = |l: &u16| Structure::from_label(*l).is_some();
-    let brain = keep.contains(&u16::from(Structure::Brain.label()));
-    let all_fine = keep.iter().all(|l| fine.contains(l));
-    let of_a_case = brain && keep.iter().all(known);
-    (!(fine.is_empty() || all_fine || of_a_case)).then(|| {
+/// What is said where a case may have got more labels, and its ventricles were not taken for these.
+fn not_taken_for_ventricles(keep: &[u16], fine: &[u16]) -> Option<String> {
+    let ventricles = ventricles(keep);
+    (keep.contains(&BRAIN) && !ventricles.is_empty() && fine.len() > ventricles.len()).then(|| {
         format!(
-            "the mesh is fine around {} alone, which are the ventricles in cases of Monro; other numbers than those of \
-             a case are there too: \"--fine\" says around which to be fine",
-            numbers(fine)
+            "the mesh is as fine around all labels: {} are ventricles in cases of Monro, but other numbers than those of a case \
+             are there too; \"--fine {}\" makes it fine around these alone",
+            numbers(&ventricles, ", "),
+            numbers(&ventricles, ",")
         )
     })
 }

@@ -55,7 +55,7 @@ pub(super) fn is_off(restored: &[f64], count: usize, fields: &LabelFields) -> bo
 /// Gives each inner label the elements that hold most of it, as many as have its volume together, and at least one. Such a
 /// region may touch itself in edges and points.
 pub(super) fn label_regions(mesh: &mut RawMesh, fields: &LabelFields) {
-    let weights = weights();
+    let weights: Vec<[f64; 4]> = weights().collect();
     let shares: Vec<Vec<f32>> = mesh.tets.par_iter().map(|&t| shares(mesh.corners(t), &weights, fields)).collect();
     let rest = fields.parts.len();
     mesh.labels.fill(rest as u8);
@@ -93,7 +93,11 @@ fn present(label: usize, shares: &[f32], rest: usize) -> usize {
 
 /// Whether an element holds some of a label.
 pub(super) fn holds(corners: [V3; 4], label: u8, fields: &LabelFields) -> bool {
-    weights().iter().any(|w| fields.label_at(inside(corners, w)) == Some(usize::from(label)))
+    let own = fields.parts.get(usize::from(label));
+    // What has nothing at a point is not the most of it: most points are answered by one field.
+    let may_be = |p| own.is_none_or(|own| own.at(p) > 0.0);
+    let mut points = weights().map(|w| inside(corners, &w));
+    points.any(|p| may_be(p) && fields.label_at(p) == Some(usize::from(label)))
 }
 
 fn inside(corners: [V3; 4], weights: &[f64; 4]) -> V3 {
@@ -113,18 +117,10 @@ fn shares(corners: [V3; 4], weights: &[[f64; 4]], fields: &LabelFields) -> Vec<f
 }
 
 /// Barycentric weights of an even lattice of points inside a tetrahedron.
-fn weights() -> Vec<[f64; 4]> {
-    let mut all = Vec::new();
+fn weights() -> impl Iterator<Item = [f64; 4]> {
     let n = SAMPLES;
-    for i in 0..n {
-        for j in 0..n - i {
-            for k in 0..n - i - j {
-                let parts = [i, j, k, n - 1 - i - j - k];
-                all.push(parts.map(|x| (x as f64 + 0.25) / n as f64));
-            }
-        }
-    }
-    all
+    let places = (0..n).flat_map(move |i| (0..n - i).flat_map(move |j| (0..n - i - j).map(move |k| [i, j, k])));
+    places.map(move |[i, j, k]| [i, j, k, n - 1 - i - j - k].map(|x| (x as f64 + 0.25) / n as f64))
 }
 
 #[cfg(test)]
@@ -133,7 +129,7 @@ mod tests {
 
     #[test]
     fn samples_lie_inside_and_have_the_centroid_as_their_mean() {
-        let all = weights();
+        let all: Vec<[f64; 4]> = weights().collect();
         assert_eq!(all.len(), 220);
         let mean = all.iter().fold([0.0; 4], |s, w| [0, 1, 2, 3].map(|i| s[i] + w[i] / all.len() as f64));
         assert!(mean.iter().all(|m| (m - 0.25).abs() < 1e-12), "{mean:?}");

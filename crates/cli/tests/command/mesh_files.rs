@@ -317,12 +317,18 @@ fn labels(file: &Path) {
 
 /// A ball of one label with a smaller one of another, voxels of 2 mm.
 fn balls(file: &Path, [outer, inner]: [u8; 2]) {
+    split_balls(file, [outer, outer, inner]);
+}
+
+/// A ball with one label to its right and another to its left, and a smaller one of a third; voxels of 2 mm.
+fn split_balls(file: &Path, [right, left, inner]: [u8; 3]) {
     let grid = Grid::axis_aligned([24; 3], [2.0; 3], [-23.0; 3]).expect("grid");
     let at = |n: usize| {
         let [i, j, k] = grid.voxel(n);
-        match grid.centre(i, j, k).distance(Point::ORIGIN) {
+        let p = grid.centre(i, j, k);
+        match p.distance(Point::ORIGIN) {
             r if r < 10.0 => inner,
-            r if r < 20.0 => outer,
+            r if r < 20.0 => [right, left][usize::from(p.x > 0.0)],
             _ => 0,
         }
     };
@@ -331,16 +337,25 @@ fn balls(file: &Path, [outer, inner]: [u8; 2]) {
 }
 
 #[test]
-fn a_guess_around_what_to_be_fine_was_told_although_it_was_said() {
+fn parcels_of_an_atlas_were_taken_for_the_ventricles_of_a_case() {
     let dir = tempfile::tempdir().expect("temp");
     let [file, out] = ["labels.nii.gz", "out.vtu"].map(|n| dir.path().join(n));
-    balls(&file, [12, 5]);
-    let told = |more: &[&'static str]| {
+    let meshed = |more: &[&'static str]| {
         let done = json(&[&["mesh", text(&file), "--elements", "3000", "--force", "--out", text(&out)], more].concat());
-        done["remarks"].to_string().contains("fine around 5 alone")
+        let told = done["remarks"].to_string().contains("5 are ventricles in cases of Monro");
+        (done["fine"].clone(), told)
     };
-    assert!(told(&[]));
-    assert!(!told(&["--fine", "12"]) && !told(&["--fine", "5,12"]) && !told(&["--keep", "12"]));
+    for (labels, fine, told) in [
+        ([4, 4, 5], serde_json::json!([5]), false),
+        ([12, 12, 5], serde_json::json!([5, 12]), false),
+        ([12, 13, 4], serde_json::json!([4, 12, 13]), false),
+        ([12, 4, 5], serde_json::json!([4, 5, 12]), true),
+    ] {
+        split_balls(&file, labels);
+        assert_eq!(meshed(&[]), (fine, told), "{labels:?}");
+    }
+    assert_eq!(meshed(&["--fine", "5"]), (serde_json::json!([5]), false));
+    assert_eq!(meshed(&["--keep", "4,5"]), (serde_json::json!([5]), false));
 }
 
 #[test]
