@@ -2,8 +2,10 @@
 
 use super::adjacency::{FACES, Incidence, OUT, neighbours};
 use super::cut::{OUTSIDE, RawMesh, drop_outside};
+use super::lattice::PackedMap;
 use super::vec3::{V3, volume6};
 use monro_geometry::DisjointSets;
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 /// Rounds at most; each may uncover a few new places.
@@ -73,6 +75,8 @@ struct Repair<'a> {
     changed: Vec<u32>,
     /// Place of each element around the point that is looked at; [`OUT`] for all others.
     place: Vec<u32>,
+    /// Whether an element holds some of a label, as far as it was asked: rounds ask again.
+    held: RefCell<PackedMap<bool>>,
 }
 
 /// For each element the first one of its connected piece, and for each of these the piece's volume, mm3.
@@ -87,7 +91,7 @@ impl<'a> Repair<'a> {
         let behind = neighbours(&mesh.tets, mesh.points.len());
         let volumes = mesh.tets.iter().map(|&t| volume6(mesh.corners(t)) / 6.0).collect();
         let place = vec![OUT; mesh.tets.len()];
-        Self { mesh, around, behind, volumes, changed: Vec::new(), place }
+        Self { mesh, around, behind, volumes, changed: Vec::new(), place, held: RefCell::default() }
     }
 
     fn label(&self, t: u32) -> u8 {
@@ -170,7 +174,7 @@ impl<'a> Repair<'a> {
                         let step = |&x: &u32| Some(before[&x]).filter(|&y| y != x);
                         return std::iter::successors(Some(t), step).filter(|&x| self.label(x) != l).collect();
                     }
-                    if holds(self.mesh.corners(self.mesh.tets[b as usize]), l) {
+                    if self.held(b, l, &holds) {
                         before.insert(b, t);
                         next.push(b);
                     }
@@ -179,6 +183,13 @@ impl<'a> Repair<'a> {
             edge = next;
         }
         Vec::new()
+    }
+
+    /// Whether an element `holds` some of a label.
+    fn held(&self, t: u32, l: u8, holds: impl Fn([V3; 4], u8) -> bool) -> bool {
+        let key = u64::from(t) << 8 | u64::from(l);
+        let mut known = self.held.borrow_mut();
+        *known.entry(key).or_insert_with(|| holds(self.mesh.corners(self.mesh.tets[t as usize]), l))
     }
 
     /// Gives small separate pieces of a label to their neighbours, and lists them.

@@ -9,6 +9,7 @@ mod output;
 mod restless;
 mod run;
 mod verdict;
+mod walls;
 
 use crate::args::{ModeArg, SimulateArgs};
 use crate::console::Console;

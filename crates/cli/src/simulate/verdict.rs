@@ -3,7 +3,7 @@
 
 use super::crushed::Crushed;
 use super::output::small;
-use super::{KPA_PER_MMHG, Run, coarse, crossed, restless};
+use super::{KPA_PER_MMHG, Run, coarse, crossed, restless, walls};
 use crate::soft_body;
 use monro_cli::report::{Finding, Severity};
 use monro_geometry::Structure;
@@ -118,9 +118,7 @@ fn so(run: &Run) -> &'static str {
 /// What makes it worth less.
 fn doubts(run: &Run) -> Vec<String> {
     let (trouble, mut out) = (run.trouble(), Vec::new());
-    if run.csf().is_none() {
-        out.push("The tip never entered a ventricle: look at the plan and the labels of the case.".into());
-    }
+    out.extend(walls::unentered(run));
     if let Some((further, last)) = run.left_ventricle().zip(run.last()) {
         let tissue = last.at_tip.map_or("no simulated tissue".into(), Structure::words);
         let target = small(last.distance_deformed_mm);
@@ -138,6 +136,7 @@ fn doubts(run: &Run) -> Vec<String> {
         ));
     }
     out.extend(coarse::remark(&run.rest, &run.plan));
+    out.extend(walls::hasty(run));
     out.extend(gone_around(run));
     out.extend(restless::remark(run));
     if trouble.rollbacks > 0 {
