@@ -118,7 +118,7 @@ impl<'a> Cut<'a> {
             t.iter().for_each(|&v| asked[v as usize] = true);
         }
         // Edges between points on an earlier surface may lie in its label: a cut there is on all later ones.
-        let is_beyond = |v: usize, p: V3| surface > 0 && pinned[v] && fields.is_beyond(surface, p);
+        let is_beyond = |v: usize, p: V3| pinned[v] && fields.is_beyond(surface, p);
         let side = |(v, &p): (usize, &V3)| match asked[v] && !is_beyond(v, p) {
             true => sign(fields.side(surface, p)),
             false => 0,
@@ -187,7 +187,7 @@ impl<'a> Cut<'a> {
     /// about there, where all three meet. Else `t`.
     fn middle_beyond(&self, [a, b]: [V3; 2], t: f64, from_first: bool) -> f64 {
         let (own, other) = if from_first { (0.0, 1.0) } else { (1.0, 0.0) };
-        let is_beyond = |t: f64| self.surface > 0 && self.fields.is_beyond(self.surface, lerp(a, b, t));
+        let is_beyond = |t: f64| self.fields.is_beyond(self.surface, lerp(a, b, t));
         let after = t + BEYOND * (other - own);
         if !(0.0..=1.0).contains(&after) || !is_beyond(after) || is_beyond(other) {
             return t;

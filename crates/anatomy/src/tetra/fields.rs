@@ -242,9 +242,10 @@ impl LabelFields {
         if side.abs() < ABSENT { side.min(self.parts[s - 1].at(p) - ABSENT) } else { side }
     }
 
-    /// Whether none of the labels that surface `s` > 0 parts is at a point, which then lies in one that was cut off before.
+    /// Whether none of the labels that surface `s` parts is at a point, which then lies in one that was cut off before. Before
+    /// the outer one, 0, none was.
     pub(super) fn is_beyond(&self, s: usize, p: V3) -> bool {
-        self.parts[s - 1..].iter().all(|part| part.at(p) < ABSENT) && self.rest(p) < ABSENT
+        s > 0 && self.parts[s - 1..].iter().all(|part| part.at(p) < ABSENT) && self.rest(p) < ABSENT
     }
 
     /// Positive on the side of label `a`, zero on its surface with label `b` (`None`: with the outside); and the gradient

@@ -30,11 +30,12 @@ pub(super) fn give_away<T: Copy + Sync>(
     cells.dedup_by_key(|c| c.0);
     parts.par_iter_mut().zip(fronts).for_each(|(own, front)| {
         let (offset, grid) = (union.offset_of(own), *own.volume().grid());
-        for at in cells.iter().filter_map(|(cell, factor)| Some((inside(&grid, *cell, offset)?, factor))) {
-            let value = own.volume().data()[at.0] * at.1;
-            own.volume_mut().data_mut()[at.0] = value;
+        for &(cell, factor) in &cells {
+            let Some(at) = inside(&grid, cell, offset) else { continue };
+            let value = own.volume().data()[at] * factor;
+            own.volume_mut().data_mut()[at] = value;
             // Nothing remains there.
-            front.volume_mut().data_mut()[at.0] = value;
+            front.volume_mut().data_mut()[at] = value;
         }
     });
 }
