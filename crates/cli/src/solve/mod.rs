@@ -167,9 +167,7 @@ fn forces(scene: &Scene, solved: &StaticSolution) -> Map<String, Value> {
     json.insert("unborne".into(), solved.unborne.into());
     json.insert("share".into(), solved.share.into());
     json.insert("tets_solved".into(), solved.tets.into());
-    let change =
-        solved.change.map(|c| json!({ "tets_before": c.tets, "displacement": c.displacement, "force": c.force }));
-    json.insert("mesh_change".into(), json!(change));
+    json.extend(outcome::of_mesh(solved).map(|(name, value)| (name.into(), value)));
     json.insert("turned".into(), solved.turned.into());
     json.insert("newton_steps".into(), solved.steps.into());
     json.insert("products".into(), solved.products.into());

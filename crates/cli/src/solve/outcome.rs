@@ -3,7 +3,8 @@
 use super::limits;
 use super::scene::Scene;
 use monro_geometry::{Bvh, Patient, TetMesh, TriangleMesh, Vector};
-use monro_tissue::{SphereContact, StaticSolution, Stop};
+use monro_tissue::{SphereContact, StaticSolution, Stop, Unfinished};
+use serde_json::{Value, json};
 
 /// Remarks on a solution.
 pub(super) fn remarks(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
@@ -78,19 +79,38 @@ fn stopped(stop: Stop, solved: &StaticSolution) -> String {
     )
 }
 
-fn unfinished(solved: &StaticSolution) -> Option<String> {
-    let finer = solved.unfinished.as_ref()?;
-    let reached = match (finer.stop, finer.residual.is_finite()) {
+/// Why a finer mesh was given up.
+fn given_up(finer: &Unfinished) -> String {
+    match (finer.stop, finer.residual.is_finite()) {
         _ if let Some(refused) = &finer.refused => refused.to_string(),
         (None, _) => format!("{} of its elements turned inside out", finer.turned),
         (Some(stop), true) => {
             format!("residual {:.2e}, {} elements turned; {}", finer.residual, finer.turned, why(stop))
         }
         (Some(stop), false) => why(stop).to_owned(),
-    };
-    if finer.tets == solved.tets {
-        return None;
     }
+}
+
+/// A finer mesh than that of the answer, given up.
+fn unfinished_finer(solved: &StaticSolution) -> Option<&Unfinished> {
+    solved.unfinished.as_ref().filter(|finer| finer.tets != solved.tets)
+}
+
+/// How far the answer depends on the mesh, for scripts: whether the last refinement hardly changed it, what that changed, and
+/// the finer mesh that was given up.
+pub(super) fn of_mesh(solved: &StaticSolution) -> [(&'static str, Value); 3] {
+    let change =
+        solved.change.map(|c| json!({ "tets_before": c.tets, "displacement": c.displacement, "force": c.force }));
+    let finer = unfinished_finer(solved).map(|finer| json!({ "tets": finer.tets, "why": given_up(finer) }));
+    [
+        ("mesh_converged", json!(limits::mesh_converged(solved))),
+        ("mesh_change", json!(change)),
+        ("finer_given_up", json!(finer)),
+    ]
+}
+
+fn unfinished(solved: &StaticSolution) -> Option<String> {
+    let finer = unfinished_finer(solved)?;
     let collapse = match finer.is_collapse() {
         true => {
             "; what a coarse mesh bears and a finer one does not is most likely more than the body bears: impose less"
@@ -98,9 +118,12 @@ fn unfinished(solved: &StaticSolution) -> Option<String> {
         false => "",
     };
     Some(format!(
-        "a finer mesh of {} elements was given up ({reached}); the answer is that of {} elements, with a residual of \
+        "a finer mesh of {} elements was given up ({}); the answer is that of {} elements, with a residual of \
          {:.2e}{collapse}",
-        finer.tets, solved.tets, solved.residual
+        finer.tets,
+        given_up(finer),
+        solved.tets,
+        solved.residual
     ))
 }
 

@@ -6,6 +6,9 @@ use serde_json::{Value, json};
 /// The verdict, the largest displacement, and the forces of supports and tools.
 pub(super) fn of(found: &Value) -> String {
     let verdict = match (found["converged"].as_bool(), found["mode"] == "paper") {
+        (Some(true), _) if found["mesh_converged"] == false => {
+            "converged on this mesh, but FINER ONES CHANGE THE ANSWER, see the warnings above"
+        }
         (Some(true), _) => "converged",
         (Some(false), _) if !found["self_crossing"].is_null() => {
             "NO ANSWER, the body passes through itself, see the warnings above"

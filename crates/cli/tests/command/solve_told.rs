@@ -130,6 +130,26 @@ fn elements_turned_inside_out_are_remarked_upon_and_not_called_converged() {
     says(&remarks(&told), &["turned inside out", "6 of the mesh as given", "tetrahedron"]);
 }
 
+/// An answer that changed by 61 % from mesh to mesh was `converged` for whoever read that alone.
+#[test]
+fn whether_finer_meshes_change_the_answer_is_told_in_a_field_of_its_own() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |s| {
+        let pulled = [held("z0", "xyz", [0.0; 3]), held("z1", "xyz", [0.004, 0.0, 0.0])];
+        s["cases"]["stretch"]["dirichlet"] = json!(pulled);
+    });
+    let args = [&args.each_ref().map(String::as_str)[..], &["--force", "--refine"]].concat();
+    let of = |t: &Value| (t["converged"].clone(), t["mesh_converged"].clone(), t["finer_given_up"].clone());
+    let even = told(|_| {});
+    assert_eq!(of(&even), (json!(true), json!(true), Value::Null), "{even}");
+    for (times, mesh) in [("0", Value::Null), ("1", json!(false))] {
+        let sheared = json(&[&args[..], &[times]].concat());
+        assert_eq!(of(&sheared), (json!(true), mesh, Value::Null), "{sheared}");
+    }
+    let words = String::from_utf8(monro(&[&args[..], &["1"]].concat()).stdout).expect("text");
+    says(&words, &["converged on this mesh", "FINER ONES CHANGE THE ANSWER"]);
+}
+
 /// Bars near incompressible were called converged with a corner crushed to a fifth of its volume, without a word.
 #[test]
 fn what_hardly_changes_its_volume_and_lost_half_is_remarked_upon() {
