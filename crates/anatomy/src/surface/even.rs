@@ -166,6 +166,13 @@ fn between(i: isize, ratio: f64) -> Tap {
     Tap { first: x.floor() as isize, weights: vec![1.0 - t, t] }
 }
 
+/// The one axis along which slices are thick for this step, if there is one: between them the field is that of the shape, and
+/// those of several labels do not add up to that of all.
+pub(crate) fn thick_axis(grid: &Grid, step: f64) -> Option<usize> {
+    let mut thick = (0..3).filter(|&a| grid.spacing()[a] > 1.5 * step);
+    thick.next().filter(|_| thick.next().is_none())
+}
+
 /// Resamples the voxels that `keep` accepts to cells of edge `step` (mm) along the index axes, on a lattice that
 /// depends only on the grid and the step (fields of several labels line up), with `margin` cells around.
 pub(crate) fn even<T: Copy + Eq + Sync>(
@@ -175,13 +182,33 @@ pub(crate) fn even<T: Copy + Eq + Sync>(
     step: f64,
     margin: usize,
 ) -> Option<Even> {
+    resampled((labels, keep), extent, step, margin, thick_axis(labels.grid(), step))
+}
+
+/// As [`even`], but between thick slices, too, what the voxels are mixed linearly: not shapes, but of several labels the fields
+/// add up to that of all.
+pub(crate) fn mixed<T: Copy + Eq + Sync>(
+    labels: &Volume<T>,
+    keep: &(impl Fn(T) -> bool + Sync),
+    extent: &Extent,
+    step: f64,
+    margin: usize,
+) -> Option<Even> {
+    resampled((labels, keep), extent, step, margin, None)
+}
+
+/// Along the axis `thick` by shapes, along the others linearly.
+fn resampled<T: Copy + Eq + Sync>(
+    (labels, keep): (&Volume<T>, &(impl Fn(T) -> bool + Sync)),
+    extent: &Extent,
+    step: f64,
+    margin: usize,
+    thick: Option<usize>,
+) -> Option<Even> {
     let grid = labels.grid();
     let spacing = grid.spacing();
     let ratio = spacing.map(|s| if (step / s - 1.0).abs() < 1e-6 { 1.0 } else { step / s });
     let axes = [0, 1, 2].map(|a| Axis::new(extent.low[a], extent.high[a], ratio[a], margin as isize));
-    let mut thick = (0..3).filter(|&a| spacing[a] > 1.5 * step);
-    // Shapes lie between slices that are thick along one axis.
-    let thick = thick.next().filter(|_| thick.next().is_none());
     let mut part = Part::crop(labels, keep, extent, (thick != Some(0)).then_some(&axes[0]));
     for a in (1..3).filter(|&a| thick != Some(a)) {
         part.resample(a, &axes[a], extent.low[a]);

@@ -4,6 +4,7 @@
 //! they are cut off ([`cutting_order`]). Inside, a point carries the label of the largest field, so a septum thinner than a
 //! cell survives between two ventricles.
 
+use super::gaps::between_slices;
 use super::order::cutting_order;
 use super::remainder::give_away;
 use super::smooth::smoothed;
@@ -14,7 +15,7 @@ use std::ops::Range;
 
 /// Most cells of the common even grid over everything kept.
 const MOST_CELLS: usize = 6_000_000;
-const MARGIN: usize = 5;
+pub(super) const MARGIN: usize = 5;
 /// Extents, mm, at which lengths given in mm hold as they are, and the one that others are brought to.
 const USUAL: Range<f64> = 12.0..500.0;
 const HEAD: f64 = 180.0;
@@ -68,7 +69,7 @@ impl Field {
     }
 
     /// Applies `change` to each cell that this field shares with `other`, a field on the same lattice, and its value there.
-    fn combine(&mut self, other: &Self, change: impl Fn(&mut f32, f32)) {
+    pub(super) fn combine(&mut self, other: &Self, change: impl Fn(&mut f32, f32)) {
         let (offset, [nx, ny, nz]) = (self.offset_of(other), self.volume.grid().dims());
         for [j, k] in (0..nz).flat_map(|k| (0..ny).map(move |j| [j, k])) {
             if let Some((first, from)) = self.row_over(other, offset, [j, k]) {
@@ -185,11 +186,10 @@ impl LabelFields {
         let largest = (0..present.len()).max_by_key(|&i| (present[i].1.count, std::cmp::Reverse(i)))?;
         let rest = present.remove(largest);
         let union = even(labels, &all, &whole, step, MARGIN)?;
-        let (at_border, union) = (union.at_border, Field::new(smoothed(union.field, false)));
-        let parts = present.iter().map(|(k, e)| {
-            Some(Field::new(smoothed(even(labels, &|l: T| l.into() == *k, e, step, MARGIN)?.field, true)))
-        });
-        let mut parts: Vec<Field> = parts.collect::<Option<_>>()?;
+        let (at_border, union) = (union.at_border, Field::new(union.field));
+        let raw = between_slices(labels, &union, (&present, rest), step)?;
+        let union = Field::new(smoothed(union.volume, false));
+        let mut parts: Vec<Field> = raw.into_iter().map(|own| Field::new(smoothed(own.volume, true))).collect();
         let mut fronts: Vec<Field> = parts.iter().map(|own| front(own, &union, &parts)).collect();
         give_away((labels, &|l: T| l.into() == rest.0), &union, (&mut parts, &mut fronts), step);
         let cells: Vec<usize> = parts.iter().map(|own| own.cells_from(0.5)).collect();

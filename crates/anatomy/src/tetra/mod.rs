@@ -32,6 +32,7 @@ mod difference;
 mod draw;
 mod error;
 mod fields;
+mod gaps;
 mod improve;
 mod lattice;
 mod octree;

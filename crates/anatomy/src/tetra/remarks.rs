@@ -20,6 +20,8 @@ const THICKER: &str = "thicken it or resample the labels to voxels of half the s
 const REGIONS: &str = "a region is made of whole elements: ask for more";
 /// Densities over those wanted that are not remarked upon.
 const DENSITY: Range<f64> = 0.75..1.33;
+/// Pieces of less than this part of a voxel are none of the labels: two fields touch there.
+const CRUMB: f64 = 0.05;
 /// Places along a path are so far apart, mm.
 const ALONG: f64 = 0.5;
 
@@ -167,7 +169,8 @@ fn of_idle_path<T>(source: &Source<'_, T>) -> Option<String> {
 }
 
 fn of_crumbs<T>(source: &Source<'_, T>, label: usize) -> Option<String> {
-    let crumbs = || source.crumbs.iter().filter(|c| usize::from(c.label) == label);
+    let least = CRUMB * source.fields.voxel;
+    let crumbs = || source.crumbs.iter().filter(|c| usize::from(c.label) == label && c.volume > least);
     let largest = crumbs().max_by(|a, b| a.volume.total_cmp(&b.volume))?;
     let (pieces, volume) = (crumbs().count(), crumbs().map(|c| c.volume).sum::<f64>());
     let (name, at) = (source.fields.labels[label], place(largest.place));
