@@ -182,27 +182,16 @@ pub(crate) fn even<T: Copy + Eq + Sync>(
     step: f64,
     margin: usize,
 ) -> Option<Even> {
-    resampled((labels, keep), extent, step, margin, thick_axis(labels.grid(), step))
+    resampled(labels, keep, extent, (step, margin), thick_axis(labels.grid(), step))
 }
 
-/// As [`even`], but between thick slices, too, what the voxels are mixed linearly: not shapes, but of several labels the fields
-/// add up to that of all.
-pub(crate) fn mixed<T: Copy + Eq + Sync>(
+/// As [`even`], along the axis `thick` by shapes, along all others linearly: without one the fields of several labels add up to
+/// that of all.
+pub(crate) fn resampled<T: Copy + Eq + Sync>(
     labels: &Volume<T>,
     keep: &(impl Fn(T) -> bool + Sync),
     extent: &Extent,
-    step: f64,
-    margin: usize,
-) -> Option<Even> {
-    resampled((labels, keep), extent, step, margin, None)
-}
-
-/// Along the axis `thick` by shapes, along the others linearly.
-fn resampled<T: Copy + Eq + Sync>(
-    (labels, keep): (&Volume<T>, &(impl Fn(T) -> bool + Sync)),
-    extent: &Extent,
-    step: f64,
-    margin: usize,
+    (step, margin): (f64, usize),
     thick: Option<usize>,
 ) -> Option<Even> {
     let grid = labels.grid();

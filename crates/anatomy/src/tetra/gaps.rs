@@ -5,7 +5,7 @@
 //! has what others leave, turned up there, up to its whole distance off.
 
 use super::fields::{Field, MARGIN};
-use crate::surface::even::{Extent, even, mixed, thick_axis};
+use crate::surface::even::{Extent, resampled, thick_axis};
 use monro_geometry::Volume;
 
 /// What is missing to the field of everything kept by less than this is no gap.
@@ -22,16 +22,19 @@ pub(super) fn between_slices<T: Copy + Eq + Into<u16> + Sync>(
     (present, last): (&[(u16, Extent)], (u16, Extent)),
     step: f64,
 ) -> Option<Vec<Field>> {
-    let shape = |(k, e): &(u16, Extent)| Some(Field::new(even(labels, &|l: T| l.into() == *k, e, step, MARGIN)?.field));
-    let mut shapes: Vec<Field> = present.iter().map(shape).collect::<Option<_>>()?;
+    let thick = thick_axis(labels.grid(), step);
+    let field = |(k, e): &(u16, Extent), thick| {
+        Some(Field::new(resampled(labels, &|l: T| l.into() == *k, e, (step, MARGIN), thick)?.field))
+    };
+    let fields = |thick| present.iter().map(|p| field(p, thick)).collect::<Option<Vec<Field>>>();
+    let mut shapes = fields(thick)?;
     // What is left of everything by one other label is the last one's.
-    if thick_axis(labels.grid(), step).is_none() || present.len() < 2 {
+    if thick.is_none() || present.len() < 2 {
         return Some(shapes);
     }
     let last = (last.0, around(present.iter().map(|p| p.1), labels.grid().dims())?);
-    let mix = |(k, e): &(u16, Extent)| Some(Field::new(mixed(labels, &|l: T| l.into() == *k, e, step, MARGIN)?.field));
-    let mixes: Vec<Field> = present.iter().map(mix).collect::<Option<_>>()?;
-    let gaps = gaps(union, (&shape(&last)?, &shapes), (&mix(&last)?, &mixes));
+    let mixes = fields(None)?;
+    let gaps = gaps(union, (&field(&last, thick)?, &shapes), (&field(&last, None)?, &mixes));
     for (shape, mut share) in shapes.iter_mut().zip(mixes) {
         share.combine(&gaps, |part, gap| *part *= gap);
         shape.combine(&share, |own, more| *own += more);
