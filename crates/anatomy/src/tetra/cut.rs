@@ -2,13 +2,13 @@
 //!
 //! For each surface in turn: points close to a cut move onto it, then the edges still crossing are split one by one in
 //! one global order. Both sides of each face see the same order, so the mesh conforms whatever meets where; three labels
-//! in one element are just two surfaces after each other.
+//! in one element are just two surfaces after each other. Only elements near a label are looked at for it.
 
-use super::adjacency::Incidence;
 use super::fields::{ABSENT, LabelFields};
 use super::lattice::PackedMap;
 use super::quality::quality;
 use super::vec3::{V3, add, distance, lerp, scale};
+use monro_geometry::by_point;
 
 /// A point moves onto a cut within this fraction of the edge. Beyond 0.3 whole elements come to lie on the surface.
 const WARP: f64 = 0.25;
@@ -107,14 +107,19 @@ struct Cut<'a> {
     pinned: &'a mut Vec<bool>,
     fields: &'a LabelFields,
     surface: usize,
+    /// Which elements are near the label: edges that the surface cuts are of these.
+    is_near: Vec<bool>,
+    /// Side of the surface that the corners of the pending ones of these are on; 0 on it, and where it does not matter.
     side: Vec<i8>,
 }
 
 impl<'a> Cut<'a> {
     fn new(mesh: &'a mut RawMesh, pinned: &'a mut Vec<bool>, fields: &'a LabelFields, surface: usize) -> Self {
-        // Only points of pending elements have a side; the others take no part.
+        let may_be: Vec<bool> = mesh.points.iter().map(|&p| fields.may_be_inside(surface, p)).collect();
+        let is_near: Vec<bool> = mesh.tets.iter().map(|t| t.iter().any(|&v| may_be[v as usize])).collect();
+        // Points of elements given away have no side, and far ones all lie on the other one.
         let mut asked = vec![false; mesh.points.len()];
-        for (t, _) in mesh.tets.iter().zip(&mesh.labels).filter(|(_, l)| **l == PENDING) {
+        for t in pending(mesh, &is_near) {
             t.iter().for_each(|&v| asked[v as usize] = true);
         }
         // Edges between points on an earlier surface may lie in its label: a cut there is on all later ones.
@@ -127,7 +132,7 @@ impl<'a> Cut<'a> {
         for v in 0..side.len() {
             pinned[v] |= asked[v] && side[v] == 0;
         }
-        Self { mesh, pinned, fields, surface, side }
+        Self { mesh, pinned, fields, surface, is_near, side }
     }
 
     fn run(&mut self, plus: u8, minus: u8) {
@@ -145,7 +150,7 @@ impl<'a> Cut<'a> {
     fn crossings(&self) -> Vec<Crossing> {
         const PAIRS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
         let mut keys = Vec::new();
-        for (t, _) in self.mesh.tets.iter().zip(&self.mesh.labels).filter(|(_, l)| **l == PENDING) {
+        for t in pending(self.mesh, &self.is_near) {
             for [i, j] in PAIRS {
                 if self.crosses([t[i], t[j]]) {
                     keys.push(edge_key(t[i], t[j]));
@@ -211,18 +216,27 @@ impl<'a> Cut<'a> {
             }
         }
         wishes.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
-        let around = Incidence::new(&self.mesh.tets, self.mesh.points.len());
+        let (first, around) = self.around(&wishes);
         for of_one in wishes.chunk_by(|a, b| a.0 == b.0) {
             for &(v, _, i) in of_one {
+                let around = &around[first[v as usize] as usize..first[v as usize + 1] as usize];
                 let c = &crossings[i as usize];
                 let t = if c.ends[0] == v { c.t } else { 1.0 - c.t };
-                if self.crosses(c.ends) && (self.try_move(v, c.at, around.of(v as usize)) || t < SNAP) {
+                if self.crosses(c.ends) && (self.try_move(v, c.at, around) || t < SNAP) {
                     self.side[v as usize] = 0;
                     self.pinned[v as usize] = true;
                     break;
                 }
             }
         }
+    }
+
+    /// The elements around each point that wishes to move: where those of each point begin, and all of them.
+    fn around(&self, wishes: &[(u32, f64, u32)]) -> (Vec<u32>, Vec<u32>) {
+        let mut wished = vec![false; self.mesh.points.len()];
+        wishes.iter().for_each(|w| wished[w.0 as usize] = true);
+        let corners = (0..).zip(&self.mesh.tets).flat_map(|(e, t)| t.iter().map(move |&v| (v, e)));
+        by_point(corners.filter(|c| wished[c.0 as usize]), wished.len())
     }
 
     fn try_move(&mut self, v: u32, to: V3, around: &[u32]) -> bool {
@@ -250,24 +264,26 @@ impl<'a> Cut<'a> {
             self.side.push(0);
             self.pinned.push(true);
         }
-        let (tets, labels) = (std::mem::take(&mut self.mesh.tets), std::mem::take(&mut self.mesh.labels));
+        let capacity = self.mesh.tets.len() + 4 * crossings.len();
+        let tets = std::mem::replace(&mut self.mesh.tets, Vec::with_capacity(capacity));
+        let labels = std::mem::replace(&mut self.mesh.labels, Vec::with_capacity(capacity));
+        let near = std::mem::replace(&mut self.is_near, Vec::with_capacity(capacity));
         let mut stack = Vec::new();
-        for (t, label) in tets.into_iter().zip(labels) {
+        for ((t, label), is_near) in tets.into_iter().zip(labels).zip(near) {
             stack.push(t);
             while let Some(t) = stack.pop() {
-                match self.first_cut(t, &rank) {
-                    Some((i, j, r)) => {
-                        let (mut low, mut high) = (t, t);
-                        low[j] = first + r;
-                        high[i] = first + r;
-                        stack.push(high);
-                        stack.push(low);
-                    }
-                    None => {
-                        self.mesh.tets.push(t);
-                        self.mesh.labels.push(label);
-                    }
-                }
+                let cut = if is_near { self.first_cut(t, &rank) } else { None };
+                let Some((i, j, r)) = cut else {
+                    self.mesh.tets.push(t);
+                    self.mesh.labels.push(label);
+                    self.is_near.push(is_near);
+                    continue;
+                };
+                let (mut low, mut high) = (t, t);
+                low[j] = first + r;
+                high[i] = first + r;
+                stack.push(high);
+                stack.push(low);
             }
         }
     }
@@ -288,7 +304,8 @@ impl<'a> Cut<'a> {
     }
 
     fn classify(&mut self, plus: u8, minus: u8) {
-        for (t, label) in self.mesh.tets.iter().zip(&mut self.mesh.labels).filter(|(_, l)| **l == PENDING) {
+        let near = self.mesh.tets.iter().zip(&mut self.mesh.labels).zip(&self.is_near).filter(|(_, is_near)| **is_near);
+        for (t, label) in near.map(|(both, _)| both).filter(|(_, l)| **l == PENDING) {
             let sum: i8 = t.iter().map(|&v| self.side[v as usize]).sum();
             let inner = match sum {
                 0 => {
@@ -300,6 +317,12 @@ impl<'a> Cut<'a> {
             *label = if inner { plus } else { minus };
         }
     }
+}
+
+/// Elements near a label that have none yet.
+fn pending<'a>(mesh: &'a RawMesh, is_near: &'a [bool]) -> impl Iterator<Item = [u32; 4]> + 'a {
+    let all = mesh.tets.iter().zip(&mesh.labels).zip(is_near);
+    all.filter(|((_, l), is_near)| **l == PENDING && **is_near).map(|((t, _), _)| *t)
 }
 
 const fn edge_key(a: u32, b: u32) -> u64 {

@@ -5,6 +5,7 @@
 //! cell survives between two ventricles.
 
 use super::gaps::between_slices;
+use super::nearby::Nearby;
 use super::order::cutting_order;
 use super::remainder::give_away;
 use super::smooth::smoothed;
@@ -157,6 +158,8 @@ pub(super) struct LabelFields {
     pub(super) parts: Vec<Field>,
     /// For each of `parts` how far it exceeds what remains for the last label: its surface with that is the zero level.
     fronts: Vec<Field>,
+    /// Which of `parts` have anything where.
+    nearby: Nearby,
     /// All labels, the remainder last; those absent from the volume are left out.
     pub(super) labels: Vec<u16>,
     /// Volume that each label should have, mm3: of its voxels, but for pieces that the fields do not keep.
@@ -197,6 +200,7 @@ impl LabelFields {
         let (parts, fronts) = (put_in_order(parts, &order), put_in_order(fronts, &order));
         present = order.iter().map(|&l| present[l]).chain([rest]).collect();
         Some(Self {
+            nearby: Nearby::new(&union, &parts),
             union,
             parts,
             fronts,
@@ -216,6 +220,7 @@ impl LabelFields {
             union: self.union.clone(),
             parts: Vec::new(),
             fronts: Vec::new(),
+            nearby: Nearby::new(&self.union, &[]),
             labels: self.labels.last().copied().into_iter().collect(),
             volumes: vec![self.volumes.iter().sum()],
             extents: self.extents.iter().copied().reduce(Extent::joined).into_iter().collect(),
@@ -234,9 +239,12 @@ impl LabelFields {
             return self.union.at(p) - 0.5;
         }
         let mut side = self.fronts[s - 1].at(p);
-        if let Some(later) = self.parts.get(s..).filter(|l| !l.is_empty()) {
+        let (later, near) = (self.parts.len() - s, self.near_from(s, p));
+        if later > 0 {
             let own = self.parts[s - 1].at(p);
-            later.iter().for_each(|other| side = side.min(own - other.at(p)));
+            near.iter().for_each(|&other| side = side.min(own - self.parts[usize::from(other)].at(p)));
+            // The others have nothing there.
+            side = if near.len() < later { side.min(own) } else { side };
         }
         // Where neither it nor any later one is, what is left of others has no side by rounding.
         if side.abs() < ABSENT { side.min(self.parts[s - 1].at(p) - ABSENT) } else { side }
@@ -245,7 +253,25 @@ impl LabelFields {
     /// Whether none of the labels that surface `s` parts is at a point, which then lies in one that was cut off before. Before
     /// the outer one, 0, none was.
     pub(super) fn is_beyond(&self, s: usize, p: V3) -> bool {
-        s > 0 && self.parts[s - 1..].iter().all(|part| part.at(p) < ABSENT) && self.rest(p) < ABSENT
+        s > 0
+            && self.near_from(s - 1, p).iter().all(|&l| self.parts[usize::from(l)].at(p) < ABSENT)
+            && self.rest(p) < ABSENT
+    }
+
+    /// Whether a point may lie on the inner side of surface `s`: off the box of its label it does not.
+    pub(super) fn may_be_inside(&self, s: usize, p: V3) -> bool {
+        s == 0 || self.parts[s - 1].cell(p).is_some()
+    }
+
+    /// The labels but the last that may have something at a point, by their indices, in order.
+    pub(super) fn near(&self, p: V3) -> &[u8] {
+        self.nearby.at(p)
+    }
+
+    /// Those from index `l` on.
+    fn near_from(&self, l: usize, p: V3) -> &[u8] {
+        let near = self.near(p);
+        &near[near.partition_point(|&other| usize::from(other) < l)..]
     }
 
     /// Positive on the side of label `a`, zero on its surface with label `b` (`None`: with the outside); and the gradient
@@ -293,7 +319,7 @@ impl LabelFields {
 
     /// What the parts leave of everything kept for the last label at a point.
     pub(super) fn rest(&self, p: V3) -> f64 {
-        self.parts.iter().fold(self.union.at(p), |rest, part| rest - part.at(p))
+        self.near(p).iter().fold(self.union.at(p), |rest, &l| rest - self.parts[usize::from(l)].at(p))
     }
 
     /// Index of the label at a point; `None` outside of all.
@@ -311,8 +337,8 @@ impl LabelFields {
     fn largest_part(&self, p: [f64; 3], whole: f64) -> usize {
         let mut rest = whole;
         let mut best = (self.parts.len(), f64::NEG_INFINITY);
-        for (i, part) in self.parts.iter().enumerate() {
-            let value = part.at(p);
+        for i in self.near(p).iter().map(|&l| usize::from(l)) {
+            let value = self.parts[i].at(p);
             rest -= value;
             if value > best.1 {
                 best = (i, value);

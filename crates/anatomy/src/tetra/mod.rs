@@ -35,6 +35,7 @@ mod fields;
 mod gaps;
 mod improve;
 mod lattice;
+mod nearby;
 mod octree;
 mod order;
 mod quality;
