@@ -26,6 +26,7 @@
 
 mod adjacency;
 mod census;
+mod cleared;
 mod coarse;
 mod cut;
 mod difference;
@@ -60,6 +61,7 @@ pub use report::{
 };
 pub use torn::Torn;
 
+use cleared::Cleared;
 use cut::RawMesh;
 use error::{listed, place};
 use fields::LabelFields;
@@ -68,7 +70,7 @@ use monro_geometry::{Patient, Point, TetMesh, Volume};
 use repair::Crumb;
 use report::Source;
 use size::SizeField;
-use start::{Start, USUAL_GROWTH, first_cell, to_count};
+use start::{USUAL_GROWTH, first_cell};
 use voxels::Voxels;
 
 /// Numbers of elements that can be asked for.
@@ -143,9 +145,9 @@ pub enum Stage {
     Fields,
     /// Size field.
     Size,
-    /// Octree, lattice and cuts, as often as the count needs.
+    /// Octree, lattice and cuts, as often as the count needs; two-manifold labels.
     Cut,
-    /// Two-manifold labels, coarsening to the count.
+    /// Coarsening to the count.
     Coarsen,
     /// Volumes of the labels, shapes of the elements.
     Improve,
@@ -249,9 +251,9 @@ impl Made {
     }
 
     fn once(fields: &LabelFields, size: &SizeField, aim: usize, done: &mut impl FnMut(Stage)) -> Option<Self> {
-        let start = to_count(fields, size, aim)?;
+        let cleared = Cleared::with_room(fields, size, aim)?;
         done(Stage::Cut);
-        Some(improved(start, fields, size, aim, done))
+        Some(improved(cleared, fields, size, aim, done))
     }
 
     /// With faces along the outer surface only.
@@ -354,25 +356,21 @@ fn check(options: &MeshOptions) -> Result<(), MeshError> {
 const COUNT: f64 = 0.02;
 /// and refused where it still misses by this part.
 const ACCEPTED: f64 = 0.05;
-/// Bettering a mesh whose surfaces were coarsened takes this part of its elements.
-const LATER: f64 = 0.011;
 /// A small mesh that misses its count is made again so often: one element more or less at its surface moves many.
 const FEW: usize = 10_000;
 const MORE_TRIES: usize = 4;
 
 /// Coarsens to the count and improves the shapes.
-fn improved(start: Start, fields: &LabelFields, size: &SizeField, wanted: usize, done: &mut impl FnMut(Stage)) -> Made {
-    let Start { mut raw, bounds, lattice_edge, finest } = start;
-    let aim = if finest > lattice_edge { ((1.0 + LATER) * wanted as f64) as usize } else { wanted };
+fn improved(
+    cleared: Cleared<'_>,
+    fields: &LabelFields,
+    size: &SizeField,
+    wanted: usize,
+    done: &mut impl FnMut(Stage),
+) -> Made {
+    let aim = cleared.target(wanted);
+    let Cleared { mut work, crumbs, bounds, finest, .. } = cleared;
     let size = &*size.with_bounds(&bounds);
-    let crumbs = repair::repair(&mut raw, fields.labels.len() as u8, 0.5 * lattice_edge.powi(3), |corners, l| {
-        coarse::holds(corners, l, fields)
-    });
-    let mut work = Work::new(raw, fields);
-    // Points almost in one place, where surfaces meet.
-    let close = Coarse { finest: lattice_edge, target: aim, limit: 0.3, sag: 0.08, floor: 0.3 };
-    work.coarsen(size, &close);
-    work.restore_lines();
     let inside = Coarse { finest, target: aim, limit: 0.9, sag: 0.0, floor: 0.36 };
     work.coarsen(size, &inside);
     if work.count() > aim {

@@ -100,7 +100,7 @@ impl Work<'_> {
     /// Goes on until few elements have an angle below 28 degrees: where a mesh is coarse for what it shows, more had than one
     /// in a hundred. Without merges, which are no help here and cost the count.
     fn leave_few(&mut self) {
-        let few = |work: &Self| work.below(GOOD).len() as f64 <= FEW * work.count() as f64;
+        let few = |work: &Self| !work.has_more_below(GOOD, FEW);
         if !few(self) {
             self.pass(GOOD_BAR);
         }

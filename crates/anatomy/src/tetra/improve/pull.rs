@@ -145,10 +145,11 @@ impl Work<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::tetra::MeshOptions;
     use crate::tetra::fields::LabelFields;
     use crate::tetra::size::SizeField;
+    use crate::tetra::start::to_count;
     use crate::tetra::vec3::distance;
-    use crate::tetra::{MeshOptions, to_count};
     use monro_geometry::{Grid, Volume};
 
     /// A ball of 12 mm in voxels of 1 mm.

@@ -208,10 +208,18 @@ impl<'a> Work<'a> {
 
     /// Elements below a bar, worst first.
     pub(super) fn below(&self, bar: f64) -> Vec<u32> {
-        let mut bad: Vec<u32> =
-            (0..self.tets.len() as u32).filter(|&t| self.is_alive(t) && self.quality[t as usize] < bar).collect();
+        let mut bad: Vec<u32> = self.any_below(bar).collect();
         self.sort_by_quality(&mut bad);
         bad
+    }
+
+    /// Whether more than a part of the elements is below a quality.
+    pub(in super::super) fn has_more_below(&self, bar: f64, part: f64) -> bool {
+        self.any_below(bar).count() as f64 > part * self.count() as f64
+    }
+
+    fn any_below(&self, bar: f64) -> impl Iterator<Item = u32> + '_ {
+        (0..self.tets.len() as u32).filter(move |&t| self.is_alive(t) && self.quality[t as usize] < bar)
     }
 
     /// Puts the worst elements first.

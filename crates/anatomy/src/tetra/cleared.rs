@@ -1,0 +1,72 @@
+//! A cut lattice without what is merged at any rate, so that it is known how many elements are left for the count.
+
+use super::coarse;
+use super::fields::LabelFields;
+use super::improve::{Coarse, Work};
+use super::repair::{self, Crumb};
+use super::size::SizeField;
+use super::start::{Start, to_count};
+use super::vec3::V3;
+
+/// Elements below this quality are bad;
+const BAD: f64 = 0.3;
+/// more than this part of them is many, as where many labels meet. Heads and phantoms have 1 to 3 in a hundred.
+const MANY: f64 = 0.04;
+/// Bettering a mesh takes this part of its elements where bad ones are many,
+const LATER_OF_MANY: f64 = 0.02;
+/// or where its surfaces were coarsened.
+const LATER: f64 = 0.011;
+/// A lattice that has too few is made again once, for so many more at most, and this part on top.
+const MOST_MORE: f64 = 1.25;
+const ON_TOP: f64 = 1.01;
+
+/// A lattice cut along all surfaces and cleared: separate pieces too small to keep, points almost in one place and, where bad
+/// elements are many, the worst of these are gone.
+pub(super) struct Cleared<'a> {
+    pub(super) work: Work<'a>,
+    pub(super) crumbs: Vec<Crumb>,
+    /// Where cells are smaller than wanted elsewhere because of thin parts, and the edges there.
+    pub(super) bounds: Vec<(V3, f64)>,
+    /// The finest edge wanted, mm.
+    pub(super) finest: f64,
+    /// Part of the elements that bettering is going to take.
+    later: f64,
+}
+
+impl<'a> Cleared<'a> {
+    /// With enough elements for so many, if a finer lattice helps; `None` where nothing is left to mesh.
+    pub(super) fn with_room(fields: &'a LabelFields, size: &SizeField, wanted: usize) -> Option<Self> {
+        let first = Self::new(to_count(fields, size, wanted)?, fields, size);
+        let more = first.target(wanted) as f64 / first.work.count().max(1) as f64;
+        if more <= 1.0 {
+            return Some(first);
+        }
+        let asked = wanted as f64 * more.min(MOST_MORE) * ON_TOP;
+        let again = to_count(fields, size, asked as usize).map(|start| Self::new(start, fields, size));
+        Some(again.filter(|again| again.work.count() > first.work.count()).unwrap_or(first))
+    }
+
+    fn new(start: Start, fields: &'a LabelFields, size: &SizeField) -> Self {
+        let Start { mut raw, bounds, lattice_edge, finest } = start;
+        let crumbs = repair::repair(&mut raw, fields.labels.len() as u8, 0.5 * lattice_edge.powi(3), |corners, l| {
+            coarse::holds(corners, l, fields)
+        });
+        let mut work = Work::new(raw, fields);
+        // Points almost in one place, where surfaces meet.
+        let close = Coarse { finest: lattice_edge, target: 0, limit: 0.3, sag: 0.08, floor: 0.3 };
+        work.coarsen(&size.with_bounds(&bounds), &close);
+        work.restore_lines();
+        let many = work.has_more_below(BAD, MANY);
+        if many {
+            // Most of these can only be merged: after the count was met, it would be missed by that.
+            work.improve_worst();
+        }
+        let coarsened = if finest > lattice_edge { LATER } else { 0.0 };
+        Self { work, crumbs, bounds, finest, later: if many { LATER_OF_MANY } else { coarsened } }
+    }
+
+    /// How many elements to coarsen to so that bettering leaves so many.
+    pub(super) fn target(&self, wanted: usize) -> usize {
+        ((1.0 + self.later) * wanted as f64) as usize
+    }
+}
