@@ -16,8 +16,9 @@ const MANY: f64 = 0.04;
 const LATER_OF_MANY: f64 = 0.02;
 /// or where its surfaces were coarsened.
 const LATER: f64 = 0.011;
-/// A lattice that has too few is made again once, for so many more at most, and this part on top.
-const MOST_MORE: f64 = 1.25;
+/// Where a lattice has too few another is made, up to so many, for so many times as many at most, and this part on top.
+const LATTICES: usize = 3;
+const MOST_MORE: f64 = 1.5;
 const ON_TOP: f64 = 1.01;
 
 /// A lattice cut along all surfaces and cleared: separate pieces too small to keep, points almost in one place and, where bad
@@ -34,16 +35,19 @@ pub(super) struct Cleared<'a> {
 }
 
 impl<'a> Cleared<'a> {
-    /// With enough elements for so many, if a finer lattice helps; `None` where nothing is left to mesh.
+    /// With enough elements for so many, if finer lattices help; `None` where nothing is left to mesh.
     pub(super) fn with_room(fields: &'a LabelFields, size: &SizeField, wanted: usize) -> Option<Self> {
-        let first = Self::new(to_count(fields, size, wanted)?, fields, size);
-        let more = first.target(wanted) as f64 / first.work.count().max(1) as f64;
-        if more <= 1.0 {
-            return Some(first);
+        let made = |more| Some(Self::new(to_count(fields, size, wanted, more)?, fields, size));
+        let (mut best, mut more) = (made(1.0)?, 1.0);
+        for _ in 1..LATTICES {
+            let lacks = best.target(wanted) as f64 / best.work.count().max(1) as f64;
+            if lacks <= 1.0 {
+                break;
+            }
+            more *= lacks.min(MOST_MORE) * ON_TOP;
+            best = made(more).filter(|other| other.work.count() > best.work.count()).unwrap_or(best);
         }
-        let asked = wanted as f64 * more.min(MOST_MORE) * ON_TOP;
-        let again = to_count(fields, size, asked as usize).map(|start| Self::new(start, fields, size));
-        Some(again.filter(|again| again.work.count() > first.work.count()).unwrap_or(first))
+        Some(best)
     }
 
     fn new(start: Start, fields: &'a LabelFields, size: &SizeField) -> Self {

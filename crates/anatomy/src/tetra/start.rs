@@ -81,9 +81,10 @@ pub(super) fn first_cell(size: &SizeField, wanted: usize, fields: &LabelFields) 
     CELL_PER_EDGE * finest_for(size, first_guess(wanted, fields))
 }
 
-/// Finds the finest edge that gives the count with its surplus; a mesh that cannot have it is left as near as it comes.
-pub(super) fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) -> Option<Start> {
-    let aim = lattice_aim(wanted, fields);
+/// Finds the finest edge that gives the count with its surplus, or `more` times as many; a mesh that cannot have it is left as
+/// near as it comes.
+pub(super) fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize, more: f64) -> Option<Start> {
+    let aim = more * lattice_aim(wanted, fields);
     let mut search = Search { ratio: underestimate(aim), last: None };
     let mut best: Option<Start> = None;
     let miss = |n: f64| (n / aim).ln();
@@ -116,8 +117,9 @@ pub(super) fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize) ->
         search.follow(miss(n), has_thin);
     }
     let mut start = best.filter(|start| !start.raw.tets.is_empty())?;
-    if (wanted as f64) * SURPLUS < aim {
-        start.finest = finest_for(size, wanted as f64 * SURPLUS / search.ratio).max(start.lattice_edge);
+    let needed = wanted as f64 * SURPLUS * more;
+    if needed < aim {
+        start.finest = finest_for(size, needed / search.ratio).max(start.lattice_edge);
     }
     Some(start)
 }

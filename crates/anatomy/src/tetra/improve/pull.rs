@@ -165,7 +165,7 @@ mod tests {
 
     fn work<'a>(fields: &'a LabelFields, options: &MeshOptions) -> Work<'a> {
         let size = SizeField::new(fields, &[], options).expect("size");
-        let mut work = Work::new(to_count(fields, &size, options.elements).expect("elements").raw, fields);
+        let mut work = Work::new(to_count(fields, &size, options.elements, 1.0).expect("elements").raw, fields);
         work.improve();
         work
     }
