@@ -1,5 +1,6 @@
 //! What looks like a mistake in a scene and is none for certain.
 
+use monro_geometry::{TetLocator, TetMesh};
 use monro_tissue::StaticProblem;
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
@@ -61,6 +62,14 @@ fn rigid(problem: &StaticProblem) -> Vec<String> {
         }
     }
     out
+}
+
+/// Bodies that lie in each other before anything moves.
+pub(super) fn overlapping(mesh: &TetMesh) -> Option<String> {
+    let found = TetLocator::new(mesh).ok()?.overlap()?;
+    Some(format!(
+        "at rest {found}; bodies do not push on each other here: part them, or give them common nodes and faces"
+    ))
 }
 
 /// Entries that nothing reads, of a scene of which one mesh and one case are meant.
@@ -181,6 +190,18 @@ mod tests {
     use super::*;
     use monro_geometry::{Point, Vector};
     use monro_tissue::{EmbeddedRod, SphereContact};
+
+    #[test]
+    fn bodies_that_lie_in_each_other_at_rest_were_solved_without_a_word() {
+        let of = |apart: f64| {
+            let body = |at: f64| [[at, 0.0, 0.0], [at + 9.0, 0.0, 0.0], [at, 9.0, 0.0], [at, 0.0, 9.0]];
+            let vertices = [body(0.0), body(apart)].concat().into_iter().map(Point::from_array).collect();
+            overlapping(&TetMesh { vertices, tets: vec![[0, 1, 2, 3], [4, 5, 6, 7]], labels: vec![1, 1] })
+        };
+        assert_eq!(of(9.5), None);
+        let told = of(1.0).expect("told");
+        assert!(told.contains("2 element(s) lie in others") && told.contains("do not push on each other"), "{told}");
+    }
 
     #[test]
     fn a_sphere_driven_into_a_rod_was_only_told_not_to_converge() {

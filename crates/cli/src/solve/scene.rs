@@ -120,6 +120,7 @@ fn of_case(
     remarks.extend(materials::odd(&materials));
     remarks.extend(materials::unused(&materials, &tets.labels));
     remarks.extend(remarks::nothing_to_find(tets.vertices.len(), &problem));
+    remarks.extend(remarks::overlapping(&tets));
     remarks.extend(held::free(&tets, &problem));
     remarks.extend(units::check(&tets, &problem, &sets).with_context(in_case)?);
     remarks.extend(units::weighed(&tets, &problem, &materials).with_context(in_case)?);

@@ -37,7 +37,7 @@ pub(super) fn weighed(
     }
     let told = format!(
         "the body force on {:.4} m of body (its diagonal) is {:.3e} Pa, {share:.0} times Young's modulus of the softest \
-         material ({pa:.3e} Pa): it would be moved by more than its own size",
+         material ({pa:.3e} Pa): unless its sides confine it, it would be moved by more than its own size",
         1e-3 * diagonal,
         1e3 * force * diagonal
     );
@@ -78,7 +78,7 @@ pub(super) fn check(mesh: &TetMesh, problem: &StaticProblem, sets: &[(String, Ve
     for (i, (what, mm)) in radii.chain(problem.rods.iter().map(|r| ("rod", r.radius_mm)).enumerate()) {
         if mm > 0.0 && mm < THIN * diagonal {
             out.push(format!(
-                "the radius of {what} {i} is {mm} mm, 1/{:.0} of the body's diagonal of {diagonal:.4} mm: no mesh is made \
+                "the radius of {what} {i} is {mm:.3e} mm, 1/{:.0} of the body's diagonal of {diagonal:.4} mm: no mesh is made \
                  so fine inside, and its force is that of a thicker one; a scene is in metres, so say more if it is more",
                 diagonal / mm
             ));
@@ -198,7 +198,7 @@ mod tests {
         assert_eq!(remarks(1.5), Vec::<String>::new());
         let told = remarks(0.001).join("");
         assert!(
-            told.contains("rod 0 is 0.001 mm") && told.contains("1/34641") && told.contains("34.6410 mm"),
+            told.contains("rod 0 is 1.000e-3 mm") && told.contains("1/34641") && told.contains("34.6410 mm"),
             "{told}"
         );
     }
