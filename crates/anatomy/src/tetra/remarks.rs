@@ -18,6 +18,8 @@ const MOST_ABSENT: f64 = 0.1;
 const THICKER: &str = "thicken it or resample the labels to voxels of half the size, more elements do not help";
 /// What helps the volume of a region.
 const REGIONS: &str = "a region is made of whole elements: ask for more";
+/// What helps the volume of a label that is fine already.
+const MORE: &str = "a label thinner than the elements there needs more of them";
 /// Densities over those wanted that are not remarked upon.
 const DENSITY: Range<f64> = 0.75..1.33;
 /// Pieces of less than this part of a voxel are none of the labels: two fields touch there.
@@ -48,7 +50,8 @@ pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(
             all.extend(of_missing(source, i, missing));
             all.extend(thin.then(|| of_thin(l, absent, &source.voxels)));
         }
-        all.extend(of_label(l, report.coarse_regions, thin, far));
+        let way_out = helps(thin, report.coarse_regions, source.options.fine.contains(&l.label));
+        all.extend(of_label(l, report.coarse_regions, way_out, far));
     }
     if has_outer(report) {
         all.extend(of_pinch(Boundary::Outer, &report.outer));
@@ -226,7 +229,17 @@ fn of_thin<T: Copy + Eq + Into<u16> + Sync>(l: &LabelReport, absent: &[usize], v
     )
 }
 
-fn of_label(l: &LabelReport, coarse_regions: bool, thin: bool, far: f64) -> Vec<String> {
+/// What brings a label closer to its volume.
+const fn helps(is_thin: bool, coarse_regions: bool, is_fine: bool) -> &'static str {
+    match (is_thin, coarse_regions, is_fine) {
+        (true, ..) => THICKER,
+        (_, true, _) => REGIONS,
+        (_, _, true) => MORE,
+        (_, _, false) => COARSE,
+    }
+}
+
+fn of_label(l: &LabelReport, coarse_regions: bool, way_out: &str, far: f64) -> Vec<String> {
     if let Some(at) = l.lost_at {
         return vec![format!(
             "label {} has no element: its {} voxel(s), one at {}, are too thin or too small for this mesh",
@@ -238,11 +251,6 @@ fn of_label(l: &LabelReport, coarse_regions: bool, thin: bool, far: f64) -> Vec<
     let pinch = of_pinch(Boundary::Label(l.label), &l.surface).filter(|_| !coarse_regions);
     let mut all: Vec<String> = pinch.into_iter().collect();
     if l.volume_error.abs() > MOST_VOLUME_ERROR {
-        let way_out = match (thin, coarse_regions) {
-            (true, _) => THICKER,
-            (false, true) => REGIONS,
-            (false, false) => COARSE,
-        };
         all.push(format!("label {}: {:+.1} % of its volume; {way_out}", l.label, l.volume_error * 100.0));
     }
     if let Some(d) = l.interface.filter(|d| d.mean > far) {
@@ -280,6 +288,12 @@ fn of_shapes(report: &MeshReport) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_label_that_is_fine_was_to_be_among_those_to_be_fine_around() {
+        assert!(helps(false, false, false).contains("fine around"));
+        assert_eq!(helps(false, false, true), MORE);
+    }
 
     #[test]
     fn a_count_off_by_more_than_two_percent_is_told() {
