@@ -13,6 +13,7 @@
 mod check;
 mod error;
 mod file;
+mod filled;
 mod flat;
 mod hash;
 mod hu;
@@ -50,6 +51,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
         Some(found) => found.or_else(|why| only_volume(path, why).and_then(|file| file::read(&file)))?,
     };
     if !options.any_size {
+        scan.warnings.extend(filled::emptied(&mut scan.volume));
         let profiles = check::profiles(&scan.volume);
         check::extent_check(&scan.volume, &profiles)?;
         check::intercept_check(&scan.volume)?;
