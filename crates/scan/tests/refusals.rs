@@ -99,6 +99,24 @@ fn a_missing_slice_in_the_finer_part_of_a_series_of_two_spacings_is_named() {
 }
 
 #[test]
+fn a_slice_with_other_pixels_was_left_out_of_its_series_without_a_word() {
+    let f = folder();
+    let upright = Grid::axis_aligned([5, 4, 24], [1.0, 1.0, 3.0], [0.0; 3]).expect("a grid");
+    let files = write_series(&sampled(upright), f.path(), &SeriesMeta::default()).expect("written");
+    edit(&files[7], tags::PIXEL_SPACING, VR::DS, "1.02\\1.02");
+    let listed = inspect(f.path()).expect("a listing");
+    let said = "1 image(s) of the same series lie between its slices and are not like them (the first: 0008.dcm, 5 x 4 pixels of \
+                1.0200 x 1.0200 mm";
+    assert!(listed.warnings.iter().any(|w| w.contains(said)), "{:?}", listed.warnings);
+    let scan = read(f.path(), &any_size()).expect("a scan");
+    assert!(scan.warnings.iter().any(|w| w.contains(said)), "{:?}", scan.warnings);
+    // What lies beyond the stack takes nothing from it.
+    edit(&files[7], tags::IMAGE_POSITION_PATIENT, VR::DS, "0\\0\\90");
+    let listed = inspect(f.path()).expect("a listing");
+    assert!(!listed.warnings.iter().any(|w| w.contains("same series")), "{:?}", listed.warnings);
+}
+
+#[test]
 fn truncated_slices() {
     let f = folder();
     let files = series(f.path(), &SeriesMeta::default());

@@ -14,6 +14,7 @@ mod pixels;
 mod rle;
 pub mod seg;
 mod series;
+mod strays;
 mod write;
 
 pub(crate) use folder::{holds_dicom, is_dicom_file};

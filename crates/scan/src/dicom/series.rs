@@ -2,7 +2,7 @@
 
 use super::folder::{load, name};
 use super::image::{Image, Placement, refused_syntax};
-use super::outline;
+use super::{outline, strays};
 use crate::error::{ScanError, SeriesProblem};
 use crate::hash;
 use crate::resample::Stack;
@@ -13,7 +13,7 @@ use std::path::Path;
 /// Slices nearer than this lie at the same place, mm.
 const SAME_PLACE_MM: f64 = 0.05;
 /// Fewer slices make no volume.
-const FEWEST: usize = 3;
+pub(super) const FEWEST: usize = 3;
 /// A gap is refused when it is both this many median steps and this many mm wide.
 const WIDEST_STEPS: f64 = 3.0;
 const WIDEST_MM: f64 = 10.0;
@@ -46,6 +46,7 @@ pub(crate) fn sort(images: Vec<Image>) -> Vec<Series> {
         let id = hash::series_id(&uid) + &if before > 0 { format!("-{}", before + 1) } else { String::new() };
         out.push(Series::new(id, uid, group));
     }
+    strays::note(&mut out);
     out
 }
 
@@ -62,7 +63,7 @@ fn belongs(a: &Image, b: &Image) -> bool {
 }
 
 /// Place of an image along the normal of the first one.
-fn along(first: &Placement, image: &Image) -> f64 {
+pub(super) fn along(first: &Placement, image: &Image) -> f64 {
     let n = first.u.cross(first.v).normalized().unwrap_or(Vector::ZERO);
     image.placement.as_ref().map_or(f64::MAX, |p| (p.origin - first.origin).dot(n))
 }
