@@ -64,7 +64,7 @@ impl HuNotes {
         let mut out = Vec::new();
         if self.below > 0 {
             let (n, p, low) = (self.below, share(self.below), self.lowest);
-            out.push(format!("{n} voxels ({p:.1} %) below -1024 HU, the lowest {low}, were set to -1024"));
+            out.push(format!("{n} voxels ({p:.1} %) below -1024 HU, the lowest {low:.0}, were set to -1024"));
         }
         if self.above > 0 {
             out.push(format!("{} voxels above 32767 HU were set to 32767", self.above));
