@@ -1,4 +1,4 @@
-//! What lies beyond the scanned part of a volume and holds one value throughout: filled in by another program.
+//! What lies beyond the head and holds one value throughout: filled in, or cut off at that value, by another program.
 //!
 //! Programs that turn a volume, or bring it from a round field into a box, put zeros where nothing was scanned. In HU that is
 //! water: taken for tissue, it is the skin of a head as large as the box.
@@ -30,8 +30,8 @@ pub(crate) fn emptied(volume: &mut Volume<i16>) -> Option<String> {
         return None;
     }
     Some(format!(
-        "{:.1} % of the scan hold {fill} HU throughout, from its corners inwards: filled in by another program beyond what was \
-         scanned, and taken for air",
+        "{:.1} % of the scan hold {fill} HU throughout, from its corners inwards: filled in beyond what was scanned, or cut \
+         off at that value, by another program; taken for air",
         100.0 * found.len() as f64 / data.len() as f64
     ))
 }
