@@ -14,17 +14,14 @@ const LEAST: f64 = 0.005;
 
 /// Sets to air what holds one value above that of air from the corners inwards, without a gap; says so.
 pub(crate) fn emptied(volume: &mut Volume<i16>) -> Option<String> {
-    let [nx, ny, nz] = volume.grid().dims();
-    let ends = |n: usize| [0, n.saturating_sub(1)];
-    let corners: Vec<usize> = ends(nz)
-        .into_iter()
-        .flat_map(|k| ends(ny).map(|j| [j, k]))
-        .flat_map(|[j, k]| ends(nx).map(|i| (k * ny + j) * nx + i))
-        .collect();
+    let grid = *volume.grid();
+    let end = |axis: usize, is_far: bool| if is_far { grid.dims()[axis] - 1 } else { 0 };
+    let corner = |c: usize| grid.index(end(0, c & 1 != 0), end(1, c & 2 != 0), end(2, c & 4 != 0));
+    let corners: Vec<usize> = (0..8).map(corner).collect();
     let data = volume.data_mut();
     let held = |value: i16| corners.iter().filter(|&&c| data[c] == value).count();
     let fill = corners.iter().map(|&c| data[c]).find(|&value| value > TISSUE_HU && held(value) >= CORNERS)?;
-    let found = flood(data, [nx, ny, nz], corners, fill);
+    let found = flood(data, grid.dims(), corners, fill);
     if (found.len() as f64) < LEAST * data.len() as f64 {
         found.into_iter().for_each(|at| data[at] = fill);
         return None;
@@ -99,10 +96,10 @@ mod tests {
             assert_eq!(volume, scan(fill));
         }
         // Noise in a scan cut close to the brain: corners may agree, their neighbours do not.
-        let mut volume = scan(AIR);
-        let noise = volume.clone().data().iter().enumerate().map(|(n, _)| 20 + (n % 11) as i16).collect();
-        volume = Volume::new(*volume.grid(), noise).expect("as many values");
-        let [nx, ny, nz] = volume.grid().dims();
+        let grid = *scan(AIR).grid();
+        let noise = (0..grid.len()).map(|n| 20 + (n % 11) as i16).collect();
+        let mut volume = Volume::new(grid, noise).expect("as many values");
+        let [nx, ny, nz] = grid.dims();
         for at in [0, nx - 1, nx * (ny - 1), nx * ny * nz - 1] {
             volume.data_mut()[at] = 30;
         }

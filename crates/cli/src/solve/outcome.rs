@@ -164,10 +164,12 @@ fn sphere(index: usize, c: &SphereContact, force: Vector<Patient>, [rest, end]: 
     let (first, last) = (away(rest, c.from), away(end, c.to));
     let crossed = rest.ray(c.from, c.to - c.from).is_some_and(|h| h.t <= 1.0);
     if force.norm() == 0.0 {
-        let how = match () {
-            () if crossed => "went through the body at rest and ends beyond it",
-            () if last < c.radius_mm => "only grazes its surface in the end, between vertices",
-            () => "does not touch it in the end",
+        let how = if crossed {
+            "went through the body at rest and ends beyond it"
+        } else if last < c.radius_mm {
+            "only grazes its surface in the end, between vertices"
+        } else {
+            "does not touch it in the end"
         };
         return Some(format!(
             "sphere {index} {how}: it begins {:.4} mm from the surface and ends {:.4} mm from it, and pushes with no force",
