@@ -1,7 +1,7 @@
 //! Segmentation of heads as they come: any orientation and spacing, tilted, shifted, cut, with cysts. The phantom is the
 //! truth; what it cannot have (a shift, a cyst, a cut) is done to its voxels.
 
-use monro_anatomy::landmarks;
+use monro_anatomy::landmarks::{self, LandmarkError};
 use monro_anatomy::phantom::{HeadOptions, Phantom, head};
 use monro_anatomy::segment::{SegmentError, Segmentation, segment};
 use monro_geometry::{Affine, Grid, Matrix3, Patient, Point, Vector, Volume};
@@ -217,6 +217,29 @@ fn a_removed_face_gave_a_nasion_and_an_entry_29_mm_off_without_a_word() {
             }
         }
         assert!(told(&ct), "slope {slope}");
+    }
+}
+
+#[test]
+fn a_skull_cut_out_of_its_scan_had_a_skin_of_blurred_bone() {
+    for spacing_mm in [[0.9, 0.9, 1.25], [2.0; 3]] {
+        let Phantom { ct, labels, .. } = made(&HeadOptions { spacing_mm, head_rest: false, ..upright(4) });
+        let found = segment(&ct).expect("segmentation");
+        landmarks::find(&ct, &found).expect("skin as it is");
+        // Bone, all within, and what a voxel of the scan has of it.
+        let kept = |n: usize| {
+            let [i, j, k] = ct.grid().voxel(n);
+            let near = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].into_iter().flat_map(|[x, y, z]| {
+                [(i + x, j + y, k + z), (i.wrapping_sub(x), j.wrapping_sub(y), k.wrapping_sub(z))]
+            });
+            let dims = ct.grid().dims();
+            let mut shown = near.filter(|(i, j, k)| *i < dims[0] && *j < dims[1] && *k < dims[2]);
+            labels.data()[n] > 1 || shown.any(|(i, j, k)| labels.data()[ct.grid().index(i, j, k)] > 1)
+        };
+        let cut = (0..ct.grid().len()).map(|n| if kept(n) { ct.data()[n] } else { -1024 }).collect();
+        let cut = Volume::new(*ct.grid(), cut).expect("as many values");
+        let none = landmarks::find(&cut, &segment(&cut).expect("segmentation")).expect_err("no skin");
+        assert!(matches!(none, LandmarkError::BareSkull { .. }), "{none}");
     }
 }
 

@@ -8,8 +8,9 @@ use monro_geometry::{Affine, Grid, Volume};
 /// A plane with less tissue holds none, mm2.
 const NOTHING_MM2: f64 = 100.0;
 /// A whole head shows at most so much tissue in its first plane, mm2, and so much more for each mm between planes: its
-/// flattest places are balls of 140 mm radius, and a plane `t` inside shows a disc of `2 pi R t`.
-const END_MM2: f64 = 2000.0;
+/// flattest places are balls of 140 mm radius, and a plane `t` inside shows a disc of `2 pi R t`. The sides of a skull without
+/// its skin are flatter: 4200 mm2 in the first 2 mm of a template.
+const END_MM2: f64 = 3000.0;
 const GROWTH_MM: f64 = 900.0;
 /// It is a head if it is as large for so long, mm: the sides of a head rest are thin.
 const DEEP_MM: f64 = 12.0;

@@ -8,6 +8,15 @@ pub enum LandmarkError {
     /// Nothing but skull or less is labelled on the outside.
     #[error("no skin: the labels have no scalp, so neither nasion nor Kocher's points can be found")]
     NoSkin,
+    /// Over most of the vault there is nothing but the blurred border of the bone.
+    #[error(
+        "no skin: half of the skull has less than {thickness_mm:.1} mm over it, as where a skull was cut out of its scan, so \
+         neither nasion nor Kocher's points can be found"
+    )]
+    BareSkull {
+        /// Median thickness of what is labelled scalp, mm.
+        thickness_mm: f64,
+    },
     /// The labels have no intracranial space or no ventricle to take bearings from.
     #[error("no {0} in the labels, so the landmarks have no bearings; complete the labels in the editor")]
     NoBearings(&'static str),

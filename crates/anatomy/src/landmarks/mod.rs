@@ -7,6 +7,7 @@ mod face;
 mod foramina;
 mod profile;
 mod surroundings;
+mod vault;
 
 pub use error::LandmarkError;
 
@@ -47,7 +48,7 @@ pub struct Landmarks {
 /// which voxels the skin lies).
 ///
 /// # Errors
-/// [`LandmarkError`]: no skin in the labels, nasion or vertex cut off, no intracranial space.
+/// [`LandmarkError`]: no skin in the labels or none over the skull, nasion or vertex cut off, no intracranial space.
 pub fn find(ct: &Volume<i16>, segmentation: &Segmentation) -> Result<Landmarks, LandmarkError> {
     let surroundings = Surroundings::new(&segmentation.labels, segmentation.midsagittal)?;
     let mut findings = Vec::new();
@@ -55,6 +56,7 @@ pub fn find(ct: &Volume<i16>, segmentation: &Segmentation) -> Result<Landmarks, 
     let skin = Skin::new(ct, &segmentation.labels)?;
     let profile = Profile::new(&skin, &surroundings);
     let left = segmentation.midsagittal.normal;
+    vault::check(&skin, &profile, left)?;
     findings.extend(face::finding(&skin, &profile, left));
     let nasion = profile.nasion(&mut findings)?;
     let [midline_110mm, kocher_left, kocher_right] = entries((&skin, &profile), nasion, left, &mut findings)?;

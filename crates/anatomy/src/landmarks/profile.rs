@@ -58,6 +58,16 @@ impl<'a> Skin<'a> {
         self.ct.trilinear(at)
     }
 
+    /// The label at a point; `None` beyond the labels.
+    pub(super) fn structure(&self, at: Point<Patient>) -> Option<Structure> {
+        self.labels.nearest(at).and_then(Structure::from_label)
+    }
+
+    /// Length of the scan's voxels in a direction, mm.
+    pub(super) fn voxel_mm(&self, direction: Vector<Patient>) -> f64 {
+        1.0 / self.ct.grid().voxel_from_patient().vector(direction).norm()
+    }
+
     /// Distance along a ray at which the head is left for good; `None` where the scan ends first.
     pub(super) fn leave(&self, from: Point<Patient>, direction: Vector<Patient>) -> Option<f64> {
         let steps = (FAR / FINE) as usize;
@@ -73,8 +83,7 @@ impl<'a> Skin<'a> {
     /// whole voxels, whose steps would be dips as deep as they are large. The border where the scan shows no such place
     /// within two voxels, as for labels drawn otherwise.
     fn between_voxels(&self, from: Point<Patient>, direction: Vector<Patient>, border: f64) -> f64 {
-        let voxel = 1.0 / self.ct.grid().voxel_from_patient().vector(direction).norm();
-        let reach = (2.0 * voxel).max(1.0);
+        let reach = (2.0 * self.voxel_mm(direction)).max(1.0);
         let count = (2.0 * reach / FINE).ceil() as usize;
         let along = |n: usize| border - reach + n as f64 * FINE;
         let values: Vec<f64> =
