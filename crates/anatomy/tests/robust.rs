@@ -221,6 +221,25 @@ fn a_removed_face_gave_a_nasion_and_an_entry_29_mm_off_without_a_word() {
 }
 
 #[test]
+fn a_head_cut_below_the_brow_and_filled_with_air_had_a_nasion_31_mm_off_where_20_were_told() {
+    let phantom = made(&upright(3));
+    let nasion = phantom.landmarks.nasion;
+    for slope in [0.4, 0.8] {
+        let mut ct = phantom.ct.clone();
+        for n in 0..ct.data().len() {
+            let [i, j, k] = ct.grid().voxel(n);
+            let off = ct.grid().centre(i, j, k) - nasion;
+            if off.z + slope * off.y < 5.0 {
+                ct.data_mut()[n] = -1000;
+            }
+        }
+        let marks = landmarks::find(&ct, &segment(&ct).expect("segmentation")).expect("landmarks");
+        assert!(marks.nasion.distance(nasion) > 20.0, "slope {slope}: {}", marks.nasion.distance(nasion));
+        assert!(marks.findings.iter().any(|f| f.contains("ends in a plane")), "slope {slope}: {:?}", marks.findings);
+    }
+}
+
+#[test]
 fn a_skull_cut_out_of_its_scan_had_a_skin_of_blurred_bone() {
     for spacing_mm in [[0.9, 0.9, 1.25], [2.0; 3]] {
         let Phantom { ct, labels, .. } = made(&HeadOptions { spacing_mm, head_rest: false, ..upright(4) });

@@ -119,7 +119,8 @@ impl Profile {
         out
     }
 
-    fn angle(at: f64) -> f64 {
+    /// Degrees above forward of a (continuous) sample.
+    pub(super) fn angle(at: f64) -> f64 {
         FIRST + at * STEP
     }
 
