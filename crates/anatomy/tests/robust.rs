@@ -221,7 +221,7 @@ fn a_removed_face_gave_a_nasion_and_an_entry_29_mm_off_without_a_word() {
 }
 
 #[test]
-fn a_head_cut_below_the_brow_and_filled_with_air_had_a_nasion_31_mm_off_where_20_were_told() {
+fn a_head_cut_below_the_brow_and_filled_with_air_had_a_nasion_31_mm_off_told_as_20() {
     let phantom = made(&upright(3));
     let nasion = phantom.landmarks.nasion;
     for slope in [0.4, 0.8] {

@@ -164,7 +164,7 @@ impl Profile {
         };
         findings.push(format!(
             "nasion uncertain (the midline skin dips by only {depth_mm:.1} mm where it should lie): {place} was taken, so entry \
-             points may be off by 20 mm along the skin; look at the path, or give one with --plan FILE.mrk.json"
+             points may be off by 30 mm along the skin; look at the path, or give one with --plan FILE.mrk.json"
         ));
         Ok(at as f64)
     }

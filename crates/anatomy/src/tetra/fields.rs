@@ -242,9 +242,9 @@ impl LabelFields {
         let (later, near) = (self.parts.len() - s, self.near_from(s, p));
         if later > 0 {
             let own = self.parts[s - 1].at(p);
-            near.iter().for_each(|&other| side = side.min(own - self.parts[usize::from(other)].at(p)));
-            // The others have nothing there.
+            // Those that are not near have nothing there.
             side = if near.len() < later { side.min(own) } else { side };
+            side = near.fold(side, |side, (_, other)| side.min(own - other));
         }
         // Where neither it nor any later one is, what is left of others has no side by rounding.
         if side.abs() < ABSENT { side.min(self.parts[s - 1].at(p) - ABSENT) } else { side }
@@ -253,9 +253,7 @@ impl LabelFields {
     /// Whether none of the labels that surface `s` parts is at a point, which then lies in one that was cut off before. Before
     /// the outer one, 0, none was.
     pub(super) fn is_beyond(&self, s: usize, p: V3) -> bool {
-        s > 0
-            && self.near_from(s - 1, p).iter().all(|&l| self.parts[usize::from(l)].at(p) < ABSENT)
-            && self.rest(p) < ABSENT
+        s > 0 && self.near_from(s - 1, p).all(|(_, value)| value < ABSENT) && self.rest(p) < ABSENT
     }
 
     /// Whether a point may lie on the inner side of surface `s`: off the box of its label it does not.
@@ -268,10 +266,11 @@ impl LabelFields {
         self.nearby.at(p)
     }
 
-    /// Those from index `l` on.
-    fn near_from(&self, l: usize, p: V3) -> &[u8] {
+    /// Those from index `l` on, and what each has there.
+    fn near_from(&self, l: usize, p: V3) -> impl ExactSizeIterator<Item = (usize, f64)> {
         let near = self.near(p);
-        &near[near.partition_point(|&other| usize::from(other) < l)..]
+        let first = near.partition_point(|&other| usize::from(other) < l);
+        near[first..].iter().map(move |&other| (usize::from(other), self.parts[usize::from(other)].at(p)))
     }
 
     /// Positive on the side of label `a`, zero on its surface with label `b` (`None`: with the outside); and the gradient
@@ -319,7 +318,7 @@ impl LabelFields {
 
     /// What the parts leave of everything kept for the last label at a point.
     pub(super) fn rest(&self, p: V3) -> f64 {
-        self.near(p).iter().fold(self.union.at(p), |rest, &l| rest - self.parts[usize::from(l)].at(p))
+        self.near_from(0, p).fold(self.union.at(p), |rest, (_, value)| rest - value)
     }
 
     /// Index of the label at a point; `None` outside of all.
@@ -337,11 +336,10 @@ impl LabelFields {
     fn largest_part(&self, p: [f64; 3], whole: f64) -> usize {
         let mut rest = whole;
         let mut best = (self.parts.len(), f64::NEG_INFINITY);
-        for i in self.near(p).iter().map(|&l| usize::from(l)) {
-            let value = self.parts[i].at(p);
+        for (label, value) in self.near_from(0, p) {
             rest -= value;
             if value > best.1 {
-                best = (i, value);
+                best = (label, value);
             }
         }
         if rest >= best.1 { self.parts.len() } else { best.0 }
