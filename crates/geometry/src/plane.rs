@@ -20,7 +20,7 @@ impl<F: crate::Frame> Plane<F> {
         Some(Self { point, normal: normal.normalized()? })
     }
 
-    /// The plane through `middle` nearest to points about it in their heights along `out`, which is roughly its normal;
+    /// The plane through `middle` nearest to points about it in their heights along `out`, a unit vector near its normal;
     /// `None` where they lie on a line, or are none.
     pub fn fitted(middle: Point<F>, out: Vector<F>, points: impl IntoIterator<Item = Point<F>>) -> Option<Self> {
         let u = out.any_perpendicular()?;
