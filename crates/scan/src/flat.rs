@@ -4,7 +4,7 @@
 //! both sides of a plane over 44 cm2.
 
 use crate::check::TISSUE_HU;
-use monro_geometry::{Patient, Plane, Point, Vector, Volume};
+use monro_geometry::{Patient, Point, Vector, Volume};
 
 /// Cells of the search, mm.
 const CELL_MM: f64 = 3.0;
@@ -68,11 +68,25 @@ fn face(surface: &[Place], seed: &Place) -> Option<Face> {
             return None;
         }
         middle = seed.at + found.iter().fold(Vector::ZERO, |s, p| s + (p.at - seed.at) * p.mm2) / all;
-        // The ways out of single places are drawn towards the axes: better by where they are.
-        out = Plane::fitted(middle, out, found.iter().map(|p| p.at))?.normal;
+        out = tilted(out, found.iter().map(|p| p.at - middle))?;
     }
     let mm2: f64 = found.iter().map(|p| p.mm2).sum();
     (mm2 >= LEAST_MM2).then(|| Face { middle, out, mm2, places: found.iter().map(|p| p.at).collect() })
+}
+
+/// The normal of the plane that fits best to places about its middle, which `out` points at roughly: the ways out of single
+/// places are drawn towards the axes.
+fn tilted(out: Vector<Patient>, places: impl Iterator<Item = Vector<Patient>>) -> Option<Vector<Patient>> {
+    let u = out.any_perpendicular()?;
+    let v = out.cross(u);
+    let [mut uu, mut uv, mut vv, mut uh, mut vh] = [0.0; 5];
+    for p in places {
+        let (a, b, height) = (p.dot(u), p.dot(v), p.dot(out));
+        (uu, uv, vv, uh, vh) = (uu + a * a, uv + a * b, vv + b * b, uh + a * height, vh + b * height);
+    }
+    let all = uu * vv - uv * uv;
+    let (slope_u, slope_v) = ((uh * vv - vh * uv) / all, (vh * uu - uh * uv) / all);
+    (out - u * slope_u - v * slope_v).normalized()
 }
 
 /// The volume seen in cells of about [`CELL_MM`].

@@ -59,7 +59,7 @@ pub fn find(ct: &Volume<i16>, segmentation: &Segmentation) -> Result<Landmarks, 
     vault::check(&skin, &profile, left)?;
     let bare = face::bare_finding(&skin, &profile, left);
     let nasion = profile.nasion(&mut findings)?;
-    findings.extend(bare.or_else(|| face::flat_finding(&skin, &profile, left, nasion)));
+    findings.extend(bare.or_else(|| face::nose_finding(&skin, &profile, left, nasion)));
     let [midline_110mm, kocher_left, kocher_right] = entries((&skin, &profile), nasion, left, &mut findings)?;
     let nasion = profile.point(nasion);
     Ok(Landmarks { nasion, midline_110mm, kocher_left, kocher_right, monro_left, monro_right, findings })
