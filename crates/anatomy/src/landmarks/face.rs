@@ -15,7 +15,8 @@ const FINE_MM: f64 = 2.6;
 /// Part of the places that are bare by chance: none in three heads and three phantoms.
 const BARE: f64 = 0.06;
 /// A nose is sought so many degrees below the nasion, and what is beside it so many mm aside. It stands out by this at least,
-/// mm: on three heads on 35 other grids in all by 6 to 27 below what was the nasion, by -1 to 4 below what was none.
+/// mm: on three heads on 35 other grids in all by 6 to 27 below what was the nasion, by -1 to 4 below what was none,
+/// and 8 where that lay on the brow, close above the nose.
 const BELOW: [f64; 3] = [3.0, 6.0, 9.0];
 const BESIDE: [f64; 2] = [-16.0, 16.0];
 const NOSE_MM: f64 = 5.0;
