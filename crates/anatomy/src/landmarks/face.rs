@@ -2,7 +2,7 @@
 //! and a head that was cut and turned a plane without a nose.
 
 use super::profile::{Profile, Skin};
-use monro_geometry::{Patient, Vector};
+use monro_geometry::{Patient, Point, Vector};
 
 /// Rays from the height of the foramina: degrees above forward, mm aside. They meet brow, root of the nose and cheeks.
 const ANGLES: [f64; 8] = [-45.0, -38.0, -31.0, -24.0, -17.0, -10.0, -3.0, 4.0];
@@ -20,6 +20,9 @@ const BARE: f64 = 0.06;
 const BELOW: [f64; 3] = [3.0, 6.0, 9.0];
 const BESIDE: [f64; 2] = [-16.0, 16.0];
 const NOSE_MM: f64 = 5.0;
+/// What either means, and the way out.
+const NOT_TRUSTED: &str = "so the nasion is not to be trusted and entry points may be off by 30 mm; take the scan as it was \
+                           before, or give the path with --plan FILE.mrk.json";
 
 /// A sentence where bone lies bare at the front of the head; `left` is the direction across the profile.
 pub(super) fn bare_finding(skin: &Skin<'_>, profile: &Profile, left: Vector<Patient>) -> Option<String> {
@@ -27,8 +30,7 @@ pub(super) fn bare_finding(skin: &Skin<'_>, profile: &Profile, left: Vector<Pati
     (bare > BARE).then(|| {
         format!(
             "the front of the head has bone without skin over it ({:.0} % of the places around the nasion): the face seems to \
-             be removed or cut off, so the nasion is not to be trusted and entry points may be off by 30 mm; take the scan as it \
-             was before, or give the path with --plan FILE.mrk.json",
+             be removed or cut off, {NOT_TRUSTED}",
             100.0 * bare
         )
     })
@@ -39,10 +41,9 @@ fn bare(skin: &Skin<'_>, profile: &Profile, left: Vector<Patient>) -> Option<f64
     if skin.coarsest_mm() > FINE_MM {
         return None;
     }
-    let under = |(degrees, aside): (f64, f64)| -> Option<f64> {
-        let (middle, direction) = profile.ray(degrees);
-        let from = middle + left * aside;
-        skin.hu(from + direction * (skin.leave(from, direction)? - UNDER_MM))
+    let under = |(degrees, aside): (f64, f64)| {
+        let (at, out) = left_at(skin, profile.ray(degrees), left * aside)?;
+        skin.hu(at - out * UNDER_MM)
     };
     let rays = ANGLES.into_iter().flat_map(|degrees| ASIDE.map(|aside| (degrees, aside)));
     let found: Vec<f64> = rays.filter_map(under).collect();
@@ -50,27 +51,35 @@ fn bare(skin: &Skin<'_>, profile: &Profile, left: Vector<Patient>) -> Option<f64
     (found.len() >= ANGLES.len() * ASIDE.len() / 2).then(|| bare as f64 / found.len() as f64)
 }
 
+/// Where a ray of the profile, moved aside, leaves the head, and its direction.
+fn left_at(
+    skin: &Skin<'_>,
+    (middle, direction): (Point<Patient>, Vector<Patient>),
+    aside: Vector<Patient>,
+) -> Option<(Point<Patient>, Vector<Patient>)> {
+    let from = middle + aside;
+    Some((from + direction * skin.leave(from, direction)?, direction))
+}
+
 /// A sentence where no nose stands out below the nasion, a sample of the profile; none where too little is shown to tell.
 pub(super) fn nose_finding(skin: &Skin<'_>, profile: &Profile, left: Vector<Patient>, nasion: f64) -> Option<String> {
     let angle = Profile::angle(nasion);
     let (base, out) = profile.ray(angle);
-    let height = |degrees: f64, aside: f64| {
-        let (middle, direction) = profile.ray(degrees);
-        let from = middle + left * aside;
-        Some((from + direction * skin.leave(from, direction)? - base).dot(out))
+    let height = |(degrees, aside): (f64, f64)| {
+        let (at, _) = left_at(skin, profile.ray(degrees), left * aside)?;
+        Some((at - base).dot(out))
     };
     let mean = |asides: &[f64]| {
         let rays = BELOW.into_iter().flat_map(|below| asides.iter().map(move |aside| (angle - below, *aside)));
-        let heights: Vec<f64> = rays.filter_map(|(degrees, aside)| height(degrees, aside)).collect();
+        let heights: Vec<f64> = rays.filter_map(height).collect();
         let enough = 2 * heights.len() > BELOW.len() * asides.len();
         enough.then(|| heights.iter().sum::<f64>() / heights.len() as f64)
     };
     let nose = mean(&[0.0])? - mean(&BESIDE)?;
     (nose < NOSE_MM).then(|| {
         format!(
-            "no nose stands out below the nasion ({nose:.1} mm over what is beside it): the face seems to be cut off, so the nasion \
-             is not to be trusted and entry points may be off by 30 mm; take the scan as it was before, or give the path with \
-             --plan FILE.mrk.json"
+            "no nose stands out below the nasion ({nose:.1} mm over what is beside it): the face seems to be cut off, \
+             {NOT_TRUSTED}"
         )
     })
 }

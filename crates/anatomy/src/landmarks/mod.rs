@@ -54,9 +54,9 @@ pub fn find(ct: &Volume<i16>, segmentation: &Segmentation) -> Result<Landmarks, 
     let mut findings = Vec::new();
     let [monro_left, monro_right] = foramina::find(&surroundings, &mut findings);
     let skin = Skin::new(ct, &segmentation.labels)?;
+    vault::check(&skin, &surroundings)?;
     let profile = Profile::new(&skin, &surroundings);
     let left = segmentation.midsagittal.normal;
-    vault::check(&skin, &profile, left)?;
     let bare = face::bare_finding(&skin, &profile, left);
     let nasion = profile.nasion(&mut findings)?;
     findings.extend(bare.or_else(|| face::nose_finding(&skin, &profile, left, nasion)));

@@ -58,11 +58,6 @@ impl<'a> Skin<'a> {
         self.ct.trilinear(at)
     }
 
-    /// The label at a point; `None` beyond the labels.
-    pub(super) fn structure(&self, at: Point<Patient>) -> Option<Structure> {
-        self.labels.nearest(at).and_then(Structure::from_label)
-    }
-
     /// Length of the scan's voxels in a direction, mm.
     pub(super) fn voxel_mm(&self, direction: Vector<Patient>) -> f64 {
         1.0 / self.ct.grid().voxel_from_patient().vector(direction).norm()
@@ -107,8 +102,7 @@ pub(crate) struct Profile {
 
 impl Profile {
     pub(crate) fn new(skin: &Skin<'_>, surroundings: &Surroundings<'_>) -> Self {
-        let plane = surroundings.midsagittal;
-        let origin = plane.project(surroundings.pose.place([0.0; 3]));
+        let origin = surroundings.origin();
         let forward = surroundings.pose.direction([0.0, -1.0, 0.0]);
         let up = surroundings.pose.direction([0.0, 0.0, 1.0]);
         let coarse = skin.coarsest_mm().max(1.0);

@@ -35,6 +35,11 @@ impl<'a> Surroundings<'a> {
         Ok(Self { labels, midsagittal, pose })
     }
 
+    /// The middle of the foramina in the midplane, from which the skin is looked at.
+    pub(crate) fn origin(&self) -> Point<Patient> {
+        self.midsagittal.project(self.pose.place([0.0; 3]))
+    }
+
     /// The structure at a position.
     pub(crate) fn structure(&self, p: Point<Patient>) -> Structure {
         self.labels.nearest(p).and_then(Structure::from_label).unwrap_or(Structure::Outside)

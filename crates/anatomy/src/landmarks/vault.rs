@@ -1,13 +1,14 @@
 //! Whether there is skin over the vault: where a skull was cut out of its scan, its blurred outermost voxels pass for some.
 
 use super::LandmarkError;
-use super::profile::{Profile, Skin};
+use super::profile::Skin;
+use super::surroundings::Surroundings;
 use monro_geometry::{Patient, Structure, Vector};
 
-/// Rays from the height of the foramina: degrees above the horizontal, and their step about the vertical.
+/// Rays from the foramina: degrees above the horizontal, and their step about the vertical.
 const UP: [f64; 6] = [10.0, 22.0, 34.0, 46.0, 58.0, 70.0];
-const STEP: usize = 15;
-const RAYS: usize = UP.len() * 360 / STEP;
+const STEP: u16 = 15;
+const RAYS: usize = UP.len() * 360 / STEP as usize;
 /// Bone is sought so far below the skin, mm, in such steps: muscle at the temples is 20 mm thick.
 const DEEP: f64 = 35.0;
 const FINE: f64 = 0.25;
@@ -17,13 +18,12 @@ const NONE_MM: f64 = 1.5;
 const NONE_VOXELS: f64 = 1.5;
 const SKIN_MM: f64 = 3.0;
 
-/// `left` is the direction across the profile.
-///
 /// # Errors
 /// [`LandmarkError::BareSkull`] where most of the vault has no skin over it.
-pub(super) fn check(skin: &Skin<'_>, profile: &Profile, left: Vector<Patient>) -> Result<(), LandmarkError> {
-    let rays = UP.into_iter().flat_map(|up| (0..360).step_by(STEP).map(move |about| [up, f64::from(about as u16)]));
-    let mut covers: Vec<Cover> = rays.filter_map(|ray| cover(skin, direction(profile, left, ray), profile)).collect();
+pub(super) fn check(skin: &Skin<'_>, surroundings: &Surroundings<'_>) -> Result<(), LandmarkError> {
+    let rays = UP.into_iter().flat_map(|up| (0..360).step_by(STEP.into()).map(move |about| [up, f64::from(about)]));
+    let ways = rays.map(|ray| surroundings.pose.direction(towards(ray)));
+    let mut covers: Vec<Cover> = ways.filter_map(|way| cover(skin, surroundings, way)).collect();
     let bare = covers.iter().filter(|cover| cover.is_none()).count();
     if covers.len() < RAYS / 4 || 2 * bare <= covers.len() {
         return Ok(());
@@ -32,10 +32,10 @@ pub(super) fn check(skin: &Skin<'_>, profile: &Profile, left: Vector<Patient>) -
     Err(LandmarkError::BareSkull { thickness_mm: covers[covers.len() / 2].mm })
 }
 
-/// So many degrees above the horizontal, and about the vertical from forward to the left.
-fn direction(profile: &Profile, left: Vector<Patient>, [up, about]: [f64; 2]) -> Vector<Patient> {
-    let ([forward, vertical], [up, about]) = ([0.0, 90.0].map(|a| profile.ray(a).1), [up, about].map(f64::to_radians));
-    (forward * about.cos() + left * about.sin()) * up.cos() + vertical * up.sin()
+/// So many degrees above the horizontal, and about the vertical from forward to the left: lateral, posterior, superior.
+fn towards(ray: [f64; 2]) -> [f64; 3] {
+    let [up, about] = ray.map(f64::to_radians);
+    [about.sin() * up.cos(), -about.cos() * up.cos(), up.sin()]
 }
 
 /// What lies over the bone in a direction.
@@ -52,10 +52,10 @@ impl Cover {
 }
 
 /// `None` where the scan ends before the skin does, or no bone lies below it.
-fn cover(skin: &Skin<'_>, direction: Vector<Patient>, profile: &Profile) -> Option<Cover> {
-    let from = profile.ray(0.0).0;
-    let out = skin.leave(from, direction)?;
-    let is_bone = |depth: &f64| skin.structure(from + direction * (out - depth)) == Some(Structure::Skull);
+fn cover(skin: &Skin<'_>, surroundings: &Surroundings<'_>, way: Vector<Patient>) -> Option<Cover> {
+    let from = surroundings.origin();
+    let out = skin.leave(from, way)?;
+    let is_bone = |depth: &f64| surroundings.structure(from + way * (out - depth)) == Structure::Skull;
     let mm = (0..(DEEP / FINE) as usize).map(|n| n as f64 * FINE).find(is_bone)?;
-    Some(Cover { mm, voxel_mm: skin.voxel_mm(direction) })
+    Some(Cover { mm, voxel_mm: skin.voxel_mm(way) })
 }
