@@ -1,13 +1,17 @@
 //! The command line.
 
 mod fields;
+mod path;
+mod simulate;
 mod solver;
 
 use crate::bench::args::BenchCommand;
 use crate::trackers::{DoctorArgs, FakeTrackerCommand, TrackArgs};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
-use fields::{SIMULATE_FIELDS, SOLVE_FIELDS};
+use fields::SOLVE_FIELDS;
 use monro_prepare::DEFAULT_ELEMENTS;
+pub(crate) use path::path;
+pub(crate) use simulate::SimulateArgs;
 use solver::SolverArgs;
 use std::ffi::OsString;
 use std::net::SocketAddr;
@@ -199,54 +203,6 @@ pub(crate) enum LabelsCommand {
         #[arg(long)]
         force: bool,
     },
-}
-
-#[derive(Debug, Args)]
-#[command(after_help = SIMULATE_FIELDS)]
-pub(crate) struct SimulateArgs {
-    /// A case made by "monro prepare".
-    pub(crate) case: PathBuf,
-    /// Folder for the results.
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: PathBuf,
-    /// Speed of the tip along the plan, mm/s.
-    #[arg(long, value_name = "MM_PER_S", default_value_t = 10.0, value_parser = number)]
-    pub(crate) speed: f64,
-    // Only to say where it belongs.
-    #[arg(long, hide = true)]
-    pub(crate) side: Option<String>,
-    /// Which soft body.
-    #[arg(long, value_enum, default_value_t = ModeArg::Physical)]
-    pub(crate) mode: ModeArg,
-    /// Cerebrospinal fluid drained from the ventricles, ml (negative: infused; physical mode), within three seconds before the
-    /// insertion. More than they hold is refused; suction ends at three times the brain's shear modulus (23 mmHg), so
-    /// that after about half to two thirds no more is drained, which is told: walls that meet are not modelled.
-    #[arg(long, value_name = "ML", allow_hyphen_values = true, value_parser = number, conflicts_with = "csf_pressure_mmhg")]
-    pub(crate) drain_ml: Option<f64>,
-    /// How much more the pressure in the ventricles exceeds that at the surface of the brain (transmural) than in the scan,
-    /// mmHg (physical mode). Measured differences are a few mmHg: an intracranial pressure that is high everywhere deforms
-    /// nothing. It rises within the second before the insertion.
-    #[arg(long, value_name = "MMHG", allow_hyphen_values = true, value_parser = number)]
-    pub(crate) csf_pressure_mmhg: Option<f64>,
-    /// TOML file with what to change of the materials of brain and ventricles; docs/materials.md lists all, with units.
-    #[arg(long, value_name = "FILE.toml")]
-    pub(crate) materials: Option<PathBuf>,
-    /// Acceleration that the tissue has begun to feel since the scan, m/s2, LPS: lost buoyancy, another position of the head.
-    /// As "0,9.81,0" or as three numbers after each other.
-    #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
-    pub(crate) gravity: Option<[f64; 3]>,
-    #[command(flatten)]
-    pub(crate) solver: SolverArgs,
-    /// Overwrite an existing output folder.
-    #[arg(long)]
-    pub(crate) force: bool,
-}
-
-/// Three numbers with commas between them.
-fn triple(text: &str) -> Result<[f64; 3], String> {
-    let numbers: Result<Vec<f64>, _> = text.split([',', ' ']).filter(|n| !n.is_empty()).map(str::parse).collect();
-    let three = numbers.ok().and_then(|n| <[f64; 3]>::try_from(n).ok());
-    three.filter(|n| n.iter().all(|v| v.is_finite())).ok_or_else(|| "wanted three finite numbers, as 0,9.81,0".into())
 }
 
 /// The command line. Values may begin with a minus: what cannot be negative says so itself.

@@ -51,7 +51,7 @@ fn prepare_and_insert(path: Option<&Path>, elements: usize, console: &Console) -
     let peak_mib = peak_memory_mib();
     let mut modes = serde_json::Map::new();
     for (name, mode) in [("paper", ModeArg::Paper), ("physical", ModeArg::Physical)] {
-        let done = simulate::insert(&prepared.case, &simulate::settings(mode, 10.0), console)?;
+        let done = simulate::insert(&prepared.case, &[], &simulate::settings(mode, 10.0), console)?;
         let times =
             json!({ "frames": done.rows.len(), "ms_median": done.ms_quantile(0.5), "ms_p99": done.ms_quantile(0.99) });
         modes.insert(name.into(), times);

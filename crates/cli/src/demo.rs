@@ -38,7 +38,7 @@ pub(crate) fn run(args: &DemoArgs, console: &Console) -> Result<()> {
     let case_dir = sub_folder((&staging, "case", &CASE), |s| prepare::write(&prepared, s, console))?;
     let preparing = console.stages();
     let case = console.stage("open case", || Case::open(&case_dir))?;
-    let done = simulate::insert(&case, &simulate::settings(ModeArg::Physical, SPEED_MM_S), console)?;
+    let done = simulate::insert(&case, &[], &simulate::settings(ModeArg::Physical, SPEED_MM_S), console)?;
     sub_folder((&staging, "insertion", &SIMULATION), |s| simulate::write(&case_dir, &case, &done, s, console))?;
     let stages = console.stages();
     let times = json!({ "notice": NOTICE, "seconds": seconds_json(&stages) });

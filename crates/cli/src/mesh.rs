@@ -8,6 +8,7 @@ mod options;
 mod out;
 mod report;
 
+pub(crate) use facts::place;
 pub(crate) use figures::{MeshSection, time_section};
 pub(crate) use options::{coarsest, growth, label};
 
@@ -175,7 +176,7 @@ fn input(args: &MeshArgs) -> Result<Input> {
         input.remarks.extend(not_taken_for_ventricles(&input.keep, &input.fine));
     }
     if let Some(path) = &args.path {
-        input.path = Some(options::path(path)?);
+        input.path = Some(crate::args::path("--path", path)?);
     }
     Ok(input)
 }

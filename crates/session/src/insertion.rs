@@ -1,27 +1,24 @@
 //! A catheter is pushed along the plan of a case, and everything of interest is read off frame by frame.
 
 use crate::deformation::at;
+use crate::schedule::Schedule;
 use crate::tissue_model::{self, ModelSettings};
 use crate::{Follower, SessionError, StructureVolumes};
 use core::ops::RangeInclusive;
 use monro_case::Case;
 use monro_geometry::{Patient, Point, Structure, TetMesh};
 use monro_guidance::{NeedlePose, Plan, Reading, TargetReading};
-use monro_tissue::{Csf, Event, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose};
+use monro_tissue::{Csf, Event, Model, State, StepReport, Stepper, TipShape, ToolMotion, ToolPose};
 
 pub use monro_tissue::{FrameSettings, Mode};
 
 /// Speeds that can be simulated, mm/s.
 pub(crate) const SPEED_MM_S: RangeInclusive<f64> = 0.1..=500.0;
 
-/// Length of the catheter behind its tip, mm (ventricular catheters are 200 to 350 mm long).
-pub(crate) const CATHETER_LENGTH_MM: f64 = 250.0;
-
-/// Time over which what is done to the fluid and gravity come on before the insertion, s. At once they would throw the
-/// tissue; this is many periods of its slowest motion (a head's: about 8 Hz).
-const BRING_ON_S: f64 = 1.0;
-/// After that a volume that is drained is waited for, s: the pressure that takes it out is found as it goes.
-const DRAIN_S: f64 = 2.0;
+/// Diameters that can be simulated, mm: from a microelectrode's guide to twice the thickest ventricular catheter.
+pub(crate) const DIAMETER_MM: RangeInclusive<f64> = 0.5..=8.0;
+/// Paths are held against each other in such steps, mm.
+const APART_STEP_MM: f64 = 0.5;
 
 /// How the insertion is done.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,8 +29,12 @@ pub struct InsertionSettings {
     pub speed_mm_s: f64,
     /// Outer diameter of the catheter, mm (9 Fr is 3 mm).
     pub diameter_mm: f64,
-    /// Time the catheter rests at the target before the end, s.
+    /// Shape of its tip.
+    pub tip: TipShape,
+    /// Time the catheter rests at the target, s, and after it has been drawn out.
     pub hold_s: f64,
+    /// Whether it is drawn out again, at the speed at which it went in.
+    pub withdraw: bool,
     /// Time stepping of the soft body. What it says of fluid and gravity comes on evenly in a second before the insertion, for
     /// a volume to be drained a second that is over two before it.
     pub frame: FrameSettings,
@@ -42,7 +43,7 @@ pub struct InsertionSettings {
 /// One moment of the insertion. Lengths in mm, angles in radians, patient frame (LPS).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// Time since the start at the skin, s; negative while fluid and gravity come on.
+    /// Time since the start at the skin, s; negative while fluid and gravity come on and other catheters go in.
     pub time_s: f64,
     /// Tip of the catheter.
     pub tip: Point<Patient>,
@@ -74,23 +75,24 @@ pub struct Insertion {
     plan: Plan,
     target: Follower,
     settings: InsertionSettings,
-    tool: Tool,
+    schedule: Schedule,
+    motions: Vec<ToolMotion>,
     frames_done: usize,
-    /// Frames over which fluid and gravity come on.
-    frames_on: usize,
-    /// Frames before the catheter begins to move.
-    frames_before: usize,
-    frames_in_all: usize,
 }
 
 impl Insertion {
-    /// Prepares the insertion of a case.
+    /// Prepares the insertion of a case. Other catheters, alike, go in along the paths `beside` before, one after the other,
+    /// and stay.
     ///
     /// # Errors
-    /// A speed out of range, more fluid to be drained than there is, a mesh that cannot be simulated, a path beside the brain.
-    pub fn new(case: &Case, settings: &InsertionSettings) -> Result<Self, SessionError> {
+    /// A speed or diameter out of range, more fluid to be drained than there is, a mesh that cannot be simulated, a path
+    /// beside the brain, paths through each other.
+    pub fn new(case: &Case, beside: &[Plan], settings: &InsertionSettings) -> Result<Self, SessionError> {
         if !SPEED_MM_S.contains(&settings.speed_mm_s) {
             return Err(SessionError::Speed(settings.speed_mm_s));
+        }
+        if !DIAMETER_MM.contains(&settings.diameter_mm) {
+            return Err(SessionError::Diameter(settings.diameter_mm));
         }
         if let Csf::Drained { ml } = settings.frame.csf {
             let holds_ml = StructureVolumes::new(&case.tets).ventricles_ml();
@@ -98,12 +100,9 @@ impl Insertion {
                 return Err(SessionError::Drained { ml, holds_ml });
             }
         }
-        let length_mm = case.plan.length();
-        let (opening, _) = tissue_model::opening(&case.tets, &case.plan)?;
-        let model = Model::new(&case.tets, &tissue_model::options(&case.tets, opening, &settings.model))?;
-        let moving = (length_mm / settings.speed_mm_s / settings.frame.dt_s).ceil();
-        let resting = (settings.hold_s / settings.frame.dt_s).ceil();
-        let [frames_on, frames_before] = frames_before(&settings.frame);
+        let openings = openings(case, beside)?;
+        stand_apart(&case.plan, beside, settings.diameter_mm)?;
+        let model = Model::new(&case.tets, &tissue_model::options(&case.tets, &openings, &settings.model))?;
         Ok(Self {
             state: model.rest_state(),
             stepper: Stepper::new(&model),
@@ -113,22 +112,20 @@ impl Insertion {
             plan: case.plan,
             target: Follower::new(&case.tets, &[case.plan.target()])?,
             settings: *settings,
-            tool: Tool { tip: TipShape::Round, radius_mm: settings.diameter_mm / 2.0 },
+            schedule: Schedule::new(&case.plan, beside, settings),
+            motions: Vec::with_capacity(1 + beside.len()),
             frames_done: 0,
-            frames_on,
-            frames_before,
-            frames_in_all: frames_before + (moving + resting) as usize,
         })
     }
 
     /// Frames done and in all.
     pub const fn progress(&self) -> (usize, usize) {
-        (self.frames_done, self.frames_in_all)
+        (self.frames_done, self.schedule.total)
     }
 
-    /// Frames before the catheter begins to move: fluid and gravity come on.
-    pub const fn before(&self) -> usize {
-        self.frames_before
+    /// Frames before the planned catheter begins to move, and those before it is drawn out.
+    pub const fn before(&self) -> [usize; 2] {
+        [self.schedule.begins, self.schedule.turns]
     }
 
     /// One frame further; `None` at the end.
@@ -136,17 +133,18 @@ impl Insertion {
     /// # Errors
     /// When the needle pose is not usable.
     pub fn advance(&mut self) -> Result<Option<Frame>, SessionError> {
-        if self.frames_done >= self.frames_in_all {
+        let frame = self.frames_done;
+        if frame >= self.schedule.total {
             return Ok(None);
         }
-        let motion =
-            ToolMotion { tool: self.tool, from: self.pose(self.frames_done), to: self.pose(self.frames_done + 1) };
-        let share = (self.frames_done + 1) as f64 / self.frames_on as f64;
+        self.motions.clear();
+        self.motions.extend(self.schedule.motions(frame));
+        let share = (frame + 1) as f64 / self.schedule.frames_on as f64;
         let settings = self.settings.frame.brought_on(share.min(1.0));
-        let step = self.stepper.step(&self.model, &mut self.state, &[motion], &settings);
+        let step = self.stepper.step(&self.model, &mut self.state, &self.motions, &settings);
         self.model.nodes_into(&self.state, &mut self.nodes);
         self.frames_done += 1;
-        self.read(motion.to, step).map(Some)
+        self.read(self.motions[0].to, step).map(Some)
     }
 
     /// The mesh as it is now.
@@ -176,12 +174,6 @@ impl Insertion {
         self.model.origin()
     }
 
-    fn pose(&self, frame: usize) -> ToolPose {
-        let frame = frame.saturating_sub(self.frames_before);
-        let depth = (frame as f64 * self.settings.frame.dt_s * self.settings.speed_mm_s).min(self.plan.length());
-        ToolPose { tip: self.plan.at_depth(depth), tail: self.plan.at_depth(depth - CATHETER_LENGTH_MM) }
-    }
-
     fn read(&mut self, pose: ToolPose, step: StepReport) -> Result<Frame, SessionError> {
         let needle = NeedlePose::new(pose.tip, pose.tip - pose.tail)?;
         self.target.follow(&self.stepper, &self.nodes);
@@ -189,7 +181,7 @@ impl Insertion {
         let reading = Reading::new(&self.plan, &needle);
         let label = step.tools.first().and_then(|t| t.label);
         Ok(Frame {
-            time_s: (self.frames_done as f64 - self.frames_before as f64) * self.settings.frame.dt_s,
+            time_s: (self.frames_done as f64 - self.schedule.begins as f64) * self.settings.frame.dt_s,
             tip: pose.tip,
             depth_mm: reading.depth,
             distance_rigid_mm: TargetReading::new(&needle, self.plan.target()).distance,
@@ -202,13 +194,29 @@ impl Insertion {
     }
 }
 
-/// Frames over which loads come on, and those before the catheter begins to move.
-fn frames_before(settings: &FrameSettings) -> [usize; 2] {
-    let frames = |s: f64| (s / settings.dt_s).ceil() as usize;
-    let loaded = settings.csf != Csf::AtRest || settings.gravity_mm_s2 != [0.0; 3];
-    let bring_on = if loaded { frames(BRING_ON_S) } else { 0 };
-    let drain = if matches!(settings.csf, Csf::Drained { .. }) { frames(DRAIN_S) } else { 0 };
-    [bring_on, bring_on + drain]
+/// Where all paths meet the tissue.
+fn openings(case: &Case, beside: &[Plan]) -> Result<Vec<Point<Patient>>, SessionError> {
+    let of = |plan: &Plan| tissue_model::opening(&case.tets, plan).map(|(at, _)| at);
+    let others = beside
+        .iter()
+        .enumerate()
+        .map(|(i, plan)| of(plan).map_err(|source| SessionError::Beside { number: i + 1, source: Box::new(source) }));
+    [of(&case.plan)].into_iter().chain(others).collect()
+}
+
+/// That no two catheters would lie in each other.
+fn stand_apart(plan: &Plan, beside: &[Plan], diameter_mm: f64) -> Result<(), SessionError> {
+    let all: Vec<&Plan> = [plan].into_iter().chain(beside).collect();
+    let pairs = all.iter().enumerate().flat_map(|(i, a)| all[..i].iter().map(move |b| apart_mm(a, b)));
+    let apart_mm = pairs.fold(f64::INFINITY, f64::min);
+    if apart_mm < diameter_mm { Err(SessionError::Meet { diameter_mm, apart_mm }) } else { Ok(()) }
+}
+
+/// Least distance between two paths, mm, to half a step.
+fn apart_mm(a: &Plan, b: &Plan) -> f64 {
+    let steps = (a.length() / APART_STEP_MM).ceil() as usize;
+    let at = (0..=steps).map(|i| a.at_depth((i as f64 * APART_STEP_MM).min(a.length())));
+    at.map(|p| p.distance(p.nearest_on_segment(b.entry(), b.target()))).fold(f64::INFINITY, f64::min)
 }
 
 impl Frame {
@@ -227,11 +235,75 @@ impl Frame {
         self.at_tip.is_some_and(Structure::is_ventricle)
     }
 
-    /// Punctures of this frame: (depth of the dimple in mm, axial force in mN, label entered).
+    /// What the tip of a catheter beside the planned one lies in, by its number from 0.
+    pub fn beside(&self, number: usize) -> Option<Structure> {
+        self.step.tools.get(number + 1).and_then(|t| t.label).and_then(Structure::from_label)
+    }
+
+    /// Punctures of this frame by the planned catheter: (depth of the dimple in mm, axial force in mN, label entered).
     pub fn punctures(&self) -> impl Iterator<Item = (f64, f64, u16)> + '_ {
         self.step.events.iter().filter_map(|e| match e {
-            Event::Punctured { depth_mm, force_mn, to, .. } => Some((*depth_mm, *force_mn, *to)),
+            Event::Punctured { tool: 0, depth_mm, force_mn, to, .. } => Some((*depth_mm, *force_mn, *to)),
             _ => None,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::live::deformation::tests::case;
+    use monro_guidance::Side;
+
+    fn settings() -> InsertionSettings {
+        InsertionSettings {
+            model: ModelSettings::of(Mode::Physical(monro_tissue::PhysicalOptions::default())),
+            speed_mm_s: 40.0,
+            diameter_mm: 3.0,
+            tip: TipShape::Round,
+            hold_s: 0.5,
+            withdraw: true,
+            frame: FrameSettings::default(),
+        }
+    }
+
+    fn beside(x: f64) -> Plan {
+        Plan::new(Side::Right, Point::new(x, 45.0, 80.0), Point::new(x, 45.0, 30.0)).expect("a path")
+    }
+
+    #[test]
+    fn a_catheter_is_drawn_out_from_beside_another_that_stays() {
+        let mut insertion = Insertion::new(&case(), &[beside(12.0)], &settings()).expect("an insertion");
+        let [begins, turns] = insertion.before();
+        let mut frames = Vec::new();
+        while let Some(frame) = insertion.advance().expect("a frame") {
+            frames.push(frame);
+        }
+        let (at_start, at_rest, last) = (&frames[begins - 1], &frames[turns - 1], &frames[frames.len() - 1]);
+        assert_eq!((at_start.at_tip, at_start.beside(0)), (None, Some(Structure::Brain)));
+        assert!(at_rest.at_tip.is_some() && at_rest.distance_rigid_mm < 1e-9, "{at_rest:?}");
+        assert_eq!((last.at_tip, last.beside(0)), (None, Some(Structure::Brain)));
+        assert!(
+            last.step.tools[0].inserted_mm < 1e-9 && last.step.tools[1].inserted_mm > 10.0,
+            "{:?}",
+            last.step.tools
+        );
+        // Friction holds it back, against the push that it met.
+        let pulled = frames[turns..].iter().filter_map(Frame::axial_force_mn).fold(0.0, f64::min);
+        assert!(pulled < -1.0, "{pulled} mN");
+        assert_eq!(last.step.inverted, 0);
+    }
+
+    #[test]
+    fn catheters_through_each_other_beside_the_brain_or_of_no_thickness_are_refused() {
+        let said = |beside: &[Plan], diameter_mm: f64| {
+            let settings = InsertionSettings { diameter_mm, ..settings() };
+            Insertion::new(&case(), beside, &settings).expect_err("refused").to_string()
+        };
+        let close = Plan::new(Side::Right, Point::new(33.0, 29.0, 80.0), Point::new(33.0, 29.0, 30.0)).expect("a path");
+        assert!(said(&[close], 3.0).contains("within 2.0 mm of each other"), "{}", said(&[close], 3.0));
+        let missed = said(&[beside(12.0), beside(500.0)], 3.0);
+        assert!(missed.contains("catheter 2 beside") && missed.contains("does not meet the brain"), "{missed}");
+        assert!(said(&[], 0.0).contains("0.5 to 8 mm"), "{}", said(&[], 0.0));
     }
 }

@@ -6,6 +6,7 @@
 mod deformation;
 mod insertion;
 pub mod live;
+mod schedule;
 mod tissue_model;
 mod volumes;
 
@@ -25,6 +26,9 @@ pub enum SessionError {
     /// The speed is not usable.
     #[error("a speed of {0} mm/s cannot be simulated; give one between {min} and {max} mm/s", min = insertion::SPEED_MM_S.start(), max = insertion::SPEED_MM_S.end())]
     Speed(f64),
+    /// The catheter is not usable.
+    #[error("a catheter of {0} mm cannot be simulated; give one of {min} to {max} mm", min = insertion::DIAMETER_MM.start(), max = insertion::DIAMETER_MM.end())]
+    Diameter(f64),
     /// The mesh cannot be simulated.
     #[error("the tetrahedra of the case cannot be simulated: {0}")]
     Model(#[from] ModelError),
@@ -44,14 +48,32 @@ pub enum SessionError {
     },
     /// The path begins in the tissue, so there is no place where it goes in.
     #[error(
-        "the planned entry lies in the brain, {deep_mm:.1} mm along the path under its surface; move it out, best to the skin"
+        "the entry lies in the brain, {deep_mm:.1} mm along the path under its surface; move it out, best to the skin"
     )]
     EntryInside {
         /// From the surface along the path to the entry, mm.
         deep_mm: f64,
     },
+    /// The path of another catheter is not usable.
+    #[error("catheter {number} beside the planned one: {source}")]
+    Beside {
+        /// Its number, from 1.
+        number: usize,
+        /// Why.
+        source: Box<Self>,
+    },
+    /// Two catheters would lie in each other.
+    #[error(
+        "the paths of two catheters of {diameter_mm} mm come within {apart_mm:.1} mm of each other, axis to axis; move one by a diameter"
+    )]
+    Meet {
+        /// Of both.
+        diameter_mm: f64,
+        /// Between their axes.
+        apart_mm: f64,
+    },
     /// The path never meets the tissue.
-    #[error("the planned path of {length_mm:.1} mm does not meet the brain; is the plan of this patient?")]
+    #[error("the path of {length_mm:.1} mm does not meet the brain; is it of this patient?")]
     PathMisses {
         /// Length of the path.
         length_mm: f64,

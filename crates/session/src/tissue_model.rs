@@ -46,7 +46,7 @@ impl Materials {
 }
 
 /// Options of the soft body for a case: brain tissue, fluid ventricles, the skull side held except in the burr hole.
-pub(crate) fn options(tets: &TetMesh, opening: Point<Patient>, settings: &ModelSettings) -> ModelOptions {
+pub(crate) fn options(tets: &TetMesh, openings: &[Point<Patient>], settings: &ModelSettings) -> ModelOptions {
     let label = |s: Structure| u16::from(s.label());
     let mut materials = BTreeMap::from([(label(Structure::Brain), settings.materials.brain)]);
     for s in Structure::ALL.into_iter().filter(|s| s.is_ventricle()) {
@@ -55,20 +55,23 @@ pub(crate) fn options(tets: &TetMesh, opening: Point<Patient>, settings: &ModelS
     ModelOptions {
         mode: settings.mode,
         materials,
-        attachments: attachments(tets, opening),
+        attachments: attachments(tets, openings),
         collision: settings.collision,
     }
 }
 
-/// Holds the surface outside of the burr hole. Where elements are so large that no vertex lies in it, the nearest is free all
+/// Holds the surface outside of the burr holes. Where elements are so large that no vertex lies in one, the nearest is free all
 /// the same: held all over, pia cannot dimple, and is punctured as soon as it is touched.
-fn attachments(tets: &TetMesh, opening: Point<Patient>) -> Vec<Attachment> {
+fn attachments(tets: &TetMesh, openings: &[Point<Patient>]) -> Vec<Attachment> {
     let mut nodes: Vec<u32> = tets.boundary(|_| true).into_iter().flatten().collect();
     nodes.sort_unstable();
     nodes.dedup();
-    let away = |n: u32| tets.vertices[n as usize].distance(opening);
-    let nearest = nodes.iter().map(|&n| away(n)).fold(f64::INFINITY, f64::min);
-    nodes.retain(|&n| away(n) > nearest.max(BURR_HOLE_RADIUS_MM));
+    let away = |n: u32, from: Point<Patient>| tets.vertices[n as usize].distance(from);
+    let radius = |hole: Point<Patient>| {
+        nodes.iter().map(|&n| away(n, hole)).fold(f64::INFINITY, f64::min).max(BURR_HOLE_RADIUS_MM)
+    };
+    let holes: Vec<_> = openings.iter().map(|&hole| (hole, radius(hole))).collect();
+    nodes.retain(|&n| holes.iter().all(|&(hole, radius)| away(n, hole) > radius));
     nodes.into_iter().map(|node| Attachment { node, kind: AttachmentKind::Fixed }).collect()
 }
 
@@ -97,7 +100,7 @@ mod tests {
     #[test]
     fn a_burr_hole_between_the_vertices_of_a_coarse_mesh_had_none_that_was_free() {
         let tets = tets();
-        let held = |opening| attachments(&tets, opening).len();
+        let held = |opening| attachments(&tets, &[opening]).len();
         let mut surface: Vec<u32> = tets.boundary(|_| true).into_iter().flatten().collect();
         surface.sort_unstable();
         surface.dedup();

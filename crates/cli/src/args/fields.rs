@@ -16,6 +16,11 @@ In --json and summary.json:
   target_shift_mm how far the target's tissue has moved at the end; max_target_shift_mm: at most on the way
   wall_shift_mm   how far the wall of the ventricles has moved at the end, where most; max_wall_shift_mm: on the way, mostly
                   just before it gives way
+  withdrawal      of drawing it out (--withdraw): reliable, max_pull_mn (the largest force that lasts with which tissue
+                  held it back), left_ventricle_depth_mm (where CSF stopped), left_brain_depth_mm, and, when it was out and
+                  the tissue had come to rest, target_shift_mm, wall_shift_mm, at_tip (null: outside) and counts as those
+                  of the insertion. All else is of the end of the rest at the target. null where it stayed
+  beside          other catheters (--beside): their paths, and at_tip, what the tip of each lay in at the end
   remarks         why, and whatever else is to be said; also on stderr and at the head of report.html
   inverted_most, inverted_at_end
                   turned elements: most in a frame, and in the last one
@@ -38,13 +43,14 @@ In --json and summary.json:
                   of the middle one of three frames in a row: single frames may be of a jump of the tissue
   volumes         of the brain (with the CSF around it, which is simulated as brain: more than labels and report of the
                   case say) and of each ventricle, ml: rest_ml, change_ml at the end, largest_change_ml
-  mode, speed_mm_s, diameter_mm, gravity_m_s2, csf_pressure_mmhg, iterations, predicted_space, materials,
-  materials_file, case, plan
+  mode, speed_mm_s, diameter_mm, tip_cone_deg (null: round), gravity_m_s2, csf_pressure_mmhg, iterations,
+  predicted_space, materials, materials_file, case, plan
                   what was asked; what is not as usual stands also on stdout and at the head of report.html
   max_whole_volume_change_percent
                   of brain and ventricles together, which the skull holds: hardly anything, whatever moves inside
-In insertion.csv time_s is negative while pressure, drainage and gravity come on, and the axial force is empty in a frame
-held (held is 1): nothing was felt there. A result that is not reliable is no failure of the command: the status is 0.";
+In insertion.csv time_s is negative while pressure, drainage and gravity come on and other catheters go in, and the
+axial force is empty in a frame held (held is 1): nothing was felt there; it is negative where tissue holds the catheter
+back. A result that is not reliable is no failure of the command: the status is 0.";
 
 /// What "monro solve --json" prints.
 pub(super) const SOLVE_FIELDS: &str = "\

@@ -87,6 +87,6 @@ pub(super) fn bounds(points: &[Point<Patient>]) -> [[f64; 3]; 2] {
 }
 
 /// A place in words.
-pub(super) fn place([x, y, z]: [f64; 3]) -> String {
+pub(crate) fn place([x, y, z]: [f64; 3]) -> String {
     format!("({x:.2}, {y:.2}, {z:.2})")
 }

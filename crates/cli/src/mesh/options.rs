@@ -1,34 +1,11 @@
 //! Options of `monro mesh` from text.
 
-use super::facts::place;
 use crate::args::in_range;
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 use monro_anatomy::tetra;
-use monro_geometry::{Patient, Point};
 
-/// Coordinates of a path lie within this of the origin, mm: no scanner is a thousand kilometres away.
-const FARTHEST: f64 = 1e9;
 /// Densities that can be asked for; the mesher refuses others, but cannot say which option they came from.
 const DENSITIES: std::ops::RangeInclusive<f64> = 0.01..=100.0;
-
-/// `X,Y,Z:X,Y,Z` in LPS mm.
-pub(super) fn path(text: &str) -> Result<[Point<Patient>; 2]> {
-    let point = |part: &str| -> Option<Point<Patient>> {
-        let numbers: Vec<f64> = part.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
-        let p = Point::from_array(numbers.try_into().ok()?);
-        p.is_finite().then_some(p)
-    };
-    let ends = text.split_once(':').and_then(|(a, b)| Some([point(a)?, point(b)?]));
-    let [from, to] = ends.with_context(|| format!("--path \"{text}\" is not X,Y,Z:X,Y,Z (LPS mm)"))?;
-    for p in [from, to] {
-        let far = p.to_array().into_iter().find(|c| c.abs() > FARTHEST);
-        if let Some(c) = far {
-            bail!("--path \"{text}\": a coordinate of {c:e} mm is further than {FARTHEST:e} mm away");
-        }
-    }
-    ensure!(from != to, "--path \"{text}\": both ends are at {} mm; give two different points", place(from.to_array()));
-    Ok([from, to])
-}
 
 /// `LABEL=FACTOR,...`.
 pub(super) fn density(text: &str) -> Result<Vec<(u16, f64)>> {
@@ -86,22 +63,5 @@ mod tests {
         let said = density("4=1,2=0").expect_err("refused").to_string();
         assert!(said.contains("--density 2=0") && said.contains("0.01 to 100"), "{said}");
         assert!(density("2=NaN").is_err());
-    }
-
-    #[test]
-    fn a_path_is_two_points_or_an_error_that_shows_the_form() {
-        let [a, b] = path("1,-2.5,3: 4,5,6e1").expect("a path");
-        assert_eq!((a, b), (Point::new(1.0, -2.5, 3.0), Point::new(4.0, 5.0, 60.0)));
-        for bad in ["", "1,2,3", "1,2:3,4", "1,2,3:4,5,x", "1,2,3:4,5,inf"] {
-            assert!(path(bad).expect_err("refused").to_string().contains("X,Y,Z:X,Y,Z"), "{bad}");
-        }
-    }
-
-    #[test]
-    fn a_path_without_length_or_beyond_all_scanners_was_taken() {
-        let said = path("1,2,3:1,2,3").expect_err("refused").to_string();
-        assert!(said.contains("both ends are at (1.00, 2.00, 3.00) mm"), "{said}");
-        let said = path("1e300,2,3:1,2,3").expect_err("refused").to_string();
-        assert!(said.contains("1e300 mm") && said.len() < 120, "{said}");
     }
 }

@@ -1,14 +1,20 @@
 //! What was asked of an insertion, so that no two results can be taken for each other: the same on stdout, in the report
 //! and in `summary.json`.
 
-use super::{KPA_PER_MMHG, Run};
+use super::{KPA_PER_MMHG, Run, beside};
 use crate::materials;
-use monro_tissue::{Csf, FrameSettings};
+use monro_session::InsertionSettings;
+use monro_tissue::{Csf, FrameSettings, TipShape};
 use serde_json::{Value, json};
 
 /// Standard gravity and the like to a thousandth.
 fn gravity_m_s2(run: &Run) -> [f64; 3] {
     run.settings.frame.gravity_mm_s2.map(|g| g * 1e-3)
+}
+
+/// Angle between side and axis of a conical tip, degrees; `None` for a round one.
+fn tip_degrees(settings: &InsertionSettings) -> Option<f64> {
+    if let TipShape::Cone { half_angle } = settings.tip { Some(half_angle.to_degrees()) } else { None }
 }
 
 /// What is asked of every insertion, in one line.
@@ -20,16 +26,17 @@ pub(super) fn headline(run: &Run) -> String {
         "the paper's position-based dynamics (normalised coefficients)"
     };
     format!(
-        "{mode}; {} tetrahedra; catheter of {} mm at {} mm/s",
+        "{mode}; {} tetrahedra; catheter of {} mm{} at {} mm/s",
         run.rest.tets.len(),
         settings.diameter_mm,
+        tip_degrees(settings).map_or_else(String::new, |d| format!(" with a cone of {d:.0} degrees")),
         settings.speed_mm_s
     )
 }
 
 /// What was asked beyond that, and what came of it.
 pub(super) fn extras(run: &Run) -> Vec<String> {
-    let mut out = Vec::new();
+    let mut out: Vec<String> = beside::words(run).collect();
     let last = run.last().map(|f| &f.step);
     let (mmhg, ml) = last.map_or((0.0, 0.0), |s| (s.csf_kpa / KPA_PER_MMHG, s.csf_change_ml));
     match run.settings.frame.csf {
@@ -73,6 +80,7 @@ pub(super) fn json(run: &Run) -> Value {
         "mode": if run.has_units() { "physical" } else { "paper" },
         "speed_mm_s": settings.speed_mm_s,
         "diameter_mm": settings.diameter_mm,
+        "tip_cone_deg": tip_degrees(settings),
         "gravity_m_s2": gravity_m_s2(run),
         "iterations": settings.frame.iterations,
         "predicted_space": settings.frame.predicted_space,

@@ -11,12 +11,17 @@ const COARSE_MM: f64 = 7.0;
 
 /// A remark on a mesh that is coarse along the path.
 pub(super) fn remark(rest: &TetMesh, plan: &Plan) -> Option<String> {
-    let mean = mean_edge_mm(rest, plan).filter(|mm| *mm > COARSE_MM)?;
+    let mean = too_large(rest, plan)?;
     Some(format!(
         "The tetrahedra that the path goes through have edges of {mean:.1} mm on average: where the wall gives way, and with it the depth of \
          CSF, then depends on the mesh by some millimetres, and the largest force is up to twice as large. In a head of usual size 37336 \
          tetrahedra have some 5 mm there: \"monro prepare --elements\"."
     ))
+}
+
+/// Mean edge along a path, mm, where it is too large.
+pub(super) fn too_large(rest: &TetMesh, plan: &Plan) -> Option<f64> {
+    mean_edge_mm(rest, plan).filter(|mm| *mm > COARSE_MM)
 }
 
 /// Mean edge along the path of the elements that hold it, mm; `None` where none does.

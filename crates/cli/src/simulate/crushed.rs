@@ -60,7 +60,7 @@ impl Crushed {
         Some(Self::between(&run.rest, &run.snapshots.last()?.mesh))
     }
 
-    fn between(rest: &TetMesh, now: &TetMesh) -> Self {
+    pub(super) fn between(rest: &TetMesh, now: &TetMesh) -> Self {
         let mut out = Self { brain: Unsound::NONE, ventricles: Unsound::NONE, empty: 0.0 };
         let mut whole = [0.0f64; 2];
         for (t, &label) in rest.labels.iter().enumerate() {

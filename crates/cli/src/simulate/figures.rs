@@ -1,7 +1,8 @@
 //! The report of an insertion: before and after in slices, the head, and plots over time.
 
 use super::output::small;
-use super::{Run, asked};
+use super::run::Snapshot;
+use super::{Run, asked, withdrawal};
 use crate::NOTICE;
 use anyhow::Result;
 use monro_case::Case;
@@ -57,7 +58,11 @@ fn key_numbers(done: &Run) -> Vec<KeyNumber> {
     let csf = done.csf().map_or("none".into(), |f| format!("{:.1}", f.depth_mm));
     let last = |of: fn(&Frame) -> f64| done.last().map_or("none".into(), |f| small(of(f)));
     let wall_mm = done.rows.last().map_or("none".into(), |r| small(r.wall_mm));
-    vec![
+    let pull = done.withdrawal.as_ref().filter(|_| done.has_units());
+    let pull = pull.map(|out| {
+        KeyNumber::new("Held back by up to", format!("{:.0}", withdrawal::pull(out)), "mN").noted("as it was drawn out")
+    });
+    let mut out = vec![
         KeyNumber::new("CSF at a depth of", csf, "mm").noted("under the skin, along the path"),
         KeyNumber::new("Tip to target, deformed", last(|f| f.distance_deformed_mm), "mm")
             .noted("the target's tissue, where it is now"),
@@ -68,7 +73,9 @@ fn key_numbers(done: &Run) -> Vec<KeyNumber> {
             .noted(format!("at the end; at most {} mm on the way", small(done.largest_wall_mm()))),
         KeyNumber::new("Frame", format!("{:.2}", done.ms_quantile(0.5)), "ms")
             .noted(format!("median; 99 % below {:.2} ms", done.ms_quantile(0.99))),
-    ]
+    ];
+    out.extend(pull);
+    out
 }
 
 fn findings(done: &Run, has_ct: bool) -> Vec<Finding> {
@@ -149,7 +156,16 @@ fn slice(case: &Case, done: &Run, view: SliceView, sampler: &Sampler<'_>, after:
 
 /// A cut through the deformed tetrahedra, coloured by how far they moved.
 fn mesh_section(case: &Case, done: &Run) -> Section {
-    let Some(end) = done.snapshots.last() else { return Section::default() };
+    let out = done.withdrawal.as_ref().and_then(|w| w.snapshots.last());
+    let ends = [
+        done.snapshots.last().map(|s| (s, "Displacement at the end, in the plane of the path.")),
+        out.map(|s| (s, "Displacement after the catheter was drawn out.")),
+    ];
+    let figures = ends.into_iter().flatten().map(|(end, caption)| displacement(case, done, end, caption)).collect();
+    Section { title: "Tissue".into(), figures, ..Section::default() }
+}
+
+fn displacement(case: &Case, done: &Run, end: &Snapshot, caption: &str) -> Figure {
     let moved: Vec<f64> = (0..done.rest.tets.len())
         .map(|t| {
             let pairs = done.rest.corners(t).into_iter().zip(end.mesh.corners(t));
@@ -162,14 +178,13 @@ fn mesh_section(case: &Case, done: &Run) -> Section {
         .unwrap_or_else(|| SliceView::standard(Orientation::Coronal, target, FIELD_MM, 520))
         .fitted(&end.mesh.vertices);
     let by = ColourBy::Value { values: &moved, range: [0.0, most], name: "displacement, mm" };
-    let cut = mesh_cut_figure(&end.mesh, &view, by, "Displacement at the end, in the plane of the path.");
-    Section { title: "Tissue".into(), figures: vec![cut], ..Section::default() }
+    mesh_cut_figure(&end.mesh, &view, by, caption)
 }
 
 fn plots_section(done: &Run) -> Section {
     let line = |name: &str, of: &dyn Fn(&Frame) -> f64| Series {
         name: name.into(),
-        points: done.rows.iter().map(|r| [r.frame.time_s, of(&r.frame)]).collect(),
+        points: done.all_rows().map(|r| [r.frame.time_s, of(&r.frame)]).collect(),
     };
     let plot = |caption: &str, unit: &str, series: Vec<Series>| {
         let (x_label, y_label) = ("time, s".into(), unit.to_owned());
@@ -183,7 +198,7 @@ fn plots_section(done: &Run) -> Section {
         caption: "Time for a whole frame: collision, deformation, surfaces.".into(),
         label: "frame".into(),
         unit: "ms".into(),
-        values: done.rows.iter().map(|r| r.ms).collect(),
+        values: done.all_rows().map(|r| r.ms).collect(),
         log_counts: false,
     };
     let distances = vec![
@@ -208,7 +223,7 @@ fn plots_section(done: &Run) -> Section {
 
 /// What each structure has more than at rest.
 fn volumes(done: &Run) -> Vec<Series> {
-    let of = |i: usize| done.rows.iter().map(|r| [r.frame.time_s, r.change_ml[i]]).collect();
+    let of = |i: usize| done.all_rows().map(|r| [r.frame.time_s, r.change_ml[i]]).collect();
     let name = |s: &Structure| match s {
         Structure::Brain => "brain and the CSF around it".to_owned(),
         other => other.words(),

@@ -1,6 +1,7 @@
 //! `monro simulate`: the catheter goes in, and everything is written down.
 
 mod asked;
+mod beside;
 mod coarse;
 mod crossed;
 mod crushed;
@@ -10,6 +11,7 @@ mod restless;
 mod run;
 mod verdict;
 mod walls;
+mod withdrawal;
 
 use crate::args::{ModeArg, SimulateArgs};
 use crate::console::Console;
@@ -18,7 +20,7 @@ use crate::soft_body;
 use anyhow::{Result, ensure};
 use monro_case::{Case, Staging};
 use monro_session::InsertionSettings;
-use monro_tissue::{Csf, FrameSettings};
+use monro_tissue::{Csf, FrameSettings, TipShape};
 use std::path::Path;
 
 pub(crate) use figures::PROJECTED;
@@ -47,7 +49,7 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<()> {
     let staging = Staging::begin(&args.out, args.force, &SIMULATION, &inputs)?;
     let guard = Guard::new(&staging);
     let case = console.stage("open case", || Case::open(&args.case))?;
-    let mut done = insert(&case, &asked(args)?, console)?;
+    let mut done = insert(&case, &beside::paths(args, &case)?, &asked(args)?, console)?;
     done.materials_file = args.materials.as_ref().map(|file| file.display().to_string());
     write(&args.case, &case, &done, &staging, console)?;
     let out = staging.finish()?;
@@ -59,6 +61,7 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<()> {
 /// Settings with what is done to the fluid and with gravity.
 fn asked(args: &SimulateArgs) -> Result<InsertionSettings> {
     let mut out = settings(args.mode, args.speed);
+    (out.diameter_mm, out.tip, out.withdraw) = (args.diameter, args.tip, args.withdraw);
     out.frame = args.solver.frame();
     out.frame.csf = match (args.drain_ml, args.csf_pressure_mmhg) {
         (Some(ml), _) => Csf::Drained { ml },
@@ -95,7 +98,9 @@ pub(crate) fn settings(mode: ModeArg, speed_mm_s: f64) -> InsertionSettings {
         model: soft_body::of(mode),
         speed_mm_s,
         diameter_mm: DIAMETER_MM,
+        tip: TipShape::Round,
         hold_s: HOLD_S,
+        withdraw: false,
         frame: FrameSettings::default(),
     }
 }

@@ -1,7 +1,7 @@
 //! Series, meshes and summary of an insertion as files.
 
 use super::crushed::Crushed;
-use super::{KPA_PER_MMHG, Run, asked, verdict};
+use super::{KPA_PER_MMHG, Run, asked, verdict, withdrawal};
 use crate::NOTICE;
 use anyhow::{Context, Result};
 use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
@@ -51,7 +51,7 @@ pub(crate) fn write(done: &Run, staging: &Staging) -> Result<()> {
 
 /// The meshes that are written with their times, s: the head as it was before comes first.
 fn with_rest(done: &Run) -> impl Iterator<Item = (f64, &TetMesh)> {
-    iter::once((done.start_s(), &done.rest)).chain(done.snapshots.iter().map(|s| (s.time_s, &s.mesh)))
+    iter::once((done.start_s(), &done.rest)).chain(done.all_snapshots().map(|s| (s.time_s, &s.mesh)))
 }
 
 fn snapshot_name(i: usize) -> String {
@@ -60,13 +60,13 @@ fn snapshot_name(i: usize) -> String {
 
 /// The series as one table.
 fn csv(done: &Run) -> String {
-    let mut out = CSV_HEADER.replace("{force}", done.force_name());
+    let mut out = CSV_HEADER.replace("{force}", &done.force_name());
     for s in done.volumes.structures() {
         // Writing to a String cannot fail.
         let _ = write!(out, ",{}_change_ml", s.name());
     }
     out.push('\n');
-    for row in &done.rows {
+    for row in done.all_rows() {
         let f = &row.frame;
         let [x, y, z] = f.tip.to_array();
         let axial = f.axial_force_mn().map_or_else(String::new, |v| format!("{v:.3}"));
@@ -139,7 +139,7 @@ fn numbers(done: &Run) -> Value {
         "tip_error_rigid_mm": last.map(|f| f.distance_rigid_mm),
         "target_shift_mm": last.map(|f| f.target_displacement_mm),
         "at_tip": last.and_then(|f| f.at_tip).map(Structure::name),
-        "frames": done.rows.len(),
+        "frames": done.all_rows().count(),
         "ms_per_frame": { "median": done.ms_quantile(0.5), "p99": done.ms_quantile(0.99) },
         "max_whole_volume_change_percent": done.largest(|f| f.step.volume_change.abs() * 100.0),
         "max_target_shift_mm": done.largest(|f| f.target_displacement_mm),
@@ -174,9 +174,13 @@ impl Run {
         if self.rows.len() > 1 { 2.0 * time(0) - time(1) } else { time(0).min(0.0) }
     }
 
-    /// Name of the force along the shaft: paper mode's coefficients have no unit, so its forces have none either.
-    fn force_name(&self) -> &'static str {
-        if self.has_units() { "axial_force_mn" } else { "axial_force_no_unit" }
+    /// Unit of the force along the shaft in names: paper mode's coefficients have none, so its forces have none either.
+    pub(super) fn force_unit(&self) -> &'static str {
+        if self.has_units() { "mn" } else { "no_unit" }
+    }
+
+    fn force_name(&self) -> String {
+        format!("axial_force_{}", self.force_unit())
     }
 
     /// The moment of first CSF as JSON; null when the tip never got there.
@@ -191,7 +195,7 @@ impl Run {
 }
 
 /// The largest middle one of three values in a row, 0 for fewer.
-fn largest_that_lasts(values: &[f64]) -> f64 {
+pub(super) fn largest_that_lasts(values: &[f64]) -> f64 {
     let middle = |w: &[f64]| w[0].min(w[1]).max(w[0].max(w[1]).min(w[2]));
     values.windows(3).map(middle).fold(0.0, f64::max)
 }
@@ -233,9 +237,10 @@ pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
             done.of_case.len()
         ));
     }
+    let withdrawn = withdrawal::text(done).map_or_else(String::new, |text| format!("\n{text}"));
     format!(
         "{}\n{csf}; at the end the tip is {} mm from the target's tissue ({} mm from the planned point), in {}.\n\
-         The target moved {} mm ({} mm at most on the way), the ventricles' wall up to {} mm ({} mm). {} frames, {:.2} ms each (median; p99 {:.2}).\nReport: {}",
+         The target moved {} mm ({} mm at most on the way), the ventricles' wall up to {} mm ({} mm). {} frames, {:.2} ms each (median; p99 {:.2}).{withdrawn}\nReport: {}",
         head.join("\n"),
         small(last.distance_deformed_mm),
         small(last.distance_rigid_mm),
@@ -244,7 +249,7 @@ pub(crate) fn summary_text(done: &Run, out: &Path) -> String {
         small(done.largest(|f| f.target_displacement_mm)),
         small(last_wall),
         small(done.largest_wall_mm()),
-        done.rows.len(),
+        done.all_rows().count(),
         done.ms_quantile(0.5),
         done.ms_quantile(0.99),
         out.join("report.html").display()

@@ -36,13 +36,26 @@ pub(crate) struct Snapshot {
     pub(crate) self_crossing: Option<PassedThrough>,
 }
 
-/// A finished insertion.
+/// Frames and some of their meshes.
 #[derive(Debug)]
-pub(crate) struct Run {
+pub(crate) struct Stretch {
     /// All frames.
     pub(crate) rows: Vec<Row>,
     /// Some deformed meshes; the last is the end.
     pub(crate) snapshots: Vec<Snapshot>,
+}
+
+/// A finished insertion. Its end is that of the catheter's rest at the target; what comes of drawing it out stands by itself.
+#[derive(Debug)]
+pub(crate) struct Run {
+    /// All frames to the end.
+    pub(crate) rows: Vec<Row>,
+    /// Some deformed meshes; the last is the end.
+    pub(crate) snapshots: Vec<Snapshot>,
+    /// What came after it, where the catheter was drawn out.
+    pub(crate) withdrawal: Option<Stretch>,
+    /// The paths of other catheters that stood beside it.
+    pub(crate) beside: Vec<Plan>,
     /// Brain surface at the end.
     pub(crate) brain: TriangleMesh,
     /// Ventricle surface at the end.
@@ -92,14 +105,24 @@ impl Run {
         matches!(self.settings.model.mode, Mode::Physical(_))
     }
 
-    /// The last frame.
+    /// All frames, with those of the withdrawal.
+    pub(crate) fn all_rows(&self) -> impl Iterator<Item = &Row> {
+        self.rows.iter().chain(self.withdrawal.iter().flat_map(|w| &w.rows))
+    }
+
+    /// All meshes, with those of the withdrawal.
+    pub(crate) fn all_snapshots(&self) -> impl Iterator<Item = &Snapshot> {
+        self.snapshots.iter().chain(self.withdrawal.iter().flat_map(|w| &w.snapshots))
+    }
+
+    /// The last frame before any withdrawal.
     pub(crate) fn last(&self) -> Option<&Frame> {
         self.rows.last().map(|r| &r.frame)
     }
 
     /// Frame time at a share of the frames (0.5: the median), ms.
     pub(crate) fn ms_quantile(&self, share: f64) -> f64 {
-        let mut ms: Vec<f64> = self.rows.iter().map(|r| r.ms).collect();
+        let mut ms: Vec<f64> = self.all_rows().map(|r| r.ms).collect();
         ms.sort_by(f64::total_cmp);
         // As in the histogram of the same page.
         quantile(&ms, share).unwrap_or(f64::NAN)
@@ -134,22 +157,25 @@ impl Surfaces {
     }
 }
 
-/// Runs the whole insertion.
-pub(crate) fn insert(case: &Case, settings: &InsertionSettings, console: &Console) -> Result<Run> {
-    let (mut insertion, mut surfaces) = console
-        .stage("build soft body", || -> Result<_> { Ok((Insertion::new(case, settings)?, Surfaces::new(case)?)) })?;
+/// Runs the whole insertion, with other catheters that go in along paths of their own before and stay.
+pub(crate) fn insert(case: &Case, beside: &[Plan], settings: &InsertionSettings, console: &Console) -> Result<Run> {
+    let (mut insertion, mut surfaces) = console.stage("build soft body", || -> Result<_> {
+        Ok((Insertion::new(case, beside, settings)?, Surfaces::new(case)?))
+    })?;
     let volumes = StructureVolumes::new(insertion.rest());
     let seen = (&volumes, &case.ventricles.vertices[..]);
-    let (rows, mut snapshots) = console.stage("insert", || frames(&mut insertion, &mut surfaces, seen, console))?;
-    console.stage("check walls", || {
-        let walls = Walls::new(insertion.rest());
-        snapshots.iter_mut().for_each(|s| s.self_crossing = walls.passed_through(&s.mesh.vertices));
-    });
+    let end = insertion.before()[1];
+    let Stretch { rows, snapshots } =
+        console.stage("insert", || stretch(&mut insertion, &mut surfaces, seen, end, console))?;
     let [brain, ventricles] =
         [&surfaces.brain, &surfaces.ventricles].map(|s| s.points(insertion.origin()).collect::<Vec<_>>());
-    Ok(Run {
+    let withdraw = || stretch(&mut insertion, &mut surfaces, seen, usize::MAX, console);
+    let withdrawal = settings.withdraw.then(|| console.stage("withdraw", withdraw)).transpose()?;
+    let mut run = Run {
         rows,
         snapshots,
+        withdrawal,
+        beside: beside.to_vec(),
         brain: TriangleMesh { vertices: brain, triangles: case.brain.triangles.clone() },
         ventricles: TriangleMesh { vertices: ventricles, triangles: case.ventricles.triangles.clone() },
         settings: *settings,
@@ -159,20 +185,34 @@ pub(crate) fn insert(case: &Case, settings: &InsertionSettings, console: &Consol
         plan: case.plan,
         rest: insertion.rest().clone(),
         volumes,
-    })
+    };
+    console.stage("check walls", || check_walls(&mut run));
+    Ok(run)
 }
 
-fn frames(
+/// Where walls pass through each other in the meshes.
+fn check_walls(run: &mut Run) {
+    let walls = Walls::new(&run.rest);
+    let out = run.withdrawal.iter_mut().flat_map(|w| &mut w.snapshots);
+    run.snapshots.iter_mut().chain(out).for_each(|s| s.self_crossing = walls.passed_through(&s.mesh.vertices));
+}
+
+/// The frames up to a number of them, or to the end.
+fn stretch(
     insertion: &mut Insertion,
     surfaces: &mut Surfaces,
     (volumes, walls): (&StructureVolumes, &[Point<Patient>]),
+    until: usize,
     console: &Console,
-) -> Result<(Vec<Row>, Vec<Snapshot>)> {
+) -> Result<Stretch> {
     let (mut rows, mut snapshots) = (Vec::new(), Vec::new());
-    let ((_, total), before) = (insertion.progress(), insertion.before());
-    let every = (total - before).div_ceil(SNAPSHOTS).max(1);
-    let mut in_csf = false;
-    loop {
+    let ((begun, total), [before, _]) = (insertion.progress(), insertion.before());
+    let end = until.min(total);
+    // Of the insertion: before it a mesh of what fluid, gravity and other catheters have done.
+    let from = begun.max(before);
+    let every = (end - from).div_ceil(SNAPSHOTS).max(1);
+    let mut in_csf = begun > 0;
+    while insertion.progress().0 < end {
         let start = Instant::now();
         let Some(frame) = insertion.advance()? else { break };
         surfaces.update(insertion);
@@ -182,9 +222,9 @@ fn frames(
             in_csf = true;
         }
         let (done, _) = insertion.progress();
-        // Of the insertion: before it a mesh of what fluid and gravity have done.
-        if done >= before && ((done - before) % every == 0 || done == total) {
-            console.progress(format!("insert: frame {done} of {total}, depth {:.1} mm", frame.depth_mm));
+        if done >= from && ((done - from) % every == 0 || done == end) {
+            let what = if begun > 0 { "withdraw" } else { "insert" };
+            console.progress(format!("{what}: frame {done} of {total}, depth {:.1} mm", frame.depth_mm));
             let (time_s, mesh) = (frame.time_s, insertion.deformed());
             snapshots.push(Snapshot { time_s, mesh, self_crossing: None });
         }
@@ -192,7 +232,7 @@ fn frames(
         let wall_mm = walls.iter().zip(walls_now).map(|(rest, now)| rest.distance(now)).fold(0.0, f64::max);
         rows.push(Row { frame, ms, wall_mm, change_ml: volumes.change_ml(insertion.nodes()) });
     }
-    Ok((rows, snapshots))
+    Ok(Stretch { rows, snapshots })
 }
 
 #[cfg(test)]

@@ -3,11 +3,11 @@
 
 use super::crushed::Crushed;
 use super::output::small;
-use super::{KPA_PER_MMHG, Run, coarse, crossed, restless, walls};
+use super::run::Row;
+use super::{KPA_PER_MMHG, Run, beside, coarse, crossed, restless, walls, withdrawal};
 use crate::soft_body;
 use monro_cli::report::{Finding, Severity};
 use monro_geometry::Structure;
-use monro_session::Frame;
 use monro_tissue::Csf;
 use serde_json::{Value, json};
 
@@ -35,21 +35,59 @@ pub(super) struct Trouble {
     pub(super) inverted_at_end: usize,
 }
 
-impl Run {
-    pub(super) fn trouble(&self) -> Trouble {
-        let inverted = |f: &Frame| f.step.inverted;
-        Trouble {
-            held: self.rows.iter().filter(|r| r.frame.held()).count(),
-            rollbacks: self.rows.iter().map(|r| r.frame.step.rollbacks).sum(),
-            inverted: self.rows.iter().map(|r| inverted(&r.frame)).max().unwrap_or(0),
-            inverted_at_end: self.last().map_or(0, inverted),
+impl Trouble {
+    pub(super) fn of(rows: &[Row]) -> Self {
+        let inverted = |r: &Row| r.frame.step.inverted;
+        Self {
+            held: rows.iter().filter(|r| r.frame.held()).count(),
+            rollbacks: rows.iter().map(|r| r.frame.step.rollbacks).sum(),
+            inverted: rows.iter().map(inverted).max().unwrap_or(0),
+            inverted_at_end: rows.last().map_or(0, inverted),
         }
     }
 
+    /// What makes so many frames worthless.
+    pub(super) fn broken(self, run: &Run, frames: usize) -> Vec<String> {
+        let (elements, helps, mut out) = (run.rest.tets.len(), helps(run), Vec::new());
+        if self.inverted_at_end > 0 {
+            let n = self.inverted_at_end;
+            out.push(format!("{n} of {elements} tetrahedra are turned inside out at the end: not a result. {helps}"));
+        }
+        if self.held > 0 {
+            out.push(format!(
+                "In {} of {frames} frames not even the shortest step could be solved; the tissue was taken back and drawn \
+                 towards rest, so what follows is not a result. {helps}",
+                self.held,
+            ));
+        }
+        out
+    }
+
+    /// What makes them worth less; `so` is what follows from trouble that is over at the end.
+    pub(super) fn doubts(self, run: &Run, so: &str) -> Vec<String> {
+        let mut out = Vec::new();
+        if self.rollbacks > 0 {
+            let n = self.rollbacks;
+            let them = if n == 1 { "a step and repeated it" } else { &format!("{n} steps and repeated them") };
+            out.push(format!("The solver took back {them} with smaller ones."));
+        }
+        if self.inverted > 0 {
+            let end = if self.inverted_at_end == 0 { format!("; at the end none was{so}") } else { String::new() };
+            let (n, all) = (self.inverted, run.rest.tets.len());
+            out.push(format!("On the way up to {n} of {all} tetrahedra were turned inside out in a frame{end}."));
+        }
+        out
+    }
+}
+
+impl Run {
     /// Everything to be said, the worst first.
     pub(super) fn findings(&self) -> Vec<Finding> {
         let of = |severity, texts: Vec<String>| texts.into_iter().map(move |text| Finding { severity, text });
-        of(Severity::Error, broken(self)).chain(of(Severity::Warning, doubts(self))).collect()
+        let errors = [broken(self), withdrawal::broken(self)].concat();
+        of(Severity::Error, errors)
+            .chain(of(Severity::Warning, [doubts(self), withdrawal::doubts(self)].concat()))
+            .collect()
     }
 
     /// Whether the computation went well. It says nothing about the case: whether its plan is a good one, its labels right.
@@ -75,20 +113,8 @@ fn helps(run: &Run) -> &'static str {
 
 /// What makes the result worthless.
 fn broken(run: &Run) -> Vec<String> {
-    let (trouble, elements, helps) = (run.trouble(), run.rest.tets.len(), helps(run));
-    let mut out = Vec::new();
-    if trouble.inverted_at_end > 0 {
-        let n = trouble.inverted_at_end;
-        out.push(format!("{n} of {elements} tetrahedra are turned inside out at the end: not a result. {helps}"));
-    }
-    if trouble.held > 0 {
-        out.push(format!(
-            "In {} of {} frames not even the shortest step could be solved; the tissue was taken back and drawn towards rest, \
-             so what follows is not a result. {helps}",
-            trouble.held,
-            run.rows.len()
-        ));
-    }
+    let helps = helps(run);
+    let mut out = Trouble::of(&run.rows).broken(run, run.rows.len());
     let shift = run.largest(|f| f.target_displacement_mm);
     if shift > MOST_SHIFT_MM {
         out.push(format!(
@@ -117,7 +143,7 @@ fn so(run: &Run) -> &'static str {
 
 /// What makes it worth less.
 fn doubts(run: &Run) -> Vec<String> {
-    let (trouble, mut out) = (run.trouble(), Vec::new());
+    let mut out = Vec::new();
     out.extend(walls::unentered(run));
     if let Some((further, last)) = run.left_ventricle().zip(run.last()) {
         let tissue = last.at_tip.map_or("no simulated tissue".into(), Structure::words);
@@ -136,20 +162,11 @@ fn doubts(run: &Run) -> Vec<String> {
         ));
     }
     out.extend(coarse::remark(&run.rest, &run.plan));
+    out.extend(beside::coarse(run));
     out.extend(walls::hasty(run));
     out.extend(gone_around(run));
-    out.extend(restless::remark(run));
-    if trouble.rollbacks > 0 {
-        let n = trouble.rollbacks;
-        let them = if n == 1 { "a step and repeated it" } else { &format!("{n} steps and repeated them") };
-        out.push(format!("The solver took back {them} with smaller ones."));
-    }
-    if trouble.inverted > 0 {
-        let end =
-            if trouble.inverted_at_end == 0 { format!("; at the end none was{}", so(run)) } else { String::new() };
-        let (n, all) = (trouble.inverted, run.rest.tets.len());
-        out.push(format!("On the way up to {n} of {all} tetrahedra were turned inside out in a frame{end}."));
-    }
+    out.extend(restless::remark(run, &run.rows, "a wall is folded around the tip"));
+    out.extend(Trouble::of(&run.rows).doubts(run, so(run)));
     out.extend(crossed::on_the_way(&run.snapshots, so(run)));
     if run.reliable() {
         out.extend(Crushed::of(run).into_iter().flat_map(|c| c.doubts(run)));
@@ -208,7 +225,7 @@ fn squeezed(run: &Run) -> Option<String> {
 
 /// The counts, the volumes and the remarks, for `summary.json`.
 pub(super) fn json(run: &Run) -> Value {
-    let trouble = run.trouble();
+    let trouble = Trouble::of(&run.rows);
     let asked = if let Csf::Drained { ml } = run.settings.frame.csf { Some(ml) } else { None };
     let volumes = run.volumes.structures().iter().enumerate().map(|(i, s)| {
         let most = run.rows.iter().map(|r| r.change_ml[i]).fold(0.0, |m: f64, v| if v.abs() > m.abs() { v } else { m });
@@ -228,6 +245,8 @@ pub(super) fn json(run: &Run) -> Value {
         "rollbacks": trouble.rollbacks,
         "frames_held": trouble.held,
         "self_crossing": crossed::json(&run.snapshots),
+        "withdrawal": withdrawal::json(run),
+        "beside": beside::json(run),
         "drained_ml": asked.map(|ml| json!({ "asked": ml, "reached": run.last().map(|f| -f.step.csf_change_ml) })),
         "volumes": volumes.collect::<serde_json::Map<_, _>>(),
     })

@@ -85,7 +85,7 @@ impl Deformation {
     /// A mesh that cannot be simulated, a path beside the brain.
     pub fn new(case: &Case, settings: &ModelSettings, frame: FrameSettings) -> Result<Self, SessionError> {
         let (opening, _) = tissue_model::opening(&case.tets, &case.plan)?;
-        let model = Model::new(&case.tets, &tissue_model::options(&case.tets, opening, settings))?;
+        let model = Model::new(&case.tets, &tissue_model::options(&case.tets, &[opening], settings))?;
         let state = model.rest_state();
         Ok(Self {
             stepper: Stepper::new(&model),

@@ -1,6 +1,6 @@
 //! The space in which a catheter may meet the tissue: whatever is outside of it is in the air.
 
-use crate::insertion::CATHETER_LENGTH_MM;
+use crate::schedule::CATHETER_LENGTH_MM;
 use monro_geometry::{Patient, Point, Vector};
 
 /// How far from its place at rest tissue may be and still be reached, mm.
