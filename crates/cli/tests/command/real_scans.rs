@@ -19,9 +19,19 @@ fn check(folder: &str, scan: &str, side: &str) {
     let elements = prepared["elements"].as_f64().expect("elements");
     assert!((elements / 37336.0 - 1.0).abs() <= 0.05, "{elements} elements");
     // At the default speed: a faster catheter carries the tissue along, and a target on a ventricle's wall slips past.
-    let done = json(&["simulate", text(&case), "--out", text(&out)]);
+    let done = json(&["simulate", text(&case), "--out", text(&out), "--withdraw"]);
     assert_eq!((&done["reached_ventricle"], &done["ends_in_ventricle"]), (&true.into(), &true.into()), "{done}");
     assert!(done["tip_error_mm"].as_f64().expect("error") < 5.0, "{done}");
+    came_out(&done["withdrawal"]);
+}
+
+/// The catheter came out, held back by less than went in, and left nothing behind: tissue is elastic.
+fn came_out(withdrawal: &Value) {
+    assert_eq!((&withdrawal["reliable"], &withdrawal["at_tip"]), (&true.into(), &Value::Null), "{withdrawal}");
+    let number = |name: &str| withdrawal[name].as_f64().expect(name);
+    assert!((1.0..200.0).contains(&number("max_pull_mn")), "{withdrawal}");
+    assert!(number("left_ventricle_depth_mm") > number("left_brain_depth_mm"), "{withdrawal}");
+    assert!(number("target_shift_mm") < 0.05 && number("wall_shift_mm") < 0.5, "{withdrawal}");
 }
 
 /// The file is in RAS; Monro answers in LPS.

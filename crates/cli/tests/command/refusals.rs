@@ -179,6 +179,7 @@ fn values_in_a_wrong_form_did_not_say_which_form_is_wanted() {
     for (args, words) in [
         (&["simulate", "x", "--out", "y", "--speed", "-3"][..], "x: no such file or folder"),
         (&["simulate", "x", "--out", "y", "--drain-ml", "5ml"], "without a unit"),
+        (&["simulate", "x", "--out", "y", "--tip", "cone:95"], "3 to 86 degrees"),
         (&["serve", "x", "--listen", "9000"], "ADDRESS:PORT"),
         (&["serve"], "--scans <DIR> --out <CASE>"),
         (&["mesh", "x", "--out", "y", "--elements", "-5"], "from 500 to 20000000"),

@@ -47,6 +47,7 @@ fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
     garbage_was_told_in_the_report_only(&case, dir.path());
     what_was_asked_was_in_no_result(&case, dir.path());
     walls_were_passed_and_nothing_was_drained_without_a_word(&case, dir.path());
+    a_catheter_comes_out_from_beside_another(&case, &done, dir.path());
     registrations_by_wrong_tables_and_marks(&case, dir.path());
     damaged_case(&case, dir.path());
 }
@@ -130,6 +131,37 @@ fn walls_were_passed_and_nothing_was_drained_without_a_word(case: &Path, dir: &P
     let done = json(&[&["simulate", text(case), "--out", text(&out)][..], &asked].concat());
     assert_eq!((&done["reliable"], &done["reached_ventricle"]), (&Value::from(true), &Value::from(true)), "{done}");
     assert!(done["remarks"].to_string().contains("got past the wall of"), "{done}");
+}
+
+/// The insertion's own numbers are those at the target, and what came after it stands by itself.
+fn a_catheter_comes_out_from_beside_another(case: &Path, alone: &Value, dir: &Path) {
+    let [entry, target] = ["entry_lps_mm", "target_lps_mm"].map(|end| point(&alone["plan"][end]));
+    let beside = |mm: f64| {
+        let place = |p: [f64; 3]| format!("{},{},{}", p[0], p[1] - mm, p[2]);
+        format!("{}:{}", place(entry), place(target))
+    };
+    let out = dir.join("beside");
+    let asked = |path: &str| {
+        let shape = ["--speed", "60", "--diameter", "2", "--tip", "cone:30", "--withdraw", "--beside", path];
+        monro(&[&["simulate", text(case), "--out", text(&out)][..], &shape].concat())
+    };
+    let refused = asked(&beside(1.0));
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(!refused.status.success() && said.contains("mm of each other, axis to axis"), "{said}");
+    let stdout = String::from_utf8_lossy(&asked(&beside(10.0)).stdout).into_owned();
+    let html = fs::read_to_string(out.join("report.html")).expect("report");
+    for words in ["catheter of 2 mm with a cone of 30 degrees", "another catheter beside it, from"] {
+        assert!(stdout.contains(words) && html.contains(words), "{words}: {stdout}");
+    }
+    assert!(stdout.contains("Drawn out, held back by up to") && html.contains("Held back by up to"), "{stdout}");
+    let done: Value = serde_json::from_slice(&fs::read(out.join("summary.json")).expect("summary")).expect("JSON");
+    assert_eq!((&done["reached_ventricle"], &done["withdrawal"]["at_tip"]), (&true.into(), &Value::Null), "{done}");
+    assert!(done["beside"][0]["at_tip"].is_string(), "{done}");
+    assert!(done["tip_error_rigid_mm"].as_f64() < Some(0.01), "{done}");
+    let depth = done["withdrawal"]["left_brain_depth_mm"].as_f64().expect("depth");
+    assert!(depth > 0.0 && depth < done["csf"]["depth_mm"].as_f64().expect("csf"), "{done}");
+    let csv = fs::read_to_string(out.join("insertion.csv")).expect("series");
+    assert_eq!(csv.lines().count() as u64, done["frames"].as_u64().expect("frames") + 1);
 }
 
 /// Each of these was taken without a word.
