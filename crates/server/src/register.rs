@@ -145,7 +145,10 @@ async fn watch(shared: &Shared) -> Result<Touch, TouchError> {
         sleep(LOOK).await;
     }
     let is_void = lock(shared).round() != round;
-    if is_void { Err(TouchError::Voided) } else { Touch::new(&samples) }
+    let touch = if is_void { Err(TouchError::Voided) } else { Touch::new(&samples) }?;
+    // From any phase in which the tip is known: refused only where that has just been lost, and then it is void.
+    live.apply(SessionEvent::Plain(PlainEvent::Touched)).map_err(|_| TouchError::Voided)?;
+    Ok(touch)
 }
 
 fn describe(shared: &Shared, checked: Option<Value>) -> Value {

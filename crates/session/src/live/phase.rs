@@ -35,6 +35,8 @@ pub enum Event {
     Registered,
     /// The reference was bumped: the registration is void.
     ReferenceMoved,
+    /// The tip rested at a landmark, wherever that lay.
+    Touched,
     /// A landmark was touched again and lay where it should.
     CheckPassed,
     /// A landmark was touched again and lay elsewhere.
@@ -102,6 +104,7 @@ impl Phase {
             (Event::ToolChanged, _) => Ok(self.min(Case)),
             (Event::ReferenceMoved, _) => Ok(self.min(Calibrated)),
 
+            (Event::Touched, Calibrated | Registered | Checked | Navigating) => Ok(self),
             (Event::CheckPassed, Registered | Checked) => Ok(Checked),
             (Event::CheckPassed, Navigating) => Ok(Navigating),
             (Event::CheckFailed, Registered | Checked | Navigating) => Ok(Registered),
@@ -109,9 +112,15 @@ impl Phase {
             (Event::Started, Checked | Navigating) => Ok(Navigating),
             (Event::Stopped, _) => Ok(self.min(Checked)),
 
-            (Event::Calibrated | Event::Registered | Event::CheckPassed | Event::CheckFailed | Event::Started, _) => {
-                refuse(self.next_step())
-            }
+            (
+                Event::Calibrated
+                | Event::Registered
+                | Event::Touched
+                | Event::CheckPassed
+                | Event::CheckFailed
+                | Event::Started,
+                _,
+            ) => refuse(self.next_step()),
         }
     }
 
@@ -150,13 +159,14 @@ impl Phase {
 
 impl Event {
     /// All events.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::CaseOpened,
         Self::CaseClosed,
         Self::Calibrated,
         Self::ToolChanged,
         Self::Registered,
         Self::ReferenceMoved,
+        Self::Touched,
         Self::CheckPassed,
         Self::CheckFailed,
         Self::Started,
@@ -172,6 +182,7 @@ impl Event {
             Self::ToolChanged => "catheter changed",
             Self::Registered => "patient registered",
             Self::ReferenceMoved => "reference moved",
+            Self::Touched => "landmark touched",
             Self::CheckPassed => "check passed",
             Self::CheckFailed => "check failed",
             Self::Started => "navigation started",
@@ -212,13 +223,14 @@ mod tests {
 
     /// One row per event, one letter per phase from no case to navigating: where it leads, or `-` for refused.
     /// n(o case) c(ase) C(alibrated) R(egistered) K (checked) N(avigating).
-    const TABLE: [(Event, &str); 10] = [
+    const TABLE: [(Event, &str); 11] = [
         (Event::CaseOpened, "c-----"),
         (Event::CaseClosed, "nnnnnn"),
         (Event::Calibrated, "-CCRR-"),
         (Event::ToolChanged, "nccccc"),
         (Event::Registered, "--RRR-"),
         (Event::ReferenceMoved, "ncCCCC"),
+        (Event::Touched, "--CRKN"),
         (Event::CheckPassed, "---KKN"),
         (Event::CheckFailed, "---RRR"),
         (Event::Started, "----NN"),
@@ -230,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn all_sixty_pairs_are_as_in_the_table() {
+    fn all_pairs_are_as_in_the_table() {
         assert_eq!(TABLE.map(|(e, _)| e), Event::ALL);
         for (event, row) in TABLE {
             for (phase, letter) in Phase::ALL.into_iter().zip(row.chars()) {
@@ -255,13 +267,13 @@ mod tests {
     proptest! {
         /// Nobody gets to navigate without a check since the last registration and the last calibration.
         #[test]
-        fn navigation_is_only_reached_over_a_check(events in proptest::collection::vec(0usize..10, 0..60)) {
+        fn navigation_is_only_reached_over_a_check(events in proptest::collection::vec(0..Event::ALL.len(), 0..60)) {
             let (mut phase, mut checked) = (Phase::NoCase, false);
             for event in events.into_iter().map(|i| Event::ALL[i]) {
                 let Ok(next) = phase.after(event) else { continue };
                 match event {
                     Event::CheckPassed => checked = true,
-                    Event::Started | Event::Stopped => {}
+                    Event::Started | Event::Stopped | Event::Touched => {}
                     _ => checked = false,
                 }
                 phase = next;

@@ -48,11 +48,12 @@ pub enum PlainEvent {
     CheckFailed,
     Started,
     Stopped,
+    Touched,
 }
 
 impl PlainEvent {
     /// All of them; the order is that of their numbers in a log.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::CaseClosed,
         Self::ToolChanged,
         Self::ReferenceMoved,
@@ -60,6 +61,7 @@ impl PlainEvent {
         Self::CheckFailed,
         Self::Started,
         Self::Stopped,
+        Self::Touched,
     ];
 }
 
@@ -76,6 +78,7 @@ impl SessionEvent {
             Self::Plain(PlainEvent::CheckFailed) => Event::CheckFailed,
             Self::Plain(PlainEvent::Started) => Event::Started,
             Self::Plain(PlainEvent::Stopped) => Event::Stopped,
+            Self::Plain(PlainEvent::Touched) => Event::Touched,
         }
     }
 }
@@ -127,8 +130,15 @@ impl Session {
     pub fn apply(&mut self, event: SessionEvent) -> Result<Phase, Refusal> {
         self.phase = self.phase.after(event.event())?;
         // A registration, or a landmark found in its place again, is the word that the reference is where it should be.
-        if matches!(event, SessionEvent::Registered(_) | SessionEvent::Plain(PlainEvent::CheckPassed)) {
-            self.guard.confirm();
+        match event {
+            SessionEvent::Registered(_) | SessionEvent::Plain(PlainEvent::CheckPassed) => self.guard.confirm(),
+            SessionEvent::Plain(PlainEvent::Touched) => self.guard.touched(),
+            // These void what was touched.
+            SessionEvent::Calibrated(_)
+            | SessionEvent::Plain(PlainEvent::ReferenceMoved | PlainEvent::ToolChanged | PlainEvent::CaseClosed) => {
+                self.guard.forget_touch();
+            }
+            _ => {}
         }
         match event {
             SessionEvent::CaseOpened(plan) => self.plan = Some(plan),
@@ -385,6 +395,27 @@ pub(crate) mod tests {
         assert_eq!(s.display_from_patient(1.6), None);
         s.apply(SessionEvent::Plain(PlainEvent::ReferenceMoved)).expect("moved");
         assert_eq!(s.display_from_patient(1.2), None);
+    }
+
+    /// Whatever happened between the last touch and "accept" was taken for the place of the reference: 3 to 4 mm, and no alarm.
+    #[test]
+    fn a_bump_between_the_last_touch_and_its_acceptance_raises_the_alarm() {
+        let script = Script::new(plan());
+        let mut s = navigating(&script);
+        let accept = |s: &mut Session| {
+            s.apply(SessionEvent::Plain(PlainEvent::Stopped)).expect("stop");
+            s.apply(SessionEvent::Registered(script.truth().registration)).expect("accepted");
+        };
+        see(&mut s, &script, 0, &shifted(0.0));
+        s.apply(SessionEvent::Plain(PlainEvent::Touched)).expect("touched");
+        see(&mut s, &script, 100, &shifted(4.0));
+        accept(&mut s);
+        assert_eq!(s.reference_alarm(), None, "not yet looked at");
+        assert!(see(&mut s, &script, 200, &shifted(4.0)).is_some_and(|mm| (3.5..=4.5).contains(&mm)));
+        // The next touch finds it where it is now.
+        s.apply(SessionEvent::Plain(PlainEvent::Touched)).expect("touched");
+        accept(&mut s);
+        assert_eq!(see(&mut s, &script, 300, &shifted(4.0)), None);
     }
 
     #[test]

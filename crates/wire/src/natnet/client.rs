@@ -56,7 +56,7 @@ pub struct Counters {
     pub frames: u64,
     /// Frame numbers skipped.
     pub missed: u64,
-    /// Times that the frame number jumped back (loop, new take, restart, disorder).
+    /// Times that the frame number jumped back for good (loop, new take, restart).
     pub restarts: u64,
     /// Datagrams refused.
     pub malformed: u64,
@@ -78,6 +78,8 @@ pub struct Client {
     pending: Option<Pending>,
     pub(super) counters: Counters,
     last_number: Option<i32>,
+    /// Frames in a row that were older than one before them.
+    late: u32,
     last_params: u16,
     pub(super) seen: BTreeMap<i32, bool>,
     pub(super) times: Times,
@@ -98,6 +100,11 @@ pub(super) struct Times {
 
 /// A stream without frames for so long may have a new server, s.
 const SILENT: f64 = 1.0;
+
+/// A frame may be so many numbers behind the newest for coming late, and so many in a row: further back, or more of them, and
+/// the numbers have begun anew.
+const LATE: i64 = 100;
+const MOST_LATE: u32 = 4;
 
 /// Between two questions for the names of the bodies, s: a datagram may be lost, and without names there are no tools.
 const MODELS: f64 = 0.25;
@@ -122,6 +129,7 @@ impl Client {
             pending: None,
             counters: Counters::default(),
             last_number: None,
+            late: 0,
             last_params: 0,
             seen: BTreeMap::new(),
             times: Times::default(),
@@ -272,21 +280,37 @@ impl Client {
             frame.faults.push(super::Fault::Length { declared, found: payload.len() });
         }
         self.count(&frame, now);
+        if self.is_late(frame.number) {
+            return Ok(Event::Frame(Box::new(frame), Vec::new()));
+        }
         let frequency = self.server.as_ref().and_then(|s| s.clock).map(|c| c.frequency);
         let name = |id: i32| self.names.get(&id).cloned().unwrap_or_else(|| format!("#{id}"));
         let poses = frame.poses(self.options.up, frequency, now, name);
         Ok(Event::Frame(Box::new(frame), poses))
     }
 
-    fn count(&mut self, frame: &Frame, now: f64) {
-        let step = self.last_number.map_or(1, |last| i64::from(frame.number) - i64::from(last));
-        self.counters.frames += 1;
-        match step {
-            ..=0 => self.counters.restarts += 1,
-            _ => self.counters.missed += (step - 1) as u64,
+    /// Whether a frame is older than one that was here already (disorder on the way). Where frame numbers have gone back for
+    /// good (a loop, another take, a restart), ids may stand for other bodies, so names are asked for again.
+    fn is_late(&mut self, number: i32) -> bool {
+        let step = self.last_number.map_or(1, |last| i64::from(number) - i64::from(last));
+        self.late = if step > 0 { 0 } else { self.late + 1 };
+        let late = (-LATE..=0).contains(&step) && self.late <= MOST_LATE;
+        if late {
+            return true;
         }
+        if step > 0 {
+            self.counters.missed += (step - 1) as u64;
+        } else {
+            self.counters.restarts += 1;
+            (self.models_known, self.times.models, self.late) = (false, None, 0);
+        }
+        self.last_number = Some(number);
+        false
+    }
+
+    fn count(&mut self, frame: &Frame, now: f64) {
+        self.counters.frames += 1;
         self.counters.odd += u64::from(!frame.faults.is_empty());
-        self.last_number = Some(frame.number);
         self.times.frame = Some(now);
         self.seen = frame.rigid_bodies.iter().map(|b| (b.id, b.is_tracked())).collect();
         // Bits 2 and 3: the bitstream may have changed. Their meaning differs between sources, so a change of them, not

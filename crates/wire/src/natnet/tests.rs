@@ -366,16 +366,37 @@ fn the_diagnosis_names_the_first_cause() {
     assert!(matches!(client.diagnosis(9.0, &[]), Diagnosis::Stopped { .. }));
 }
 
+/// The client after frames with these numbers, and how many poses each gave.
+fn after(numbers: &[i32]) -> (Client, Vec<usize>) {
+    let version = Version::new(3, 0);
+    let mut client = Client::new(ClientOptions { force_version: Some(version), ..ClientOptions::default() });
+    let poses = numbers.iter().map(|&number| {
+        let bytes = Frame { number, rigid_bodies: vec![RigidBody::default()], ..Frame::default() }.encode(version);
+        match client.receive(&bytes, 0.0).expect("frame") {
+            Some(Event::Frame(_, poses)) => poses.len(),
+            other => panic!("{other:?}"),
+        }
+    });
+    let poses = poses.collect();
+    (client, poses)
+}
+
 #[test]
 fn gaps_and_restarts_are_counted() {
-    let forced = ClientOptions { force_version: Some(Version::new(3, 0)), ..ClientOptions::default() };
-    let mut client = Client::new(forced);
-    for number in [10, 11, 15, 3, 4] {
-        let bytes = Frame { number, ..Frame::default() }.encode(Version::new(3, 0));
-        client.receive(&bytes, 0.0).expect("frame");
-    }
+    let (client, _) = after(&[510, 511, 515, 3, 4]);
     let c = client.counters();
     assert_eq!((c.frames, c.missed, c.restarts, c.malformed), (5, 3, 1, 0));
+}
+
+/// Where the server's clock is not known a frame that was overtaken on its way was shown as the newest.
+#[test]
+fn frames_that_come_late_have_no_poses_and_numbers_that_begin_anew_do() {
+    let (client, poses) = after(&[10, 12, 11, 13, 13, 14]);
+    assert_eq!(poses, [1, 1, 0, 1, 0, 1]);
+    assert_eq!((client.counters().restarts, client.counters().missed), (0, 1));
+    // A short take that loops: it takes a moment to see that these are no late ones.
+    let (client, poses) = after(&[50, 0, 1, 2, 3, 4, 5]);
+    assert_eq!((poses, client.counters().restarts), (vec![1, 0, 0, 0, 0, 1, 1], 1));
 }
 
 proptest! {

@@ -66,10 +66,11 @@ impl Message {
     /// Status of the whole message: the metadata keys of PLUS and Slicer; `Ok` when there is none, as they assume.
     fn status(&self) -> ToolStatus {
         let named = self.meta("TransformStatus").or_else(|| self.meta("Status")).map(ToolStatus::parse);
-        let number = self.meta("TransformValid").map(|v| match v.trim() {
-            "0" => ToolStatus::Missing,
-            _ => ToolStatus::Ok,
-        });
+        let valid = |text: &str| match text.trim() {
+            text if text.eq_ignore_ascii_case("false") => false,
+            text => text.parse() != Ok(0.0),
+        };
+        let number = self.meta("TransformValid").map(|v| if valid(v) { ToolStatus::Ok } else { ToolStatus::Missing });
         // Where the two disagree, the one that does not trust the pose wins.
         [named, number].into_iter().flatten().find(|s| *s != ToolStatus::Ok).unwrap_or(ToolStatus::Ok)
     }

@@ -240,8 +240,14 @@ fn tool_status_is_read_in_all_its_spellings() {
     assert_eq!((read("ok"), read("SWITCH1_IS_ON")), (ToolStatus::Ok, ToolStatus::Ok));
     assert_eq!((read("TOOL_MISSING"), read("INVALID")), (ToolStatus::Missing, ToolStatus::Missing));
     assert_eq!((read("tool_out_of_view"), read("")), (ToolStatus::OutOfVolume, ToolStatus::Missing));
-    let m = Message::v2("a", None, 1, Content::Transform(Matrix34::IDENTITY)).with("TransformValid", "0");
-    assert!(poses(&m, 0.0)[0].tracker_from_tool.is_none());
+    let with =
+        |valid: &str| Message::v2("a", None, 1, Content::Transform(Matrix34::IDENTITY)).with("TransformValid", valid);
+    // "0.0" and "false" were taken for a pose that is valid: a lost tool stayed where it was last.
+    for (valid, is_seen) in [("0", false), ("0.0", false), (" False ", false), ("1", true), ("true", true), ("", true)]
+    {
+        assert_eq!(poses(&with(valid), 0.0)[0].tracker_from_tool.is_some(), is_seen, "{valid:?}");
+    }
+    let m = with("0");
     let both = m.with("TransformStatus", "OK");
     assert!(poses(&both, 0.0)[0].tracker_from_tool.is_none());
 }
