@@ -143,6 +143,11 @@ fn slice(case: &Case, done: &Run, view: SliceView, sampler: &Sampler<'_>, after:
         let from = plan.entry() - plan.direction() * 30.0;
         let (diameter, colour) = (done.settings.diameter_mm, Colour::CATHETER);
         overlays.push(Overlay::Catheter { from, tip, diameter, colour, name: "catheter" });
+        overlays.extend(done.beside.iter().map(|other| {
+            let from = other.entry() - other.direction() * 30.0;
+            let (tip, colour) = (other.target(), Colour::GREY);
+            Overlay::Catheter { from, tip, diameter, colour, name: "catheter beside" }
+        }));
     } else {
         overlays.push(surface(&case.brain, Stroke::solid(Colour::YELLOW, 1.0), "brain"));
         overlays.push(surface(&case.ventricles, Stroke::solid(Colour::SKY, 1.4), "ventricles"));
@@ -232,7 +237,7 @@ fn volumes(done: &Run) -> Vec<Series> {
     structures.map(|(i, s)| Series { name: name(s), points: of(i) }).collect()
 }
 
-/// Punctures and the first CSF, to be marked in the plots.
+/// Punctures, the first CSF and the turn back, to be marked in the plots.
 fn events(done: &Run) -> Vec<(f64, String)> {
     let name = |l: u16| Structure::from_label(l).map_or("tissue".to_owned(), Structure::words);
     let mut out = Vec::new();
@@ -240,5 +245,7 @@ fn events(done: &Run) -> Vec<(f64, String)> {
         out.extend(row.frame.punctures().map(|(_, _, to)| (row.frame.time_s, name(to))));
     }
     out.extend(done.csf().map(|f| (f.time_s, "CSF".to_owned())));
+    let back = done.withdrawal.as_ref().and_then(|w| w.rows.first());
+    out.extend(back.map(|r| (r.frame.time_s, "drawn out".to_owned())));
     out
 }
