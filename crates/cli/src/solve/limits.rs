@@ -104,21 +104,26 @@ fn swollen(scene: &Scene, solved: &StaticSolution) -> Option<String> {
     ))
 }
 
-/// Whether the last refinement hardly changed the answer; nothing is known of it where there was none.
+/// Whether the last refinement hardly changed the answer, nor would one to eight times as many elements change how far it moves;
+/// nothing is known of it where there was none.
 pub(super) fn mesh_converged(solved: &StaticSolution) -> Option<bool> {
-    solved.change.map(|c| c.displacement.max(c.force) <= CHANGED)
+    solved.change.map(|c| c.displacement_eightfold.max(c.force) <= CHANGED)
 }
 
 /// A solution that finer meshes will change further.
 fn changing(solved: &StaticSolution) -> Option<String> {
     let c = solved.change.filter(|_| mesh_converged(solved) == Some(false))?;
     Some(format!(
-        "from {} to {} elements the displacement changed by {:.1} % and the forces by {:.1} %: finer meshes will change them \
+        "from {} to {} elements the displacement changed by {:.1} %{} and the forces by {:.1} %: finer meshes will change them \
          further, by up to as much again where something driven or held has a sharp edge; give a finer mesh there, or ask for \
          --refine 1 to 3 and compare",
         c.tets,
         solved.tets,
         100.0 * c.displacement,
+        match c.displacement_eightfold > c.displacement {
+            true => format!(" (at that rate {:.0} % for eight times as many)", 100.0 * c.displacement_eightfold),
+            false => String::new(),
+        },
         100.0 * c.force
     ))
 }

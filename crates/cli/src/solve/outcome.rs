@@ -99,8 +99,12 @@ fn unfinished_finer(solved: &StaticSolution) -> Option<&Unfinished> {
 /// How far the answer depends on the mesh, for scripts: whether the last refinement hardly changed it, what that changed, and
 /// the finer mesh that was given up.
 pub(super) fn of_mesh(solved: &StaticSolution) -> [(&'static str, Value); 3] {
-    let change =
-        solved.change.map(|c| json!({ "tets_before": c.tets, "displacement": c.displacement, "force": c.force }));
+    let change = solved.change.map(|c| {
+        json!({
+            "tets_before": c.tets, "displacement": c.displacement, "force": c.force,
+            "displacement_eightfold": c.displacement_eightfold,
+        })
+    });
     let finer = unfinished_finer(solved).map(|finer| json!({ "tets": finer.tets, "why": given_up(finer) }));
     [
         ("mesh_converged", json!(limits::mesh_converged(solved))),

@@ -142,9 +142,11 @@ impl Level {
         let mut reach = self.refined.mesh.vertices[..given].iter().map(|p| (*p - Point::ORIGIN).norm());
         let moves = most(&mut old.iter().chain(new).map(|d| d.norm())) > AT_REST * most(&mut reach);
         let force = most(&mut forces.iter().map(|f| f.norm())).max(BALANCED * next.solved.at_work_mn());
+        let displacement = share(apart.sqrt(), all.sqrt());
         MeshChange {
             tets: self.solved.tets,
-            displacement: share(apart.sqrt(), all.sqrt()),
+            displacement,
+            displacement_eightfold: displacement * eightfold(self.solved.tets, next.solved.tets),
             force: if moves { share(force_apart, force) } else { 0.0 },
         }
     }
@@ -178,12 +180,36 @@ fn is_nearly(solved: &StaticSolution) -> bool {
     solved.stop == Some(Stop::Asked) && solved.residual < NEARLY && solved.turned == 0 && solved.share >= 1.0
 }
 
+/// What eight times as many elements change over what these many more do. The error of linear tetrahedra falls with the square
+/// of their edges, so with their number to the power of two thirds: of an error e, `count` times as many take away
+/// e (1 - count^(-2/3)).
+fn eightfold(before: usize, now: usize) -> f64 {
+    let taken = |count: f64| 1.0 - count.powf(-2.0 / 3.0);
+    // A hundredth more elements tell nothing of a mesh.
+    let count = (now as f64 / before.max(1) as f64).clamp(1.01, 8.0);
+    taken(8.0) / taken(count)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::model::tests::block;
     use crate::{CollisionResponse, Material, Mode, PhysicalOptions, SphereContact, Support};
     use monro_geometry::Point;
+
+    /// A clamped plate that gave way 26 % too little changed by 4.3 % from its last mesh, which had 1.28 times the elements of
+    /// the one before, and was called converged.
+    #[test]
+    fn a_small_step_from_mesh_to_mesh_hides_what_is_missing() {
+        let error = |tets: usize| (tets as f64).powf(-2.0 / 3.0);
+        let change = |now: usize| error(9408) - error(now);
+        for now in [10_000, 12_040, 20_000, 75_264] {
+            let found = change(now) * eightfold(9408, now);
+            assert!((found / change(8 * 9408) - 1.0).abs() < 1e-9, "{now}: {found}");
+        }
+        assert!((eightfold(75_264, 96_276) * 0.043 - 0.213).abs() < 1e-3);
+        assert_eq!((eightfold(100, 6400), eightfold(0, 0) > 1.0), (1.0, true));
+    }
 
     #[test]
     fn a_start_from_a_coarser_mesh_forgot_friction() {

@@ -122,6 +122,10 @@ pub struct MeshChange {
     pub tets: usize,
     /// Relative L2 change of the displacement at the vertices of the given mesh.
     pub displacement: f64,
+    /// What that is at the same rate for eight times as many elements, where there were less than eight times: a mesh of a
+    /// third more elements changes little of what is still missing. (Forces are mostly missed at the very places that are
+    /// made finer, so nothing of the kind is known of them.)
+    pub displacement_eightfold: f64,
     /// Largest change of the force of a set of supports, a sphere or a rod, over the largest of these forces (or a tenth of what
     /// all vertices bear or of all loads, where a set's forces or the loads balance each other).
     pub force: f64,
