@@ -1,6 +1,7 @@
 //! Elements that have lost or gained much of their volume though tissue hardly gives it away, and ventricles that are empty.
 
 use super::Run;
+use super::run::Snapshot;
 use monro_geometry::{Patient, Point, Structure, TetMesh};
 use monro_tissue::Csf;
 use serde_json::{Value, json};
@@ -55,12 +56,12 @@ impl Unsound {
 }
 
 impl Crushed {
-    /// Of a run at its end, against rest.
-    pub(super) fn of(run: &Run) -> Option<Self> {
-        Some(Self::between(&run.rest, &run.snapshots.last()?.mesh))
+    /// Of a run at the last of these meshes, against rest.
+    pub(super) fn of(run: &Run, snapshots: &[Snapshot]) -> Option<Self> {
+        Some(Self::between(&run.rest, &snapshots.last()?.mesh))
     }
 
-    pub(super) fn between(rest: &TetMesh, now: &TetMesh) -> Self {
+    fn between(rest: &TetMesh, now: &TetMesh) -> Self {
         let mut out = Self { brain: Unsound::NONE, ventricles: Unsound::NONE, empty: 0.0 };
         let mut whole = [0.0f64; 2];
         for (t, &label) in rest.labels.iter().enumerate() {

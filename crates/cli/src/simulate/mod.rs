@@ -28,7 +28,7 @@ pub(crate) use output::{SIMULATION, summary_json, summary_text};
 pub(crate) use run::{Run, insert};
 
 /// Outer diameter of the catheter, mm: 9 Fr, as in the paper.
-const DIAMETER_MM: f64 = 3.0;
+pub(crate) const DIAMETER_MM: f64 = 3.0;
 /// Rest at the target before the end, s: long enough for the tissue to settle.
 const HOLD_S: f64 = 1.0;
 

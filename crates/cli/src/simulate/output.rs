@@ -147,7 +147,7 @@ fn numbers(done: &Run) -> Value {
         "max_wall_shift_mm": done.largest_wall_mm(),
         format!("max_{}", done.force_name()): done.largest_force(),
         "elements": done.rest.tets.len(),
-        "crushed": Crushed::of(done).map(Crushed::json),
+        "crushed": Crushed::of(done, &done.snapshots).map(Crushed::json),
     })
 }
 

@@ -122,7 +122,7 @@ fn broken(run: &Run) -> Vec<String> {
         ));
     }
     out.extend(crossed::at_end(&run.snapshots).map(|c| format!("{c}: not a result. {helps}")));
-    out.extend(Crushed::of(run).and_then(|c| c.broken(run)).map(|c| format!("{c} {helps}")));
+    out.extend(Crushed::of(run, &run.snapshots).and_then(|c| c.broken(run)).map(|c| format!("{c} {helps}")));
     out.extend(undrained(run));
     out
 }
@@ -137,8 +137,8 @@ fn undrained(run: &Run) -> Option<String> {
 }
 
 /// What follows from trouble that is over at the end: nothing where the end is not to be relied on for another reason.
-fn so(run: &Run) -> &'static str {
-    if run.reliable() { ", so the end can be relied on" } else { "" }
+pub(super) const fn so(reliable: bool) -> &'static str {
+    if reliable { ", so the end can be relied on" } else { "" }
 }
 
 /// What makes it worth less.
@@ -166,10 +166,10 @@ fn doubts(run: &Run) -> Vec<String> {
     out.extend(walls::hasty(run));
     out.extend(gone_around(run));
     out.extend(restless::remark(run, &run.rows, "a wall is folded around the tip"));
-    out.extend(Trouble::of(&run.rows).doubts(run, so(run)));
-    out.extend(crossed::on_the_way(&run.snapshots, so(run)));
+    out.extend(Trouble::of(&run.rows).doubts(run, so(run.reliable())));
+    out.extend(crossed::on_the_way(&run.snapshots, so(run.reliable())));
     if run.reliable() {
-        out.extend(Crushed::of(run).into_iter().flat_map(|c| c.doubts(run)));
+        out.extend(Crushed::of(run, &run.snapshots).into_iter().flat_map(|c| c.doubts(run)));
     }
     out.extend(squeezed(run));
     out.extend(soft_body::remarks(&run.settings.model));

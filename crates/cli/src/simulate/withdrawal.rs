@@ -3,7 +3,7 @@
 use super::crushed::Crushed;
 use super::output::{largest_that_lasts, small};
 use super::run::{Row, Run, Stretch};
-use super::verdict::Trouble;
+use super::verdict::{Trouble, so};
 use super::{crossed, restless};
 use monro_geometry::Structure;
 use monro_session::Frame;
@@ -17,7 +17,7 @@ pub(super) fn broken(run: &Run) -> Vec<String> {
     let Some(out) = &run.withdrawal else { return Vec::new() };
     let mut said = Trouble::of(&out.rows).broken(run, out.rows.len());
     said.extend(crossed::at_end(&out.snapshots).map(|c| format!("{c}: not a result.")));
-    said.extend(crushed(run, out).and_then(|c| c.broken(run)));
+    said.extend(Crushed::of(run, &out.snapshots).and_then(|c| c.broken(run)));
     said.into_iter().map(|text| format!("{OF_IT}{text}")).collect()
 }
 
@@ -25,7 +25,7 @@ pub(super) fn broken(run: &Run) -> Vec<String> {
 pub(super) fn doubts(run: &Run) -> Vec<String> {
     let Some(out) = &run.withdrawal else { return Vec::new() };
     let sound = broken(run).is_empty();
-    let so = if sound { ", so the end can be relied on" } else { "" };
+    let so = so(sound);
     let mut said = Vec::new();
     if let Some(tissue) = out.rows.last().and_then(|r| r.frame.at_tip) {
         said.push(format!(
@@ -36,16 +36,12 @@ pub(super) fn doubts(run: &Run) -> Vec<String> {
     said.extend(restless::remark(run, &out.rows, "a wall does not draw back"));
     said.extend(Trouble::of(&out.rows).doubts(run, so));
     said.extend(crossed::on_the_way(&out.snapshots, so));
-    said.extend(crushed(run, out).filter(|_| sound).into_iter().flat_map(|c| c.doubts(run)));
+    said.extend(Crushed::of(run, &out.snapshots).filter(|_| sound).into_iter().flat_map(|c| c.doubts(run)));
     said.into_iter().map(|text| format!("{OF_IT}{text}")).collect()
 }
 
 /// What may help a catheter that does not come out.
 const HELPS: &str = "A slower withdrawal (--speed) or a finer mesh may help.";
-
-fn crushed(run: &Run, out: &Stretch) -> Option<Crushed> {
-    Some(Crushed::between(&run.rest, &out.snapshots.last()?.mesh))
-}
 
 /// The largest force that lasts with which the tissue held the catheter back, mN.
 pub(super) fn pull(out: &Stretch) -> f64 {
@@ -91,6 +87,6 @@ pub(super) fn json(run: &Run) -> Value {
         "rollbacks": trouble.rollbacks,
         "frames_held": trouble.held,
         "self_crossing": crossed::json(&out.snapshots),
-        "crushed": crushed(run, out).map(Crushed::json),
+        "crushed": Crushed::of(run, &out.snapshots).map(Crushed::json),
     })
 }

@@ -279,10 +279,14 @@ impl Client {
         if declared != payload.len() {
             frame.faults.push(super::Fault::Length { declared, found: payload.len() });
         }
-        self.count(&frame, now);
+        self.counters.frames += 1;
+        self.counters.odd += u64::from(!frame.faults.is_empty());
+        self.times.frame = Some(now);
+        // What is late says nothing of now: neither of places nor of what is streamed.
         if self.is_late(frame.number) {
             return Ok(Event::Frame(Box::new(frame), Vec::new()));
         }
+        self.follow(&frame);
         let frequency = self.server.as_ref().and_then(|s| s.clock).map(|c| c.frequency);
         let name = |id: i32| self.names.get(&id).cloned().unwrap_or_else(|| format!("#{id}"));
         let poses = frame.poses(self.options.up, frequency, now, name);
@@ -294,8 +298,7 @@ impl Client {
     fn is_late(&mut self, number: i32) -> bool {
         let step = self.last_number.map_or(1, |last| i64::from(number) - i64::from(last));
         self.late = if step > 0 { 0 } else { self.late + 1 };
-        let late = (-LATE..=0).contains(&step) && self.late <= MOST_LATE;
-        if late {
+        if (-LATE..=0).contains(&step) && self.late <= MOST_LATE {
             return true;
         }
         if step > 0 {
@@ -308,10 +311,8 @@ impl Client {
         false
     }
 
-    fn count(&mut self, frame: &Frame, now: f64) {
-        self.counters.frames += 1;
-        self.counters.odd += u64::from(!frame.faults.is_empty());
-        self.times.frame = Some(now);
+    /// What the newest frame says of the stream.
+    fn follow(&mut self, frame: &Frame) {
         self.seen = frame.rigid_bodies.iter().map(|b| (b.id, b.is_tracked())).collect();
         // Bits 2 and 3: the bitstream may have changed. Their meaning differs between sources, so a change of them, not
         // their state, makes us ask again.

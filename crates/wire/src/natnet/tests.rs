@@ -371,7 +371,8 @@ fn after(numbers: &[i32]) -> (Client, Vec<usize>) {
     let version = Version::new(3, 0);
     let mut client = Client::new(ClientOptions { force_version: Some(version), ..ClientOptions::default() });
     let poses = numbers.iter().map(|&number| {
-        let bytes = Frame { number, rigid_bodies: vec![RigidBody::default()], ..Frame::default() }.encode(version);
+        let body = RigidBody { id: number, ..RigidBody::default() };
+        let bytes = Frame { number, rigid_bodies: vec![body], ..Frame::default() }.encode(version);
         match client.receive(&bytes, 0.0).expect("frame") {
             Some(Event::Frame(_, poses)) => poses.len(),
             other => panic!("{other:?}"),
@@ -394,6 +395,9 @@ fn frames_that_come_late_have_no_poses_and_numbers_that_begin_anew_do() {
     let (client, poses) = after(&[10, 12, 11, 13, 13, 14]);
     assert_eq!(poses, [1, 1, 0, 1, 0, 1]);
     assert_eq!((client.counters().restarts, client.counters().missed), (0, 1));
+    // Nor did they say what is streamed now.
+    let (client, _) = after(&[10, 12, 11]);
+    assert_eq!(client.seen.keys().collect::<Vec<_>>(), [&12]);
     // A short take that loops: it takes a moment to see that these are no late ones.
     let (client, poses) = after(&[50, 0, 1, 2, 3, 4, 5]);
     assert_eq!((poses, client.counters().restarts), (vec![1, 0, 0, 0, 0, 1, 1], 1));
