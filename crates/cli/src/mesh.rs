@@ -281,6 +281,7 @@ fn as_json(report: &MeshReport, out: &Path, stages: &[(String, f64)], parts: &Pa
         "seconds": seconds_json(stages),
         "mesh_seconds": seconds_json(&parts.seconds),
         "core_edge_mean_mm": report.core_edge_mean,
+        "path_edge_mean_mm": report.path_edge_mean,
         "edge_bands": report.edge_bands.iter().map(|b| json!({ "from_mm": b.from, "to_mm": b.to, "mean_mm": b.mean, "edges": b.edges, "elements": b.elements })).collect::<Vec<_>>(),
         "open_at_border": report.open_at_border,
         "coarse_regions": report.coarse_regions,

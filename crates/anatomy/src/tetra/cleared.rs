@@ -51,7 +51,7 @@ impl<'a> Cleared<'a> {
     }
 
     fn new(start: Start, fields: &'a LabelFields, size: &SizeField) -> Self {
-        let Start { mut raw, bounds, lattice_edge, finest } = start;
+        let Start { mut raw, bounds, lattice_edge, finest, .. } = start;
         let crumbs = repair::repair(&mut raw, fields.labels.len() as u8, 0.5 * lattice_edge.powi(3), |corners, l| {
             coarse::holds(corners, l, fields)
         });

@@ -25,6 +25,7 @@
 //! ```
 
 mod adjacency;
+mod along;
 mod census;
 mod cleared;
 mod coarse;

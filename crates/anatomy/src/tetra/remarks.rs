@@ -35,7 +35,6 @@ pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(
 ) -> Vec<String> {
     let mut all = of_options(source);
     all.extend(of_path(source));
-    all.extend(of_idle_path(source));
     all.extend(of_count(report.elements, source.options.elements));
     all.extend(of_density(report, source));
     if report.coarse_regions {
@@ -161,14 +160,6 @@ fn of_path<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>) -> Option<St
     Some(format!(
         "the path passes all labels to mesh by {distance:.0} mm or so (nearest: {at}); check its frame, LPS mm"
     ))
-}
-
-/// A path among labels that are all to be fine around.
-fn of_idle_path<T>(source: &Source<'_, T>) -> Option<String> {
-    let (options, fields) = (source.options, source.fields);
-    let all_fine = fields.labels.iter().all(|l| options.fine.contains(l));
-    (options.path.is_some() && all_fine)
-        .then(|| "the path changes nothing, as all labels are to be fine around: name those that are".into())
 }
 
 fn of_crumbs<T>(source: &Source<'_, T>, label: usize) -> Option<String> {

@@ -214,6 +214,8 @@ pub struct MeshReport {
     pub radius_ratio_median: f64,
     /// Mean edge within 2 mm of the fine labels and the path, inside included, mm.
     pub core_edge_mean: f64,
+    /// Mean edge whose middle lies within 2 mm of the path, mm; `None` without a path, or where it meets no such edge.
+    pub path_edge_mean: Option<f64>,
     /// Mean edges by distance.
     pub edge_bands: Vec<EdgeBand>,
     /// Elements of bad shape, if any.
@@ -277,6 +279,7 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
         radius_ratio_min: shapes.radius_ratio_min,
         radius_ratio_median: shapes.radius_ratio_median,
         core_edge_mean,
+        path_edge_mean: source.options.path.and_then(|path| along(mesh, path)),
         edge_bands,
         bad_shapes: shapes.bad,
         coarse_regions: source.coarse_regions,
@@ -345,6 +348,19 @@ fn spacing(mesh: &TetMesh, size: &SizeField) -> (Vec<EdgeBand>, f64) {
     };
     let core = sums[..2].iter().fold((0.0, 0), |s, x| (s.0 + x.0, s.1 + x.1));
     ((0..sums.len()).map(band).collect(), mean(core))
+}
+
+/// Mean edge whose middle lies as near to a path as the core reaches, mm.
+fn along(mesh: &TetMesh, [from, to]: [Point<Patient>; 2]) -> Option<f64> {
+    let (mut sum, mut count) = (0.0, 0usize);
+    for e in mesh.edges() {
+        let [a, b] = e.map(|v| mesh.vertices[v as usize]);
+        let middle = a.lerp(b, 0.5);
+        if middle.distance(middle.nearest_on_segment(from, to)) < BANDS[2] {
+            (sum, count) = (sum + a.distance(b), count + 1);
+        }
+    }
+    (count > 0).then(|| sum / count as f64)
 }
 
 fn label_report<T: Copy + Eq + Into<u16> + Sync>(

@@ -1,6 +1,7 @@
 //! How long edges should be where.
 
 use super::MeshOptions;
+use super::along::Along;
 use super::census::{Census, blocks};
 use super::fields::LabelFields;
 use super::region::Region;
@@ -15,7 +16,7 @@ use std::borrow::Cow;
 const STEP: f64 = 1.8;
 /// Full resolution reaches this far from the fine labels and the path, mm.
 const CORE: f64 = 1.0;
-/// Growth of edges away from thin places, over the growth elsewhere.
+/// Growth of edges away from thin places and the path, over the growth elsewhere.
 const STEEPER: f64 = 2.0;
 /// Edge length, mm, for which relative lengths change by the growth of lengths.
 const USUAL: f64 = 3.0;
@@ -26,6 +27,8 @@ pub(super) struct SizeField {
     distance: super::fields::Field,
     /// Longest edges next to thin places, if there are any.
     cap: Option<super::fields::Field>,
+    /// Longest edges around the path.
+    pub(super) along: Option<Along>,
     /// Thin places.
     pub(super) thin: Thin,
     /// Relative lengths of edges that densities ask for.
@@ -69,8 +72,11 @@ impl SizeField {
         let field = |values: Vec<f32>| Some(super::fields::Field::new(Volume::new(grid, values).ok()?));
         let (distance, scale) = (field(distance)?, scale.and_then(field));
         let census = Census::new(fields, &blocks, |p| distance.at(p), |p| scale.as_ref().map_or(1.0, |s| s.at(p)));
+        let volume = fields.volumes.iter().sum();
+        let along = path.map(|path| Along::new(path, volume, options.elements, CORE * fields.unit, STEEPER * growth));
         let mut size = Self {
             cap: None,
+            along,
             thin: Thin::none(),
             scale,
             distance,
@@ -129,12 +135,21 @@ impl SizeField {
         std::array::from_fn(|a| p[a].clamp(self.low[a], self.high[a]))
     }
 
-    /// Wanted edge length at `p` when the finest is `finest`, but for thin places.
+    /// Wanted edge length at `p` when the finest is `finest`.
     pub(super) fn edge(&self, p: [f64; 3], finest: f64) -> f64 {
-        self.edge_off(self.distance(p), p, finest)
+        self.edge_and_cause(p, finest).0
     }
 
-    /// The same, given the [`distance`](Self::distance) there.
+    /// The same, and whether it is so short because of the path.
+    pub(super) fn edge_and_cause(&self, p: [f64; 3], finest: f64) -> (f64, bool) {
+        let free = self.edge_off(self.distance(p), p, finest);
+        match self.along.map(|along| along.edge_at(p)) {
+            Some(along) if along < free => (along, true),
+            _ => (free, false),
+        }
+    }
+
+    /// The same but for the path, given the [`distance`](Self::distance) there.
     pub(super) fn edge_off(&self, distance: f64, p: [f64; 3], finest: f64) -> f64 {
         let p = self.clamped(p);
         let free = self.edge_at(distance, finest) * self.scale.as_ref().map_or(1.0, |s| s.at(p));

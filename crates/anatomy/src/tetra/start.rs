@@ -8,12 +8,12 @@ use super::octree::Octree;
 use super::size::SizeField;
 use super::thickness::Thin;
 use super::vec3::V3;
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 
 /// Cell edge of a body-centred lattice over its mean tetrahedron edge (six long edges and eight of sqrt(3)/2 at a point).
 const CELL_PER_EDGE: f64 = 1.083;
 /// A cell is split when longer than this many wanted edges.
-const SPLIT: f64 = 1.41;
+pub(super) const SPLIT: f64 = 1.41;
 /// So is one that may hold some of what is fine, when it is longer than so many times that: with strong growth the edge wanted
 /// in its middle does not tell. With the usual growth of 0.7 mm a mm it does: cells become no longer than 7 of the finest edges.
 const STEPS_OVER: [f64; 2] = [2.0, 8.0];
@@ -44,6 +44,8 @@ const LEAST_LATTICE: f64 = 80_000.0;
 /// but not by more than this factor, or that one where there is no inner label.
 const MOST_COARSER: f64 = 14.0;
 const MOST_COARSER_OUTSIDE: f64 = 8.0;
+/// Elements that a cell more to be split for the path brings (measured on phantoms and heads).
+const PER_ALONG: f64 = 115.0;
 /// Elements that a cell more to be split for thin parts brings, and what a lattice without any has of the count aimed at
 /// (measured on phantoms and heads): a lattice that exceeds it by this part more than it may need not be cut to know it.
 const PER_THIN: f64 = 330.0;
@@ -53,6 +55,8 @@ const SURELY: f64 = 0.05;
 /// A cut lattice and the finest edges wanted in it and in the mesh to be made of it.
 pub(super) struct Start {
     pub(super) raw: RawMesh,
+    /// How many elements it has but for those along the path, at a guess.
+    counted: f64,
     /// Where its cells are smaller than wanted elsewhere because of thin parts, and the edges there.
     pub(super) bounds: Vec<(V3, f64)>,
     pub(super) lattice_edge: f64,
@@ -91,7 +95,7 @@ pub(super) fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize, mo
     let (none, mut thin) = (Thin::none(), &size.thin);
     for _ in 0..MOST_TRIES {
         let lattice_edge = finest_for(size, aim / search.ratio);
-        let Grown { tree, bounds } = Grown::new(fields, size, thin, lattice_edge);
+        let Grown { tree, bounds, along } = Grown::new(fields, size, thin, lattice_edge);
         let has_thin = !bounds.is_empty();
         let foreseen = miss(WITHOUT_THIN * aim + PER_THIN * bounds.len() as f64);
         if search.last.is_none() && (OVER + SURELY..MOST_SPLIT.ln()).contains(&foreseen) {
@@ -99,16 +103,17 @@ pub(super) fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize, mo
             continue;
         }
         let raw = tree.cut(thin, fields);
-        let n = raw.tets.len() as f64;
+        // What the path takes is left out: the cells elsewhere are what they would be without.
+        let n = (raw.tets.len() as f64 - PER_ALONG * along as f64).max(0.0);
         if has_thin && n > MOST_SPLIT * aim {
             thin = &none;
             continue;
         }
         // What was only foreseen is none to fall back on.
         let is_over = n == 0.0 || (best.is_some() && search.is_over(miss(n)));
-        let nearer = best.as_ref().is_none_or(|b| miss(n).abs() < miss(b.raw.tets.len() as f64).abs());
+        let nearer = best.as_ref().is_none_or(|b| miss(n).abs() < miss(b.counted).abs());
         if nearer {
-            best = Some(Start { raw, bounds, lattice_edge, finest: lattice_edge });
+            best = Some(Start { raw, counted: n, bounds, lattice_edge, finest: lattice_edge });
         }
         // Cells of thin parts come and go by themselves: a step that led no nearer is followed by others that do not.
         if (-SHORT..OVER).contains(&miss(n)) || (has_thin && !nearer) || is_over {
@@ -180,6 +185,8 @@ pub(super) struct Grown {
     pub(super) tree: Tree,
     /// Where its cells are smaller because of thin parts, and the edges there.
     bounds: Vec<(V3, f64)>,
+    /// How many cells were split for the path alone.
+    along: usize,
 }
 
 impl Grown {
@@ -194,7 +201,7 @@ impl Grown {
         let unit = 0.5 * cell / f64::from(1u32 << thin);
         let span = f64::from(2u32 << levels) * unit;
         let origin: V3 = std::array::from_fn(|a| 0.5 * (low[a] + high[a] - span));
-        let bounds = RefCell::new(Vec::new());
+        let (bounds, along) = (RefCell::new(Vec::new()), Cell::new(0));
         let [least, most] = STEPS_OVER;
         let steps_over = SPLIT * finest * (most * (USUAL_GROWTH / size.growth()).powi(2)).clamp(least, most);
         let tree = Octree::new(levels, |corner, edge| {
@@ -210,13 +217,17 @@ impl Grown {
             if steps_over || length > SPLIT * size.edge_off(distance, centre, finest) {
                 return true;
             }
+            if size.along.is_some_and(|along| along.is_coarse(place(0.0), centre, length)) {
+                along.set(along.get() + 1);
+                return true;
+            }
             let unseen = thin_parts.is_unseen(fields, centre, length);
             if unseen {
                 bounds.borrow_mut().push((centre, length / CELL_PER_EDGE));
             }
             unseen
         });
-        Self { tree: Tree { tree, origin, unit }, bounds: bounds.into_inner() }
+        Self { tree: Tree { tree, origin, unit }, bounds: bounds.into_inner(), along: along.get() }
     }
 }
 

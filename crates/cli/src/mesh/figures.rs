@@ -21,7 +21,7 @@ impl MeshSection<'_> {
     pub(crate) fn section(&self) -> Section {
         let mesh = self.report;
         let text = format!(
-            "{} elements, {} vertices; dihedral angles {:.1} to {:.1} degrees (first percentile {:.1}), radius ratio at least {:.2}; mean edge {:.2} mm within 2 mm of {}.",
+            "{} elements, {} vertices; dihedral angles {:.1} to {:.1} degrees (first percentile {:.1}), radius ratio at least {:.2}; mean edge {:.2} mm within 2 mm of {}{}.",
             mesh.elements,
             mesh.vertices,
             mesh.dihedral_min,
@@ -29,7 +29,9 @@ impl MeshSection<'_> {
             mesh.dihedral_p1,
             mesh.radius_ratio_min,
             mesh.core_edge_mean,
-            self.fine
+            self.fine,
+            mesh.path_edge_mean
+                .map_or_else(String::new, |mean| format!(", {mean:.2} mm within 2 mm of the path alone"))
         );
         Section {
             title: "Tetrahedra".into(),

@@ -6,6 +6,9 @@ use super::work::Work;
 
 /// Rounds at most.
 const ROUNDS: usize = 8;
+/// Edges that are to be short because of the path are left alone from so many wanted lengths on: what the count asks for beyond
+/// is merged elsewhere.
+const ALONG: f64 = 0.9;
 
 /// How far to coarsen.
 #[derive(Debug, Clone, Copy)]
@@ -22,6 +25,9 @@ pub(in super::super) struct Coarse {
     pub(in super::super) floor: f64,
 }
 
+/// The edge wanted at a point, mm, and whether it is so short because of the path.
+type Wanted = (f64, bool);
+
 /// An edge with its length over the wanted one, from a point that may go to one that stays.
 type Short = (f64, u32, u32);
 
@@ -33,7 +39,7 @@ impl Work<'_> {
         if self.count() <= aim.target {
             return;
         }
-        let wanted: Vec<f64> = self.points.iter().map(|&p| size.edge(p, aim.finest)).collect();
+        let wanted: Vec<_> = self.points.iter().map(|&p| size.edge_and_cause(p, aim.finest)).collect();
         let mut at: Vec<u32> = (0..self.points.len() as u32).collect();
         for _ in 0..ROUNDS {
             let edges = self.short_edges(&wanted, aim, &at);
@@ -45,7 +51,7 @@ impl Work<'_> {
     }
 
     /// One round; returns the points whose surroundings have changed.
-    fn merge_short(&mut self, edges: Vec<Short>, wanted: &[f64], aim: &Coarse) -> Vec<u32> {
+    fn merge_short(&mut self, edges: Vec<Short>, wanted: &[Wanted], aim: &Coarse) -> Vec<u32> {
         let mut used = vec![false; self.points.len()];
         let mut changed = Vec::new();
         for (_, v, w) in edges {
@@ -57,7 +63,7 @@ impl Work<'_> {
                 continue;
             }
             let floor = aim.floor.min(self.worst_around(v) + 1e-6);
-            if self.collapse(v, w, floor, aim.sag * wanted[w as usize]) {
+            if self.collapse(v, w, floor, aim.sag * wanted[w as usize].0) {
                 (used[v as usize], used[w as usize]) = (true, true);
                 changed.push(w);
             }
@@ -68,7 +74,7 @@ impl Work<'_> {
     }
 
     /// Edges at some points that are shorter than the limit, shortest first.
-    fn short_edges(&self, wanted: &[f64], aim: &Coarse, at: &[u32]) -> Vec<Short> {
+    fn short_edges(&self, wanted: &[Wanted], aim: &Coarse, at: &[u32]) -> Vec<Short> {
         let mut asked = vec![false; self.points.len()];
         at.iter().for_each(|&v| asked[v as usize] = true);
         let may_go = |v: u32, w: u32| {
@@ -81,9 +87,11 @@ impl Work<'_> {
             near.clear();
             for w in self.stars[v as usize].iter().flat_map(|&t| self.tets[t as usize]).filter(|&w| w != v) {
                 let length = distance(self.points[v as usize], self.points[w as usize]);
-                let score = length / (0.5 * (wanted[v as usize] + wanted[w as usize]));
+                let (at_v, at_w) = (wanted[v as usize], wanted[w as usize]);
+                let (score, along) = (length / (0.5 * (at_v.0 + at_w.0)), at_v.1 || at_w.1);
+                let limit = if along { aim.limit.min(ALONG) } else { aim.limit };
                 // Each is found once for every element around it.
-                if score < aim.limit && (w > v || !asked[w as usize]) && near.iter().all(|n| n.0 != w) {
+                if score < limit && (w > v || !asked[w as usize]) && near.iter().all(|n| n.0 != w) {
                     near.push((w, score));
                 }
             }

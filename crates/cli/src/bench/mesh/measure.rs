@@ -71,6 +71,7 @@ impl Subject {
             "dihedral_min_deg": report.dihedral_min, "dihedral_max_deg": report.dihedral_max,
             "dihedral_p1_deg": report.dihedral_p1, "radius_ratio_min": report.radius_ratio_min,
             "radius_ratio_median": report.radius_ratio_median, "core_edge_mean_mm": report.core_edge_mean,
+            "path_edge_mean_mm": report.path_edge_mean,
             "worst_volume_error": worst_volume,
             "manifold": report.labels.iter().all(|l| l.surface.pinched_at.is_none()),
             "outer_manifold": report.outer.pinched_at.is_none(),

@@ -71,6 +71,7 @@ fn columns() -> Vec<Column> {
         column("max", "/dihedral_max_deg"),
         column("radius ratio", "/radius_ratio_min"),
         column("edge near mm", "/core_edge_mean_mm"),
+        column("along path", "/path_edge_mean_mm"),
         percent("volume off %", "/worst_volume_error"),
         column("to truth mm", "/to_truth/mean_mm"),
         column("at most", "/to_truth/max_mm"),
