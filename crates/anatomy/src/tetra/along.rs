@@ -11,6 +11,10 @@ const PART: f64 = 0.22;
 /// A cell that the path goes through is split when longer than so many of those: cells halve, so edges become one to two times as
 /// long as wanted, 2.3 to 2.9 mm on average in four heads.
 const SPLIT_ON: f64 = 2.27;
+/// Elements more for each such edge of a path's length (measured on heads), and the part of all that they may be: 612 are the
+/// outer surface and coarse regions.
+const PER_EDGE: f64 = 23.0;
+const MOST_TAKEN: f64 = 0.2;
 /// Volume of a body-centred tetrahedron over the cube of its mean edge.
 const VOLUME_PER_CUBE: f64 = 0.106;
 
@@ -27,10 +31,11 @@ pub(super) struct Along {
 }
 
 impl Along {
-    /// Around a path through a region of so many mm3 that is to have so many elements.
-    pub(super) fn new(ends: [Point<Patient>; 2], volume: f64, elements: usize, core: f64, growth: f64) -> Self {
-        let even = (volume / (VOLUME_PER_CUBE * elements as f64)).cbrt();
-        Self { ends, edge: PART * even, core, growth }
+    /// Around a path through a region of so many mm3 that is to have so many elements; `None` where there are too few for it.
+    pub(super) fn new(ends: [Point<Patient>; 2], volume: f64, elements: usize, core: f64, growth: f64) -> Option<Self> {
+        let edge = PART * (volume / (VOLUME_PER_CUBE * elements as f64)).cbrt();
+        let taken = PER_EDGE * ends[0].distance(ends[1]) / edge;
+        (taken < MOST_TAKEN * elements as f64).then_some(Self { ends, edge, core, growth })
     }
 
     /// Edge wanted at a place, mm.
@@ -73,7 +78,14 @@ mod tests {
     use super::*;
 
     fn along(from: V3, to: V3) -> Along {
-        Along::new([from, to].map(Point::from_array), 1.3e6, 37_336, 1.0, 1.4)
+        Along::new([from, to].map(Point::from_array), 1.3e6, 37_336, 1.0, 1.4).expect("enough elements")
+    }
+
+    #[test]
+    fn the_path_took_elements_from_the_outer_surface_where_there_were_few() {
+        let ends = [[0.0, 0.0, 70.0], [0.0; 3]].map(Point::from_array);
+        let is_made = |elements| Along::new(ends, 1.3e6, elements, 1.0, 1.4).is_some();
+        assert!(is_made(5_824) && !is_made(612));
     }
 
     #[test]

@@ -73,7 +73,8 @@ impl SizeField {
         let (distance, scale) = (field(distance)?, scale.and_then(field));
         let census = Census::new(fields, &blocks, |p| distance.at(p), |p| scale.as_ref().map_or(1.0, |s| s.at(p)));
         let volume = fields.volumes.iter().sum();
-        let along = path.map(|path| Along::new(path, volume, options.elements, CORE * fields.unit, STEEPER * growth));
+        let along =
+            path.and_then(|path| Along::new(path, volume, options.elements, CORE * fields.unit, STEEPER * growth));
         let mut size = Self {
             cap: None,
             along,
