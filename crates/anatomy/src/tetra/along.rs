@@ -1,5 +1,6 @@
 //! Edges along a planned path.
 
+use super::size::CORE;
 use super::start::SPLIT;
 use super::vec3::V3;
 use monro_geometry::{Patient, Point};
@@ -8,6 +9,8 @@ use monro_geometry::{Patient, Point};
 /// Labels to be fine around are often thin, and take far shorter edges than the count affords all around them: these were 2.5 to
 /// 3.7 mm where a path was left with 3 to 7 mm, and elements twice as long as a catheter is thick hardly dimple under its tip.
 const PART: f64 = 0.22;
+/// Shorter ones than these, mm, are made where the count affords them all around: half as long as a catheter is thick.
+const LEAST: f64 = 1.5;
 /// A cell that the path goes through is split when longer than so many of those: cells halve, so edges become one to two times as
 /// long as wanted, 2.3 to 2.9 mm on average in four heads.
 const SPLIT_ON: f64 = 2.27;
@@ -32,8 +35,10 @@ pub(super) struct Along {
 
 impl Along {
     /// Around a path through a region of so many mm3 that is to have so many elements; `None` where there are too few for it.
-    pub(super) fn new(ends: [Point<Patient>; 2], volume: f64, elements: usize, core: f64, growth: f64) -> Option<Self> {
-        let edge = PART * (volume / (VOLUME_PER_CUBE * elements as f64)).cbrt();
+    /// Lengths are in units of so many mm.
+    pub(super) fn new(ends: [Point<Patient>; 2], volume: f64, elements: usize, unit: f64, growth: f64) -> Option<Self> {
+        let even = (volume / (VOLUME_PER_CUBE * elements as f64)).cbrt();
+        let (edge, core) = ((PART * even).max(LEAST * unit), CORE * unit);
         let taken = PER_EDGE * ends[0].distance(ends[1]) / edge;
         (taken < MOST_TAKEN * elements as f64).then_some(Self { ends, edge, core, growth })
     }
@@ -95,6 +100,13 @@ mod tests {
         assert!((on_it - 1.52).abs() < 0.01, "{on_it}");
         let off = [along.edge_at([3.0, 0.0, 30.0]), along.edge_at([0.0, 0.0, -3.0])];
         assert!(off.iter().all(|e| (e - on_it - 2.0 * 1.4).abs() < 1e-12), "{off:?}");
+    }
+
+    #[test]
+    fn more_elements_make_no_edges_along_the_path_that_are_far_shorter_than_a_catheter_is_thick() {
+        let ends = [[0.0, 0.0, 70.0], [0.0; 3]].map(Point::from_array);
+        let edge = |unit| Along::new(ends, 1.3e6, 500_000, unit, 1.4).expect("enough elements").edge_at([0.0; 3]);
+        assert_eq!((edge(1.0), edge(0.5)), (1.5, 0.75));
     }
 
     #[test]

@@ -15,7 +15,7 @@ use std::borrow::Cow;
 /// Cell of the lattice on which the size is kept, mm (as all lengths here for a head: [`LabelFields::unit`]).
 const STEP: f64 = 1.8;
 /// Full resolution reaches this far from the fine labels and the path, mm.
-const CORE: f64 = 1.0;
+pub(super) const CORE: f64 = 1.0;
 /// Growth of edges away from thin places and the path, over the growth elsewhere.
 const STEEPER: f64 = 2.0;
 /// Edge length, mm, for which relative lengths change by the growth of lengths.
@@ -73,8 +73,7 @@ impl SizeField {
         let (distance, scale) = (field(distance)?, scale.and_then(field));
         let census = Census::new(fields, &blocks, |p| distance.at(p), |p| scale.as_ref().map_or(1.0, |s| s.at(p)));
         let volume = fields.volumes.iter().sum();
-        let along =
-            path.and_then(|path| Along::new(path, volume, options.elements, CORE * fields.unit, STEEPER * growth));
+        let along = path.and_then(|path| Along::new(path, volume, options.elements, fields.unit, STEEPER * growth));
         let mut size = Self {
             cap: None,
             along,
