@@ -2,7 +2,7 @@
 
 use monro_geometry::{DisjointSets, Patient, Point, TetMesh, Vector};
 use monro_tissue::{EmbeddedRod, StaticProblem};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Share of the largest pivot below which a motion is free.
 const FREE: f64 = 1e-9;
@@ -37,40 +37,95 @@ pub(super) fn free(mesh: &TetMesh, problem: &StaticProblem) -> Option<String> {
     Some(format!("the supports leave {count} of the six rigid motions of {of} free{which}: {so}"))
 }
 
-/// What of a mesh hangs together, be it by a vertex.
+/// Says which parts hang at the rest of the body in a vertex or an edge alone, so that they can turn about it; `None` without any.
+/// Elements share no face there: nothing resists, though all hangs together.
+pub(super) fn hinged(mesh: &TetMesh, problem: &StaticProblem) -> Option<String> {
+    let mut parts = parted(mesh, problem, &by_faces(mesh));
+    let mut parts_at = vec![0_u32; mesh.vertices.len()];
+    parts.iter().flat_map(|p| &p.vertices).for_each(|&v| parts_at[v as usize] += 1);
+    for part in &mut parts {
+        part.joints = part.vertices.iter().copied().filter(|&v| parts_at[v as usize] > 1).collect();
+    }
+    let loose: Vec<(&Piece, usize)> =
+        parts.iter().filter(|p| !p.joints.is_empty()).filter_map(|p| Some((p, p.free(mesh, problem)?.0))).collect();
+    let (part, count) = loose.first()?;
+    let at = mesh.vertices[part.joints[0] as usize];
+    Some(format!(
+        "the part with tetrahedron {} ({} of {} tetrahedra; {} of {} such parts) shares no face with the others and hangs at them by \
+         {} node(s), one at ({:.6}, {:.6}, {:.6}) m, which leave {count} of its six rigid motions free: only what it runs into stops \
+         it; give it faces in common with the rest, or hold it",
+        part.first,
+        part.tets,
+        mesh.tets.len(),
+        loose.len(),
+        parts.len(),
+        part.joints.len(),
+        at.x * 1e-3,
+        at.y * 1e-3,
+        at.z * 1e-3,
+    ))
+}
+
+/// What of a mesh hangs together.
 #[derive(Default)]
 struct Piece {
     first: usize,
     tets: usize,
     vertices: Vec<u32>,
+    /// Its vertices that others have, too, if these are to hold it.
+    joints: Vec<u32>,
     /// Its supports, by number.
     supports: Vec<usize>,
     /// Whether a rod is in it.
     has_rod: bool,
 }
 
-/// The separate pieces of a mesh, in the order of their first elements.
+/// The separate pieces of a mesh, in the order of their first elements, where a vertex in common is enough to hang together.
 fn pieces(mesh: &TetMesh, problem: &StaticProblem) -> Vec<Piece> {
     let mut sets = DisjointSets::new(mesh.vertices.len());
     mesh.tets.iter().for_each(|t| (1..4).for_each(|i| sets.join(t[0], t[i])));
+    let groups: Vec<u32> = mesh.tets.iter().map(|t| sets.root(t[0])).collect();
+    parted(mesh, problem, &groups)
+}
+
+/// Of each element the group of those that hang together by common faces.
+fn by_faces(mesh: &TetMesh) -> Vec<u32> {
+    let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * mesh.tets.len());
+    for (t, tet) in (0..).zip(&mesh.tets) {
+        let mut sorted = *tet;
+        sorted.sort_unstable();
+        let [a, b, c, d] = sorted;
+        faces.extend([[a, b, c], [a, b, d], [a, c, d], [b, c, d]].map(|f| (f, t)));
+    }
+    faces.sort_unstable();
+    let mut sets = DisjointSets::new(mesh.tets.len());
+    faces.windows(2).filter(|w| w[0].0 == w[1].0).for_each(|w| sets.join(w[0].1, w[1].1));
+    (0..mesh.tets.len() as u32).map(|t| sets.root(t)).collect()
+}
+
+/// The groups of elements, in the order of their first ones.
+fn parted(mesh: &TetMesh, problem: &StaticProblem, groups: &[u32]) -> Vec<Piece> {
     let mut number = BTreeMap::<u32, usize>::new();
     let mut pieces: Vec<Piece> = Vec::new();
-    for (first, tet) in mesh.tets.iter().enumerate() {
-        let at = *number.entry(sets.root(tet[0])).or_insert(pieces.len());
+    for (first, (tet, &group)) in mesh.tets.iter().zip(groups).enumerate() {
+        let at = *number.entry(group).or_insert(pieces.len());
         if at == pieces.len() {
             pieces.push(Piece { first, ..Piece::default() });
         }
         pieces[at].tets += 1;
+        pieces[at].vertices.extend(tet);
     }
-    let mut of = |v: u32| number.get(&sets.root(v)).copied();
-    for v in 0..mesh.vertices.len() as u32 {
-        of(v).into_iter().for_each(|at| pieces[at].vertices.push(v));
-    }
-    for (i, s) in problem.supports.iter().enumerate() {
-        of(s.node).into_iter().for_each(|at| pieces[at].supports.push(i));
-    }
-    for v in problem.rods.iter().flat_map(|rod| beside(mesh, rod)) {
-        of(v).into_iter().for_each(|at| pieces[at].has_rod = true);
+    let held: BTreeMap<u32, Vec<usize>> =
+        problem.supports.iter().enumerate().fold(BTreeMap::new(), |mut held, (i, s)| {
+            held.entry(s.node).or_insert_with(Vec::new).push(i);
+            held
+        });
+    let rods: BTreeSet<u32> = problem.rods.iter().flat_map(|rod| beside(mesh, rod)).collect();
+    for piece in &mut pieces {
+        piece.vertices.sort_unstable();
+        piece.vertices.dedup();
+        piece.supports = piece.vertices.iter().filter_map(|v| held.get(v)).flatten().copied().collect();
+        piece.has_rod = piece.vertices.iter().any(|v| rods.contains(v));
     }
     pieces
 }
@@ -111,9 +166,11 @@ fn gram(mesh: &TetMesh, piece: &Piece, problem: &StaticProblem) -> [[f64; 6]; 6]
     let size = own().map(|p| p.distance(middle)).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
     let unit = |a: usize| Vector::from_array(core::array::from_fn(|i| f64::from(u8::from(i == a))));
     let mut gram = [[0.0; 6]; 6];
-    for s in piece.supports.iter().map(|&i| &problem.supports[i]) {
-        let arm = (mesh.vertices[s.node as usize] - middle) / size;
-        for axis in (0..3).filter(|&a| s.displacement_mm[a].is_some()) {
+    let supports = piece.supports.iter().map(|&i| &problem.supports[i]);
+    let supports = supports.map(|s| (s.node, s.displacement_mm.map(|value| value.is_some())));
+    for (node, held) in supports.chain(piece.joints.iter().map(|&v| (v, [true; 3]))) {
+        let arm = (mesh.vertices[node as usize] - middle) / size;
+        for axis in (0..3).filter(|&a| held[a]) {
             let row: [f64; 6] = core::array::from_fn(|m| {
                 let moved = if m < 3 { unit(m) } else { unit(m - 3).cross(arm) };
                 moved.to_array()[axis]
@@ -185,5 +242,36 @@ mod tests {
         let ends = [Point::new(52.0, 1.0, 1.0), Point::new(55.0, 2.0, 2.0)];
         let rod = EmbeddedRod { radius_mm: 1.0, ends, displacement_mm: Vector::ZERO };
         assert_eq!(free(&mesh, &StaticProblem { rods: vec![rod], ..problem(&[0, 1, 2]) }), None);
+    }
+
+    /// It swung by 130 mm about the vertex, until it passed through the rest.
+    #[test]
+    fn a_part_that_hung_at_a_vertex_or_an_edge_was_taken_for_held() {
+        let vertices = [
+            [0.0; 3],
+            [20.0, 0.0, 0.0],
+            [0.0, 20.0, 0.0],
+            [0.0, 0.0, 20.0],
+            [20.0, 20.0, 20.0],
+            [40.0, 0.0, 0.0],
+            [40.0, 9.0, 9.0],
+        ];
+        let all = |node: u32| Support { node, set: 0, displacement_mm: [Some(0.0); 3] };
+        let told = |second: [u32; 4], held: &[u32]| {
+            let vertices = vertices.map(Point::from_array).to_vec();
+            let mesh = TetMesh { vertices, tets: vec![[0, 1, 2, 3], second], labels: vec![1; 2] };
+            let supports = held.iter().map(|&n| all(n)).collect();
+            hinged(&mesh, &StaticProblem { supports, ..StaticProblem::default() })
+        };
+        let vertex = told([1, 5, 4, 6], &[0, 2, 3]).expect("turns");
+        assert!(
+            vertex.contains("tetrahedron 1 (1 of 2") && vertex.contains("by 1 node(s), one at (0.020000"),
+            "{vertex}"
+        );
+        assert!(vertex.contains("leave 3 of its six rigid motions free"), "{vertex}");
+        let edge = told([1, 2, 4, 5], &[0, 2, 3]).expect("swings");
+        assert!(edge.contains("by 2 node(s)") && edge.contains("leave 1 of its six"), "{edge}");
+        assert_eq!(told([1, 2, 4, 5], &[0, 2, 3, 5]), None);
+        assert_eq!(told([1, 2, 3, 4], &[0, 2, 3]), None);
     }
 }

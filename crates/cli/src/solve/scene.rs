@@ -122,6 +122,7 @@ fn of_case(
     remarks.extend(remarks::nothing_to_find(tets.vertices.len(), &problem));
     remarks.extend(remarks::overlapping(&tets));
     remarks.extend(held::free(&tets, &problem));
+    remarks.extend(held::hinged(&tets, &problem));
     remarks.extend(units::check(&tets, &problem, &sets).with_context(in_case)?);
     remarks.extend(units::weighed(&tets, &problem, &materials).with_context(in_case)?);
     Ok(Scene { grid, mesh: tets, materials, problem, sets, remarks, sources: Vec::new() })
