@@ -12,7 +12,7 @@ const PART: f64 = 0.22;
 /// Shorter ones than these, mm, are made where the count affords them all around: half as long as a catheter is thick.
 const LEAST: f64 = 1.5;
 /// A cell that the path goes through is split when longer than so many of those: cells halve, so edges become one to two times as
-/// long as wanted, 2.3 to 2.9 mm on average in four heads.
+/// long as wanted, 2.3 to 2.9 mm on average in heads and phantoms.
 const SPLIT_ON: f64 = 2.27;
 /// Elements more for each such edge of a path's length (measured on heads), and the part of all that they may be: 612 are the
 /// outer surface and coarse regions.

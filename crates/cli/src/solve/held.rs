@@ -1,6 +1,6 @@
 //! Rigid motions that supports leave free: the answer then stays where the solver began, one of many.
 
-use monro_geometry::{DisjointSets, Patient, Point, TetMesh, Vector};
+use monro_geometry::{DisjointSets, NO_TET, Patient, Point, TetMesh, Vector, tet_neighbours};
 use monro_tissue::{EmbeddedRod, StaticProblem};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -90,16 +90,10 @@ fn pieces(mesh: &TetMesh, problem: &StaticProblem) -> Vec<Piece> {
 
 /// Of each element the group of those that hang together by common faces.
 fn by_faces(mesh: &TetMesh) -> Vec<u32> {
-    let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * mesh.tets.len());
-    for (t, tet) in (0..).zip(&mesh.tets) {
-        let mut sorted = *tet;
-        sorted.sort_unstable();
-        let [a, b, c, d] = sorted;
-        faces.extend([[a, b, c], [a, b, d], [a, c, d], [b, c, d]].map(|f| (f, t)));
-    }
-    faces.sort_unstable();
     let mut sets = DisjointSets::new(mesh.tets.len());
-    faces.windows(2).filter(|w| w[0].0 == w[1].0).for_each(|w| sets.join(w[0].1, w[1].1));
+    for (t, beside) in (0..).zip(tet_neighbours(&mesh.tets, mesh.vertices.len())) {
+        beside.into_iter().filter(|&other| other != NO_TET).for_each(|other| sets.join(t, other));
+    }
     (0..mesh.tets.len() as u32).map(|t| sets.root(t)).collect()
 }
 
