@@ -66,7 +66,7 @@ export interface Status {
   role: Role | null;
   tracker: string;
   tracker_diagnosis: string;
-  tracker_frozen: string | null;
+  tracker_trouble: string | null;
   recording_trouble: string | null;
   simulated: boolean;
   paused: boolean;

@@ -48,7 +48,7 @@ export class Panel {
   readonly #faults = element("#faults");
   readonly #atTip = element("#tip-distance");
   readonly #cells: HTMLElement[];
-  /** How the tracker is, and what is wrong though poses come: one that is frozen, nothing recorded any more. */
+  /** How the tracker is, and what is wrong though poses come: one that is frozen or defined anew, nothing recorded any more. */
   #diagnosis = "";
   #trouble = "";
 
@@ -79,9 +79,8 @@ export class Panel {
   }
 
   /** Takes what the server says of itself, to be shown with the next numbers. */
-  tell({ tracker_diagnosis, tracker_frozen, recording_trouble }: Status): void {
-    const frozen = tracker_frozen && `Poses do not change: ${tracker_frozen}.`;
-    [this.#diagnosis, this.#trouble] = [tracker_diagnosis, [frozen, recording_trouble].filter(Boolean).join(" ")];
+  tell({ tracker_diagnosis, tracker_trouble, recording_trouble }: Status): void {
+    [this.#diagnosis, this.#trouble] = [tracker_diagnosis, [tracker_trouble, recording_trouble].filter(Boolean).join(" ")];
   }
 
   /** No connection: nothing that is shown can be trusted. */

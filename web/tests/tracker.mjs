@@ -46,7 +46,7 @@ async function frozenIsSaid(p, until, text) {
     window.fetch = async (...of) => {
       const answer = await honest(...of);
       if (!String(of[0]).endsWith("/api/status")) return answer;
-      return new Response(JSON.stringify({ ...(await answer.json()), tracker_frozen: "'Catheter' has not moved to the last digit" }));
+      return new Response(JSON.stringify({ ...(await answer.json()), tracker_trouble: "Poses do not change: 'Catheter' has not moved to the last digit." }));
     };
     window.honest = honest;
   });

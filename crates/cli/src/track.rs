@@ -115,7 +115,7 @@ impl Printer<'_> {
     /// All poses of a frame, and the tools that have become stale or lost without being in it.
     fn frame(&mut self, batch: &Batch, now: f64) -> Result<()> {
         for pose in &batch.poses {
-            let own_age = age(now, pose.arrival_time, pose.source_time, batch.clock.as_ref());
+            let own_age = age(now, (pose.arrival_time, pose.lag), pose.source_time, batch.clock.as_ref());
             self.pose(pose, now, own_age)?;
         }
         let expiry = self.options.expiry;

@@ -18,7 +18,7 @@ impl Source for Every {
             let seen = if (self.0 + i).is_multiple_of(5) { Err(Missing::NotTracked) } else { Ok((pose, Some(0.3))) };
             TimedPose::new(name, None, self.now() - 0.004, seen)
         };
-        Ok(Some(Batch { poses: (0..).zip(TOOLS).map(one).collect(), clock: None }))
+        Ok(Some(Batch { poses: (0..).zip(TOOLS).map(one).collect(), ..Batch::default() }))
     }
 
     fn now(&self) -> f64 {
@@ -89,7 +89,7 @@ impl Source for OneByOne {
         std::thread::sleep(Duration::from_millis(5));
         let pose = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(1.0, 2.0, 3.0)).expect("pose");
         let name = TOOLS[self.0 as usize % 2];
-        Ok(Some(Batch { poses: vec![TimedPose::new(name, None, self.now(), Ok((pose, None)))], clock: None }))
+        Ok(Some(Batch { poses: vec![TimedPose::new(name, None, self.now(), Ok((pose, None)))], ..Batch::default() }))
     }
 
     fn now(&self) -> f64 {

@@ -161,11 +161,12 @@ impl Expiry {
 /// An offset known worse than this says less about a pose's age than its arrival does, s: a fifth of what makes it stale.
 const WORST_BOUND: f64 = 0.02;
 
-/// Age of a pose at `now`, s: since its exposure where the source's clock is known to 20 ms, since its arrival otherwise.
-/// Never less than since its arrival: what has arrived was exposed before, whatever the clocks say.
-pub fn age(now: f64, arrival: f64, source: Option<f64>, clock: Option<&Offset>) -> f64 {
+/// Age of a pose at `now`, s: since its exposure where the source's clock is known to 20 ms, otherwise since its arrival less
+/// what its stream lags ([`Lag`](crate::Lag)). Never less than since its arrival: what has arrived was exposed before, whatever
+/// the clocks say.
+pub fn age(now: f64, (arrival, lag): (f64, f64), source: Option<f64>, clock: Option<&Offset>) -> f64 {
     let known = clock.filter(|c| c.bound <= WORST_BOUND);
-    now - source.zip(known).map_or(arrival, |(s, c)| c.to_ours(s).min(arrival))
+    now - source.zip(known).map_or(arrival - lag, |(s, c)| c.to_ours(s).min(arrival))
 }
 
 #[cfg(test)]
@@ -235,9 +236,11 @@ mod tests {
     #[test]
     fn the_age_is_since_exposure_where_the_clocks_are_known() {
         let o = Offset { offset: 100.0, skew: 0.0, reference: 0.0, bound: 0.0 };
-        assert!((age(5.0, 4.99, Some(104.98), Some(&o)) - 0.02).abs() < 1e-9);
-        assert!((age(5.0, 4.99, None, Some(&o)) - 0.01).abs() < 1e-9);
-        assert!((age(5.0, 4.99, Some(104.98), None) - 0.01).abs() < 1e-9);
+        assert!((age(5.0, (4.99, 0.0), Some(104.98), Some(&o)) - 0.02).abs() < 1e-9);
+        assert!((age(5.0, (4.99, 0.0), None, Some(&o)) - 0.01).abs() < 1e-9);
+        assert!((age(5.0, (4.99, 0.0), Some(104.98), None) - 0.01).abs() < 1e-9);
+        assert!((age(5.0, (4.99, 0.3), Some(104.98), None) - 0.31).abs() < 1e-9);
+        assert!((age(5.0, (4.99, 0.3), Some(104.98), Some(&o)) - 0.02).abs() < 1e-9);
     }
 
     /// A first exchange that was held up for a second used to put poses into the future; once the offset was known better,
@@ -245,9 +248,9 @@ mod tests {
     #[test]
     fn a_pose_is_never_exposed_after_it_arrived() {
         let ahead = Offset { offset: 99.0, skew: 0.0, reference: 0.0, bound: 0.0 };
-        assert!((age(5.0, 4.99, Some(104.98), Some(&ahead)) - 0.01).abs() < 1e-9);
+        assert!((age(5.0, (4.99, 0.0), Some(104.98), Some(&ahead)) - 0.01).abs() < 1e-9);
         // An offset that may be half a second wrong is not asked.
         let vague = Offset { offset: 100.4, bound: 0.5, ..ahead };
-        assert!((age(5.0, 4.99, Some(104.98), Some(&vague)) - 0.01).abs() < 1e-9);
+        assert!((age(5.0, (4.99, 0.0), Some(104.98), Some(&vague)) - 0.01).abs() < 1e-9);
     }
 }

@@ -125,7 +125,7 @@ impl Source for Hand {
         let now = self.clock.now();
         let pose = |name: &str, rigid| TimedPose::new(name, None, now, Ok((rigid, None)));
         let poses = vec![pose("Catheter", catheter), pose("Reference", Self::tracker_from_reference(bump))];
-        Ok(Some(Batch { poses, clock: None }))
+        Ok(Some(Batch { poses, ..Batch::default() }))
     }
 
     fn now(&self) -> f64 {

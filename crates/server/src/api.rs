@@ -73,12 +73,11 @@ async fn ticket(State(shared): State<Arc<Shared>>) -> Response {
 async fn status(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Json<Value> {
     let live = &shared.live;
     let (rates, now) = (live.rates(), live.clock.now());
-    let (diagnosis, frozen) = live.tracker_diagnosis();
     Json(json!({
         "role": shared.keys.role(&headers),
         "tracker": shared.tracker,
-        "tracker_diagnosis": diagnosis,
-        "tracker_frozen": frozen,
+        "tracker_diagnosis": live.tracker_diagnosis(),
+        "tracker_trouble": live.tracker_trouble(),
         "simulated": shared.simulated,
         "paused": live.paused.load(Ordering::Relaxed),
         "tools": live.tools(),
@@ -111,11 +110,6 @@ enum EventRequest {
 }
 
 impl EventRequest {
-    /// Whether landmarks touched before are not where they were touched any more.
-    const fn voids_touches(&self) -> bool {
-        matches!(self, Self::Calibrated { .. } | Self::ToolChanged | Self::ReferenceMoved)
-    }
-
     fn event(&self) -> Result<SessionEvent, &'static str> {
         let plain = match *self {
             Self::Calibrated { tip_mm, axis } => {
@@ -150,15 +144,7 @@ async fn event(State(shared): State<Arc<Shared>>, body: Result<Json<EventRequest
         Err(e) => return refuse(e.status(), &e.body_text()),
     };
     match request.event().map(|e| shared.live.apply(e)) {
-        Ok(Ok(phase)) => {
-            if matches!(request, EventRequest::ToolChanged) {
-                calibrate::forget(&shared);
-            }
-            if request.voids_touches() {
-                register::forget_all(&shared);
-            }
-            Json(json!({ "phase": phase.name() })).into_response()
-        }
+        Ok(Ok(phase)) => Json(json!({ "phase": phase.name() })).into_response(),
         Ok(Err(refusal)) => refuse(StatusCode::CONFLICT, &refusal.to_string()),
         Err(e) => refuse(StatusCode::UNPROCESSABLE_ENTITY, e),
     }
@@ -179,7 +165,7 @@ async fn glasses(State(shared): State<Arc<Shared>>, body: Result<Json<GlassesReq
     };
     match Rigid::from_quaternion(request.quaternion_wxyz, Vector::from_array(request.translation_mm)) {
         Some(display_from_glasses) => {
-            shared.live.wear(display_from_glasses);
+            shared.live.wear(Some(display_from_glasses));
             Json(json!({ "worn": true })).into_response()
         }
         None => refuse(StatusCode::UNPROCESSABLE_ENTITY, "the quaternion has no length, or a number is not finite"),

@@ -2,8 +2,6 @@
 //! `monro calibrate`; then both are taken into the session.
 
 use crate::door::refuse;
-use crate::live::Live;
-use crate::register;
 use crate::server::Shared;
 use axum::Json;
 use axum::extract::State;
@@ -33,6 +31,15 @@ const MOST_S: f64 = 60.0;
 pub(crate) struct Calibrating {
     tip: Option<PivotCalibration>,
     axis: Option<AxisCalibration>,
+    /// How often all was forgotten: what was watched in an earlier round is void.
+    round: u64,
+}
+
+impl Calibrating {
+    /// Forgets what was found of a catheter that is not there any more.
+    pub(crate) fn forget(&mut self) {
+        *self = Self { round: self.round + 1, ..Self::default() };
+    }
 }
 
 /// What to do.
@@ -64,17 +71,14 @@ enum Why {
     NoTip,
     #[error("turn the catheter about its axis first")]
     NoAxis,
+    #[error("the catheter was exchanged, or its body defined anew, while it was watched: do it again")]
+    Voided,
     #[error("seconds must be from {LEAST_S} to {MOST_S}")]
     Seconds,
 }
 
 fn lock(shared: &Shared) -> MutexGuard<'_, Calibrating> {
-    shared.calibrating.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Forgets what was found of a catheter that is not there any more.
-pub(crate) fn forget(shared: &Shared) {
-    *lock(shared) = Calibrating::default();
+    shared.live.calibrating.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// `GET /api/calibration`.
@@ -98,32 +102,33 @@ pub(crate) async fn post(State(shared): State<Arc<Shared>>, body: Result<Json<Ac
 async fn act(shared: &Shared, action: Action) -> Result<(), Why> {
     match action {
         Action::Pivot { seconds } => {
-            let found = calibrate_pivot(&watch(&shared.live, seconds).await?, &PivotOptions::default())?;
+            let found = calibrate_pivot(&watch(shared, seconds).await?, &PivotOptions::default())?;
             // Another tip: the axis belonged to the old one.
-            *lock(shared) = Calibrating { tip: Some(found), axis: None };
+            let mut calibrating = lock(shared);
+            (calibrating.tip, calibrating.axis) = (Some(found), None);
         }
         Action::Turn { seconds, hub_mm } => {
             let tip = lock(shared).tip.as_ref().map(|t| t.tip).ok_or(Why::NoTip)?;
             let hub = hub_mm.map_or(Point::ORIGIN, Point::from_array);
-            let found = calibrate_axis(&watch(&shared.live, seconds).await?, (hub, tip))?;
+            let found = calibrate_axis(&watch(shared, seconds).await?, (hub, tip))?;
             lock(shared).axis = Some(found);
         }
         Action::Accept => {
-            let Calibrating { tip, axis } = lock(shared).clone();
+            let Calibrating { tip, axis, .. } = lock(shared).clone();
             let (tip, axis) = (tip.ok_or(Why::NoTip)?.tip, axis.ok_or(Why::NoAxis)?.axis);
             shared.live.apply(SessionEvent::Calibrated(Calibration { tip, axis }))?;
-            register::forget_all(shared);
         }
     }
     Ok(())
 }
 
 /// The catheter's poses during a motion, as long as it is seen.
-async fn watch(live: &Live, seconds: Option<f64>) -> Result<Vec<Rigid<Tracker, Tool>>, Why> {
+async fn watch(shared: &Shared, seconds: Option<f64>) -> Result<Vec<Rigid<Tracker, Tool>>, Why> {
     let seconds = seconds.unwrap_or(WATCHED_S);
     if !(LEAST_S..=MOST_S).contains(&seconds) {
         return Err(Why::Seconds);
     }
+    let (live, round) = (&shared.live, lock(shared).round);
     let begun = live.clock.now();
     let (mut poses, mut last) = (Vec::new(), begun);
     while live.clock.now() < begun + seconds {
@@ -134,11 +139,11 @@ async fn watch(live: &Live, seconds: Option<f64>) -> Result<Vec<Rigid<Tracker, T
         }
         sleep(LOOK).await;
     }
-    Ok(distinct(poses))
+    if lock(shared).round == round { Ok(distinct(poses)) } else { Err(Why::Voided) }
 }
 
 fn describe(shared: &Shared) -> Value {
-    let Calibrating { tip, axis } = lock(shared).clone();
+    let Calibrating { tip, axis, .. } = lock(shared).clone();
     json!({
         "phase": shared.live.phase().name(),
         "tip": tip.map(|t| json!({

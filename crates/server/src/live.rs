@@ -1,6 +1,7 @@
 //! What the threads share: the session, the newest deformation, and news of both.
 
 use crate::bound::Bound;
+use crate::calibrate::Calibrating;
 use crate::clock::Clock;
 use crate::guidance::Guidance;
 use crate::rate::Rate;
@@ -10,7 +11,10 @@ use monro_geometry::{Display, Patient, Point, Rigid, Tool, Tracker};
 use monro_guidance::NeedlePose;
 use monro_guidance::registration::Recheck;
 use monro_session::live::log::Entry;
-use monro_session::live::{Deformed, Observation, Phase, Refusal, Registration, Session, SessionEvent, Snapshot};
+use monro_session::live::{
+    Deformed, Observation, Phase, PlainEvent, Refusal, Registering, Registration, Session, SessionEvent, Snapshot,
+};
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use tokio::sync::watch;
@@ -54,6 +58,9 @@ pub(crate) struct Live {
     pub(crate) clock: Clock,
     planned_target: Point<Patient>,
     session: Mutex<Session>,
+    /// The catheter's calibration and the patient's registration, as far as they have come.
+    pub(crate) calibrating: Mutex<Calibrating>,
+    pub(crate) registering: Mutex<Registering>,
     shape: Mutex<Arc<Shape>>,
     /// Vertices of the soft surfaces that displays show.
     surfaces: Bound,
@@ -67,6 +74,8 @@ pub(crate) struct Live {
     stopping: AtomicBool,
     /// How the tracker is, and what stands still in it though poses come; for people.
     tracker: Mutex<(String, Option<String>)>,
+    /// Tools whose bodies were defined anew, and what to do, for people; until it has been done.
+    anew: Mutex<BTreeMap<String, String>>,
     log: Option<Log>,
     /// Snapshots taken for displays.
     taken: AtomicU64,
@@ -86,11 +95,18 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Live {
     /// A session before its first pose.
-    pub(crate) fn new(session: Session, at_rest: Deformed, surfaces: Bound, log: Option<Log>) -> Self {
+    pub(crate) fn new(
+        session: Session,
+        registering: Registering,
+        (at_rest, surfaces): (Deformed, Bound),
+        log: Option<Log>,
+    ) -> Self {
         Self {
             clock: Clock::start(),
             planned_target: at_rest.target,
             session: Mutex::new(session),
+            calibrating: Mutex::default(),
+            registering: Mutex::new(registering),
             shape: Mutex::new(Shape::new(at_rest)),
             surfaces,
             rates: Mutex::new(Rates::default()),
@@ -99,6 +115,7 @@ impl Live {
             paused: AtomicBool::new(false),
             stopping: AtomicBool::new(false),
             tracker: Mutex::default(),
+            anew: Mutex::default(),
             log,
             taken: AtomicU64::new(0),
         }
@@ -141,30 +158,70 @@ impl Live {
         }
     }
 
-    /// Takes an event of the procedure.
+    /// Takes an event of the procedure; what is on the way and void by it is forgotten.
     pub(crate) fn apply(&self, event: SessionEvent) -> Result<Phase, Refusal> {
         let (bytes, event) = through_the_log(Entry::Event(event));
         let Entry::Event(event) = event else { unreachable!("an event stays an event") };
         let result = {
             let mut session = lock(&self.session);
-            let result = session.apply(event);
+            let result = session.apply(event.clone());
             if result.is_ok() {
                 self.log(&bytes);
             }
             result
         };
+        if result.is_ok() {
+            self.forget_after(&event);
+        }
         self.tell();
         result
     }
 
-    /// Takes the calibration of glasses.
-    pub(crate) fn wear(&self, display_from_glasses: Rigid<Display, Tool>) {
+    fn forget_after(&self, event: &SessionEvent) {
+        if event.is_other_tool() {
+            lock(&self.calibrating).forget();
+        }
+        if event.voids_touches() {
+            lock(&self.registering).forget_all();
+        }
+        let tools = lock(&self.session).tools().clone();
+        match event {
+            SessionEvent::Calibrated(_) => drop(lock(&self.anew).remove(&tools.catheter)),
+            SessionEvent::Registered(_) => drop(lock(&self.anew).remove(&tools.reference)),
+            _ => {}
+        }
+    }
+
+    /// Takes that the body of a tool was defined anew, so that its poses are those of another frame: what was calibrated or
+    /// registered in the old one is void.
+    pub(crate) fn redefined(&self, tool: &str, what: &str) {
+        let tools = lock(&self.session).tools().clone();
+        let (event, void) = match tool {
+            t if t == tools.catheter => (Some(PlainEvent::ToolChanged), "its calibration is void; calibrate it again"),
+            t if t == tools.reference => (Some(PlainEvent::ReferenceMoved), "the registration is void; register again"),
+            t if t == tools.glasses => (None, "its calibration is void; calibrate the glasses again"),
+            _ => return,
+        };
+        match event {
+            // These are taken in any phase.
+            Some(event) => drop(self.apply(SessionEvent::Plain(event))),
+            None => self.wear(None),
+        }
+        let words = format!("'{tool}' was defined anew where it is tracked ({what}): {void}.");
+        lock(&self.anew).insert(tool.to_owned(), words);
+    }
+
+    /// Takes the calibration of glasses, or that it does not hold any more.
+    pub(crate) fn wear(&self, display_from_glasses: Option<Rigid<Display, Tool>>) {
         let (bytes, worn) = through_the_log(Entry::Worn(display_from_glasses));
         let Entry::Worn(display_from_glasses) = worn else { unreachable!("a calibration stays one") };
         {
             let mut session = lock(&self.session);
             self.log(&bytes);
             session.wear(display_from_glasses);
+            if display_from_glasses.is_some() {
+                lock(&self.anew).remove(&session.tools().glasses);
+            }
         }
         self.tell();
     }
@@ -251,9 +308,16 @@ impl Live {
         *lock(&self.tracker) = (diagnosis, frozen);
     }
 
-    /// How the tracker is, and what stands still in it though poses come, for people.
-    pub(crate) fn tracker_diagnosis(&self) -> (String, Option<String>) {
-        lock(&self.tracker).clone()
+    /// How the tracker is, for people.
+    pub(crate) fn tracker_diagnosis(&self) -> String {
+        lock(&self.tracker).0.clone()
+    }
+
+    /// What is wrong with the tracker though poses come, in sentences for people.
+    pub(crate) fn tracker_trouble(&self) -> Option<String> {
+        let frozen = lock(&self.tracker).1.as_ref().map(|still| format!("Poses do not change: {still}."));
+        let all: Vec<String> = frozen.into_iter().chain(lock(&self.anew).values().cloned()).collect();
+        (!all.is_empty()).then(|| all.join(" "))
     }
 
     /// Names of the tools that guidance needs.

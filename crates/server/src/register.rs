@@ -81,13 +81,8 @@ pub(crate) async fn post(State(shared): State<Arc<Shared>>, body: Result<Json<Ac
     }
 }
 
-/// Forgets all touches after an event that voids them: of the places touched, all were told by the reference and the tip.
-pub(crate) fn forget_all(shared: &Shared) {
-    lock(shared).forget_all();
-}
-
 fn lock(shared: &Shared) -> MutexGuard<'_, Registering> {
-    shared.registering.lock().unwrap_or_else(PoisonError::into_inner)
+    shared.live.registering.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Does it; a check tells what it found.

@@ -1,6 +1,5 @@
 //! Puts everything together: case, session, threads, routes.
 
-use crate::calibrate::Calibrating;
 use crate::door::{self, Door, Keys, Role};
 use crate::live::Live;
 use crate::options::{Certificate, Recording, ServeOptions};
@@ -19,12 +18,12 @@ use axum::{Router, middleware};
 use monro_case::Case;
 use monro_guidance::Plan;
 use monro_session::live::log::Opened;
-use monro_session::live::{Deformation, Expiry, Registering, Session, SessionEvent, ToolNames};
+use monro_session::live::{Deformation, Expiry, Session, SessionEvent, ToolNames};
 use serde_json::{Value, json};
 use std::io;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Instant;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
@@ -88,8 +87,6 @@ pub(crate) struct Shared {
     pub(crate) ct: Option<Bytes>,
     pub(crate) tracker: String,
     pub(crate) simulated: bool,
-    pub(crate) calibrating: Mutex<Calibrating>,
-    pub(crate) registering: Mutex<Registering>,
     pub(crate) igtl: Option<SocketAddr>,
     /// The report of the case as it was when it was opened, where there is one: the case may be made again meanwhile.
     report: Option<Vec<u8>>,
@@ -262,15 +259,13 @@ fn prepare(options: ServeOptions, keys: Arc<Keys>) -> Result<Prepared, ServeErro
     let peers = slicer::Scene::new(&case, image)?;
     let report = std::fs::read(options.case_dir.join("report.html")).ok();
     let shared = Shared {
-        live: Arc::new(Live::new(session, deformation.at_rest(), surfaces, log)),
+        live: Arc::new(Live::new(session, register::landmarks(&case), (deformation.at_rest(), surfaces), log)),
         keys,
         case: describe(&case, ct.is_some(), report.is_some()),
         scene: scene.into(),
         ct: ct.as_ref().map(case_data::ct_for_displays).map(Bytes::from),
         tracker: options.tracker.name().to_owned(),
         simulated: matches!(options.tracker, Tracker::Sim),
-        calibrating: Mutex::default(),
-        registering: Mutex::new(register::landmarks(&case)),
         igtl: None,
         report,
     };

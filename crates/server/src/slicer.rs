@@ -6,13 +6,12 @@
 //! | `Catheter` | TRANSFORM: origin at the tip, +z from hub to tip; when it is lost, 10 m above the head, and `TransformStatus` says so | 30 Hz |
 //! | `Ventricles` | POLYDATA, deformed | when it has changed, 10 Hz at most |
 //! | `Plan` | POINT: entry, target, and while it is known target in the deformed tissue | 10 Hz |
-//! | `Guidance` | STRING: the numbers in words | 10 Hz |
-//! | `Monro` | STATUS: live, or why not | 10 Hz |
+//! | `Guidance` | STRING: the numbers in words, and what is wrong with the tracker though poses come | 10 Hz |
+//! | `Monro` | STATUS: live, or why not, with the same words | 10 Hz |
 //! | `CT` | IMAGE | at the beginning, and for GET_IMAGE |
 
 use crate::ServeError;
 use crate::bound::Bound;
-use crate::guidance::Guidance;
 use crate::live::Live;
 use monro_case::Case;
 use monro_geometry::{Embedding, EmbeddingError, Patient, Point, Rigid, Tool, Vector, Volume};
@@ -248,8 +247,10 @@ impl Peer {
         let known = snapshot.numbers.as_ref().is_some_and(|n| n.soft.is_some());
         let plan = self.scene.plan(known.then_some(snapshot.deformed.target));
         self.send(to, "Plan", Some(plan)).await?;
-        self.send(to, "Guidance", Some(Content::Text(Text::new(guidance.in_words())))).await?;
-        self.send(to, "Monro", Some(Content::Status(status(&snapshot, &guidance)))).await
+        let words: Vec<_> = [guidance.in_words()].into_iter().chain(self.live.tracker_trouble()).collect();
+        let words = words.join("; ");
+        self.send(to, "Guidance", Some(Content::Text(Text::new(words.clone())))).await?;
+        self.send(to, "Monro", Some(Content::Status(status(&snapshot, words)))).await
     }
 }
 
@@ -289,14 +290,14 @@ fn catheter(needle: Option<&NeedlePose>, (time, id): (Option<Timestamp>, u32)) -
     Message::v2("Catheter", time, id, Content::Transform(matrix)).with("TransformStatus", state.value())
 }
 
-fn status(snapshot: &Snapshot, guidance: &Guidance) -> Status {
+fn status(snapshot: &Snapshot, message: String) -> Status {
     let (code, name) = match (snapshot.signal, snapshot.phase) {
         (Signal::Lost, _) => (StatusCode::TimeOut, "lost"),
         (_, phase) if phase != Phase::Navigating => (StatusCode::NotReady, "not navigating"),
         (Signal::Stale, _) => (StatusCode::Ok, "stale"),
         (Signal::Live, _) => (StatusCode::Ok, "live"),
     };
-    Status { code, sub_code: 0, name: name.to_owned(), message: guidance.in_words() }
+    Status { code, sub_code: 0, name: name.to_owned(), message }
 }
 
 #[cfg(test)]

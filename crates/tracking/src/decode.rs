@@ -3,8 +3,9 @@
 
 use crate::Batch;
 use monro_geometry::{Rigid, Tool, Tracker};
-use monro_guidance::clock::{ClockEstimate, Exchange};
-use monro_wire::natnet::{Client, ClientOptions, Event, ServerInfo};
+use monro_guidance::Lag;
+use monro_guidance::clock::{ClockEstimate, Exchange, Expiry};
+use monro_wire::natnet::{Client, ClientOptions, Definition, Event, RigidBodyDefinition, ServerInfo};
 use monro_wire::openigtlink::{IgtlError, Parser, poses};
 use monro_wire::{Missing, Quality, TimedPose};
 use std::collections::{BTreeMap, VecDeque};
@@ -31,6 +32,9 @@ pub(crate) struct NatNetDecoder {
     pub(crate) client: Client,
     pub(crate) estimate: ClockEstimate,
     first_frame: Option<f64>,
+    pub(crate) lag: Late,
+    /// What was said of bodies and not handed on yet.
+    bodies: Vec<RigidBodyDefinition>,
     /// Exposure of the last frame on the server's clock, and its arrival on ours, s.
     last: Option<(Option<f64>, f64)>,
 }
@@ -41,9 +45,10 @@ const BREAK: f64 = 0.25;
 const SILENCE: f64 = 1.0;
 
 impl NatNetDecoder {
-    pub(crate) fn new(options: ClientOptions) -> Self {
+    pub(crate) fn new(options: ClientOptions, stamps: Stamps) -> Self {
         let (client, estimate) = (Client::new(options), ClockEstimate::new(CLOCK_WINDOW));
-        Self { client, estimate, first_frame: None, last: None }
+        let lag = Late::new(stamps);
+        Self { client, estimate, first_frame: None, lag, bodies: Vec::new(), last: None }
     }
 
     /// Whether a frame may come from another server than the last one: after a silence, or because the clock has gone back,
@@ -61,21 +66,33 @@ impl NatNetDecoder {
     pub(crate) fn take(&mut self, arrival: f64, bytes: &[u8]) -> Taken {
         match self.client.receive(bytes, arrival) {
             Ok(Some(Event::Server(info))) => return Taken::Server(info),
+            Ok(Some(Event::Models(all))) => {
+                let body = |d| if let Definition::RigidBody(b) = d { Some(b) } else { None };
+                self.bodies = all.into_iter().filter_map(body).collect();
+            }
             Ok(Some(Event::Echo(e))) => {
                 self.estimate.push(Exchange { sent: e.sent, other: e.server, received: e.received });
             }
-            Ok(Some(Event::Frame(_, poses))) => {
+            Ok(Some(Event::Frame(frame, mut poses))) => {
                 if self.is_restarted(poses.first().and_then(|p| p.source_time), arrival) {
                     self.estimate.forget();
+                    self.lag.forget();
                     self.client.restart();
                     self.first_frame = None;
                     // Its bodies may have got other numbers: these poses might bear wrong names.
                     return Taken::Nothing;
                 }
+                // Where there is no clock of the cameras, that of the server's frames will do.
+                let stamp = poses.first().and_then(|p| p.source_time).or(Some(frame.suffix.timestamp));
+                if !poses.is_empty() {
+                    let lag = self.lag.take(stamp.filter(|s| *s > 0.0), arrival);
+                    poses.iter_mut().for_each(|p| p.lag = lag);
+                }
                 let first = *self.first_frame.get_or_insert(arrival);
                 // Names come a moment after the first frames; a server that never tells them is listened to all the same.
                 if !self.client.names().is_empty() || arrival - first > PATIENCE_FOR_NAMES {
-                    return Taken::Frame(Batch { poses, clock: self.estimate.offset() });
+                    let bodies = std::mem::take(&mut self.bodies);
+                    return Taken::Frame(Batch { poses, clock: self.estimate.offset(), bodies });
                 }
             }
             _ => {}
@@ -84,10 +101,57 @@ impl NatNetDecoder {
     }
 }
 
+/// What the times are good for that a source stamps its poses with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Stamps {
+    /// Poses that come later by them than they did are as much older.
+    #[default]
+    Heeded,
+    /// Nothing: its clock does not keep time.
+    Ignored,
+}
+
+/// How late poses come.
+#[derive(Debug, Clone)]
+pub(crate) struct Late {
+    lag: Lag,
+    stamps: Stamps,
+    now: f64,
+}
+
+impl Late {
+    fn new(stamps: Stamps) -> Self {
+        Self { lag: Lag::default(), stamps, now: 0.0 }
+    }
+
+    fn take(&mut self, stamp: Option<f64>, arrival: f64) -> f64 {
+        let stamp = stamp.filter(|_| self.stamps == Stamps::Heeded);
+        self.now = stamp.map_or(0.0, |stamp| self.lag.take(stamp, arrival));
+        self.now
+    }
+
+    /// What comes from now on may be another server's.
+    fn forget(&mut self) {
+        *self = Self::new(self.stamps);
+    }
+
+    /// That poses of `what` come late, where that makes them stale.
+    pub(crate) fn words(&self, what: &str) -> Option<String> {
+        (self.now >= Expiry::default().stale).then(|| {
+            format!(
+                "{what} comes {:.2} s later than it did, by the times that the server stamps it with: it is held up there or on \
+                 the way, and counted as so much older. If that clock does not keep time: ?stamps=ignore",
+                self.now
+            )
+        })
+    }
+}
+
 /// Reads a stream of OpenIGTLink.
 #[derive(Debug, Default)]
 pub(crate) struct IgtlDecoder {
     parser: Parser,
+    stamps: Stamps,
     ready: VecDeque<Batch>,
     /// Messages of each type and device.
     pub(crate) devices: BTreeMap<String, u64>,
@@ -105,16 +169,21 @@ const MOST_NAMES: usize = 256;
 const LONGEST_NAME: usize = 256;
 
 /// What was last told of a tool.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct Told {
     /// When it was told of, and when it was last told of anew, s.
     pub(crate) at: f64,
     pub(crate) anew: f64,
     /// Its time on the server's clock and its pose.
     last: (Option<f64>, Option<Rigid<Tracker, Tool>>),
+    pub(crate) lag: Late,
 }
 
 impl IgtlDecoder {
+    pub(crate) fn new(stamps: Stamps) -> Self {
+        Self { stamps, ..Self::default() }
+    }
+
     /// Notes a pose. One that comes again with the time that it was measured at is no new one: of a tool that is out of view, or
     /// of a server that hangs.
     fn note(&mut self, pose: &mut TimedPose) {
@@ -122,18 +191,21 @@ impl IgtlDecoder {
         if !self.tools.contains_key(&pose.name) && self.tools.len() >= MOST_NAMES {
             return;
         }
-        let told = self.tools.entry(pose.name.clone()).or_insert(Told { at, anew: at, last: (None, None) });
+        let lag = Late::new(self.stamps);
+        let told = self.tools.entry(pose.name.clone()).or_insert(Told { at, anew: at, last: (None, None), lag });
         told.at = at;
         if pose.source_time.is_some() && pose.tracker_from_tool.is_some() && told.last == last {
             (pose.tracker_from_tool, pose.quality) = (None, Quality::Missing(Missing::Repeated));
         } else {
             (told.anew, told.last) = (at, last);
+            pose.lag = told.lag.take(pose.source_time, at);
         }
     }
 
     /// A new connection begins: what is unfinished of the last one is forgotten.
     pub(crate) fn begin(&mut self) {
         self.parser = Parser::default();
+        self.tools.values_mut().for_each(|told| told.lag.forget());
     }
 
     /// Takes a piece of the stream that arrived at `arrival`, s.
@@ -175,12 +247,76 @@ impl IgtlDecoder {
         };
         match self.ready.back_mut().filter(same) {
             Some(batch) => batch.poses.extend(poses),
-            None => self.ready.push_back(Batch { poses, clock: None }),
+            None => self.ready.push_back(Batch { poses, ..Batch::default() }),
         }
     }
 
     /// The next frame.
     pub(crate) fn next(&mut self) -> Option<Batch> {
         self.ready.pop_front()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_wire::natnet::{Server, ServerOptions, UpAxis, Version};
+    use monro_wire::openigtlink::{Message, Timestamp, ToolStatus};
+
+    /// How late (s) what was measured at a time arrives: a queue that grows for ten seconds, to 0.8 s.
+    fn queue(measured: f64) -> f64 {
+        0.005 + 0.08 * (measured - 5.0).clamp(0.0, 10.0)
+    }
+
+    fn pose(x: f64) -> Rigid<Tracker, Tool> {
+        Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], monro_geometry::Vector::new(x, 0.0, 0.0)).expect("pose")
+    }
+
+    /// Lags of the last pose, on the way and after another connection.
+    fn lags_of_openigtlink(stamps: Stamps) -> [f64; 2] {
+        let mut decoder = IgtlDecoder::new(stamps);
+        let mut one = |i: u32, begin: bool| {
+            let (measured, time) = (f64::from(i) / 60.0, Timestamp::from_seconds(1.7e9 + f64::from(i) / 60.0));
+            let message = Message::transform("Catheter", time, i, Some(&pose(measured)), ToolStatus::Ok);
+            if begin {
+                decoder.begin();
+            }
+            decoder.take(measured + queue(measured), &message.encode().expect("message")).expect("stream");
+            let lag = decoder.next().expect("a pose").poses[0].lag;
+            (lag, decoder.tools["Catheter"].lag.words("'Catheter'"))
+        };
+        let (late, words) = (0..1020).map(|i| one(i, false)).last().expect("poses");
+        assert_eq!(words.is_some_and(|w| w.contains("0.80 s later")), stamps == Stamps::Heeded);
+        [late, one(1020, true).0]
+    }
+
+    /// A server that fell behind was shown as live, 20 mm off at 25 mm/s.
+    #[test]
+    fn poses_of_an_openigtlink_server_that_fell_behind_were_as_young_as_their_arrival() {
+        let [late, anew] = lags_of_openigtlink(Stamps::Heeded);
+        assert!((late - 0.8).abs() < 1e-3 && anew == 0.0, "{late}, {anew}");
+        assert_eq!(lags_of_openigtlink(Stamps::Ignored), [0.0, 0.0]);
+    }
+
+    /// Before 3.0 there is no clock to be asked, and a server may not answer.
+    #[test]
+    fn frames_of_a_natnet_server_without_a_clock_that_fell_behind_were_as_young_as_their_arrival() {
+        for version in ["2.9", "3.0", "4.1"].map(|v| Version::parse(v).expect("version")) {
+            let (bodies, up) = (vec!["Catheter".to_owned()], UpAxis::Y);
+            let (frequency, data_port, multicast) = (1_000_000, 1511, false);
+            let options = ServerOptions { version, bodies, frequency, data_port, multicast, up, rate: 60.0 };
+            let mut server = Server::new(options);
+            let mut decoder = NatNetDecoder::new(ClientOptions::default(), Stamps::Heeded);
+            decoder.take(0.0, &server.info().encode());
+            let mut late = 0.0;
+            for i in 1..1020 {
+                let measured = f64::from(i) / 60.0;
+                let bytes = server.frame(&[(Some(pose(measured)), 0.3)], measured, measured);
+                if let Taken::Frame(batch) = decoder.take(measured + queue(measured), &bytes) {
+                    late = batch.poses[0].lag;
+                }
+            }
+            assert!((late - 0.8).abs() < 2e-3, "{version}: {late}");
+        }
     }
 }

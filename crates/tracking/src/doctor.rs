@@ -31,7 +31,7 @@ pub fn doctor(source: &mut dyn Source, wanted: &[&str], listen: Duration) -> Res
         rivals.settle(&mut batch);
         let now = source.now();
         for pose in batch.poses {
-            let age = age(now, pose.arrival_time, pose.source_time, batch.clock.as_ref());
+            let age = age(now, (pose.arrival_time, pose.lag), pose.source_time, batch.clock.as_ref());
             tools.entry(pose.name.clone()).or_default().take(&pose, age);
         }
     }

@@ -44,7 +44,7 @@ impl IgtlSource {
         let place = format!("{}:{}", address.host, address.port);
         let caller = Caller { host: address.host.clone(), port: address.port, hello, clock, stop: Arc::clone(&stop) };
         std::thread::Builder::new().name("igtl".to_owned()).spawn(move || caller.connect_forever(&sender))?;
-        let decoder = IgtlDecoder::default();
+        let decoder = IgtlDecoder::new(address.stamps);
         Ok(Self { place, clock, decoder, arrivals, stop, recorder, connected: false, trouble: None })
     }
 
@@ -73,7 +73,7 @@ impl IgtlSource {
     fn missing(&self, wanted: &str, now: f64) -> Option<String> {
         let told = self.decoder.tools.iter().filter(|(name, _)| is_tool(name, wanted)).map(|(_, told)| told);
         match told.max_by(|a, b| a.at.total_cmp(&b.at)) {
-            Some(told) if now - told.anew <= SILENT_S => None,
+            Some(told) if now - told.anew <= SILENT_S => told.lag.words(&format!("'{wanted}'")),
             Some(told) if now - told.at <= SILENT_S => Some(format!(
                 "'{wanted}' has been sent with one and the same pose and time for {:.1} s: it is out of view, or the server hangs",
                 now - told.anew

@@ -3,6 +3,7 @@
 //! [`open`] turns a [`TrackerUrl`] into a [`Source`], which gives poses with the time of their arrival. What the bytes mean
 //! is `monro_wire`'s business; sockets, threads and the clock are here, and nobody else opens a tracker's socket.
 
+mod bodies;
 mod clock;
 mod decode;
 mod doctor;
@@ -22,7 +23,9 @@ mod still;
 mod unusable;
 mod url;
 
+pub use bodies::{Bodies, Redefined};
 pub use clock::Clock;
+pub use decode::Stamps;
 pub use doctor::{Findings, doctor, never_seen};
 pub use error::{TrackerUrlError, TrackingError};
 pub use fake_igtl::{IgtlFake, run_fake_igtl};

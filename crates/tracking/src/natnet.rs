@@ -66,7 +66,7 @@ impl NatNetSource {
         listen(command.try_clone()?, clock, sender.clone(), Arc::clone(&stop))?;
         let options = ClientOptions { force_version: address.version, up: address.up, bitstream: address.bitstream };
         let mut source = Self {
-            decoder: NatNetDecoder::new(options),
+            decoder: NatNetDecoder::new(options, address.stamps),
             clock,
             command,
             server,
@@ -199,6 +199,11 @@ impl Source for NatNetSource {
     fn diagnosis(&self, wanted: &[&str]) -> Health {
         let found = self.decoder.client.diagnosis(self.clock.now(), wanted);
         let well = found.is_well();
+        // With the cameras' clock known, what is late is old by that, which is told of each tool.
+        let late = || self.decoder.lag.words("each frame").filter(|_| self.decoder.estimate.offset().is_none());
+        if let Some(late) = well.then(late).flatten() {
+            return Health::ill(late);
+        }
         let words = match found {
             Diagnosis::NoServer { .. } => format!("{}: {found}", self.server),
             Diagnosis::NoData { multicast: Some(true), .. } if self.address.unicast => {

@@ -42,8 +42,8 @@ impl Replay {
         let recording = Recording::read(&file).map_err(unreadable)?;
         let options = ClientOptions { force_version: address.version, up: address.up, bitstream: None };
         let decoder = match recording.protocol() {
-            Protocol::NatNet => Decoder::NatNet(Box::new(NatNetDecoder::new(options))),
-            Protocol::OpenIgtLink => Decoder::OpenIgtLink(Box::default()),
+            Protocol::NatNet => Decoder::NatNet(Box::new(NatNetDecoder::new(options, address.stamps))),
+            Protocol::OpenIgtLink => Decoder::OpenIgtLink(Box::new(IgtlDecoder::new(address.stamps))),
         };
         Ok(Self {
             decoder,

@@ -68,7 +68,7 @@ mod tests {
     fn frame(time: f64, names: &[&str]) -> Batch {
         let at = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(1.0, 2.0, 3.0)).expect("pose");
         let poses = names.iter().map(|n| TimedPose::new(*n, None, time, Ok((at, None)))).collect();
-        Batch { poses, clock: None }
+        Batch { poses, ..Batch::default() }
     }
 
     fn seen(rivals: &mut Rivals, time: f64, names: &[&str]) -> usize {

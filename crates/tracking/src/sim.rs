@@ -34,7 +34,7 @@ impl Source for SimSource {
             TimedPose::new(name, None, now, pose.map(|p| (p, None)).ok_or(Missing::NotTracked))
         };
         let poses = TOOLS.into_iter().zip(self.scene.seen(t)).map(one).collect();
-        Ok(Some(Batch { poses, clock: None }))
+        Ok(Some(Batch { poses, ..Batch::default() }))
     }
 
     fn now(&self) -> f64 {

@@ -3,6 +3,7 @@
 use crate::{Clock, Recorder, TrackerUrl, TrackingError, igtl, natnet, replay, sim};
 use monro_guidance::clock::Offset;
 use monro_wire::TimedPose;
+use monro_wire::natnet::RigidBodyDefinition;
 use std::fmt;
 use std::time::Duration;
 
@@ -13,6 +14,8 @@ pub struct Batch {
     pub poses: Vec<TimedPose>,
     /// The source's clock against ours, where it is known.
     pub clock: Option<Offset>,
+    /// What the source has said of its bodies since the frame before, if it does: their markers in the frames of their poses.
+    pub bodies: Vec<RigidBodyDefinition>,
 }
 
 /// How a source is, for people.

@@ -73,7 +73,7 @@ mod tests {
             let at = |x: f64| Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(x, 0.0, 0.0)).expect("pose");
             let pose = |name, x| TimedPose::new(name, None, time, Ok((at(x), None)));
             let poses = vec![pose("CatheterToTracker", 5.0), pose("Reference", tremble)];
-            stillness.take(&Batch { poses, clock: None });
+            stillness.take(&Batch { poses, ..Batch::default() });
             stillness.words(&["Catheter", "Reference"])
         };
         assert!((0..60).all(|i| tell(f64::from(i) / 60.0, f64::from(i % 3) * 1e-3).is_none()));

@@ -46,7 +46,7 @@ mod tests {
     #[test]
     fn a_mirrored_catheter_was_said_to_be_out_of_view() {
         let good = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(1.0, 2.0, 3.0)).expect("pose");
-        let frame = |name: &str, pose| Batch { poses: vec![TimedPose::new(name, None, 1.0, pose)], clock: None };
+        let frame = |name: &str, pose| Batch { poses: vec![TimedPose::new(name, None, 1.0, pose)], ..Batch::default() };
         let mut unusable = Unusable::default();
         unusable.take(&frame("CatheterToTracker", Err(Missing::NotRigid)));
         unusable.take(&frame("ReferenceToTracker", Ok((good, None))));

@@ -1,6 +1,6 @@
 //! Where poses come from, as one word on the command line.
 
-use crate::TrackerUrlError;
+use crate::{Stamps, TrackerUrlError};
 use monro_wire::natnet::{COMMAND_PORT, UpAxis, Version};
 use monro_wire::openigtlink::DEFAULT_PORT;
 use std::net::Ipv4Addr;
@@ -28,6 +28,8 @@ pub struct NatNetAddress {
     pub version: Option<Version>,
     /// Older bitstream to ask the server for.
     pub bitstream: Option<Version>,
+    /// Whether its stamps are heeded.
+    pub stamps: Stamps,
 }
 
 /// An OpenIGTLink server.
@@ -39,6 +41,8 @@ pub struct IgtlAddress {
     pub port: u16,
     /// What to ask for by `STT_`, of a server that waits to be asked: `TDATA` or `QTDATA`.
     pub start: Option<String>,
+    /// Whether its stamps are heeded.
+    pub stamps: Stamps,
 }
 
 /// A recording.
@@ -52,16 +56,18 @@ pub struct ReplayAddress {
     pub up: UpAxis,
     /// Version to read with, whatever the server said.
     pub version: Option<Version>,
+    /// Whether the server's stamps are heeded.
+    pub stamps: Stamps,
 }
 
 /// A source of poses.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum TrackerUrl {
-    /// `natnet://host[:port]?interface=&multicast=&unicast=1&data_port=&up=z&version=&bitstream=`.
+    /// `natnet://host[:port]?interface=&multicast=&unicast=1&data_port=&up=z&version=&bitstream=&stamps=ignore`.
     NatNet(NatNetAddress),
-    /// `igtl://host[:port]?start=TDATA`.
+    /// `igtl://host[:port]?start=TDATA&stamps=ignore`.
     OpenIgtLink(IgtlAddress),
-    /// `replay:FILE?fast=1&up=z&version=`.
+    /// `replay:FILE?fast=1&up=z&version=&stamps=ignore`.
     Replay(ReplayAddress),
     /// `sim:`, the built-in scene without a network.
     Sim,
@@ -79,18 +85,19 @@ impl FromStr for TrackerUrl {
         }
         if let Some(rest) = place.strip_prefix("igtl://") {
             let (host, port) = host_port(rest, DEFAULT_PORT)?;
-            known(&query, &["start"])?;
+            known(&query, &["start", "stamps"])?;
             let kind = |v: &str| matches!(v, "TDATA" | "QTDATA").then(|| v.to_owned());
             let start = setting(&query, "start", "it is TDATA or QTDATA", kind)?;
-            return Ok(Self::OpenIgtLink(IgtlAddress { host, port, start }));
+            return Ok(Self::OpenIgtLink(IgtlAddress { host, port, start, stamps: stamps(&query)? }));
         }
         if let Some(path) = place.strip_prefix("replay:") {
-            known(&query, &["fast", "up", "version"])?;
+            known(&query, &["fast", "up", "version", "stamps"])?;
             return Ok(Self::Replay(ReplayAddress {
                 path: path.into(),
                 fast: flag(&query, "fast")?,
                 up: up_axis(&query)?,
                 version: version(&query, "version")?,
+                stamps: stamps(&query)?,
             }));
         }
         if place == "sim:" {
@@ -153,6 +160,11 @@ fn up_axis(query: &Query<'_>) -> Result<UpAxis, TrackerUrlError> {
     Ok(setting(query, "up", "it is y or z", UpAxis::parse)?.unwrap_or_default())
 }
 
+fn stamps(query: &Query<'_>) -> Result<Stamps, TrackerUrlError> {
+    let read = |v: &str| (v == "ignore").then_some(Stamps::Ignored);
+    Ok(setting(query, "stamps", "it is ignore, or left out", read)?.unwrap_or_default())
+}
+
 fn host_port(text: &str, default: u16) -> Result<(String, u16), TrackerUrlError> {
     let text = text.trim_end_matches('/');
     // Brackets hold an IPv6 address, whose colons are no ports.
@@ -175,7 +187,7 @@ fn host_port(text: &str, default: u16) -> Result<(String, u16), TrackerUrlError>
 }
 
 fn natnet(rest: &str, query: &Query<'_>) -> Result<NatNetAddress, TrackerUrlError> {
-    known(query, &["interface", "multicast", "unicast", "data_port", "up", "version", "bitstream"])?;
+    known(query, &["interface", "multicast", "unicast", "data_port", "up", "version", "bitstream", "stamps"])?;
     let (host, port) = host_port(rest, COMMAND_PORT)?;
     let unicast = flag(query, "unicast")?;
     if unicast && value(query, "multicast").is_some() {
@@ -192,6 +204,7 @@ fn natnet(rest: &str, query: &Query<'_>) -> Result<NatNetAddress, TrackerUrlErro
         up: up_axis(query)?,
         version: version(query, "version")?,
         bitstream: version(query, "bitstream")?,
+        stamps: stamps(query)?,
     })
 }
 
@@ -214,11 +227,16 @@ mod tests {
         };
         assert_eq!((n.port, n.interface, n.unicast), (1600, Some(Ipv4Addr::new(10, 0, 0, 1)), true));
         assert_eq!((n.up, n.version, n.data_port), (UpAxis::Z, Some(Version::new(3, 0)), Some(9)));
-        let plus = |start| TrackerUrl::OpenIgtLink(IgtlAddress { host: "plus".to_owned(), port: 18944, start });
+        let plus = |start| {
+            let (host, port, stamps) = ("plus".to_owned(), 18944, Stamps::Heeded);
+            TrackerUrl::OpenIgtLink(IgtlAddress { host, port, start, stamps })
+        };
         assert_eq!(read("igtl://plus"), plus(None));
         assert_eq!(read("igtl://plus?start=TDATA"), plus(Some("TDATA".to_owned())));
         let TrackerUrl::OpenIgtLink(v6) = read("igtl://[::1]:7/") else { panic!("igtl") };
         assert_eq!((v6.host.as_str(), v6.port), ("::1", 7));
+        let TrackerUrl::OpenIgtLink(i) = read("igtl://x?stamps=ignore") else { panic!("igtl") };
+        assert_eq!(i.stamps, Stamps::Ignored);
         let TrackerUrl::Replay(r) = read("replay:a b.mnr?fast=1&up=z") else { panic!("replay") };
         assert_eq!((r.path, r.fast, r.up, r.version), ("a b.mnr".into(), true, UpAxis::Z, None));
         assert_eq!(read("sim:"), TrackerUrl::Sim);
@@ -239,6 +257,7 @@ mod tests {
             ("natnet://x?unicast=1&multicast=239.1.1.1", "exclude each other"),
             ("natnet://x?up=y&up=z", "up is given twice"),
             ("sim:?x=1", "'x' is no setting"),
+            ("igtl://x?stamps=no", "it is ignore"),
             ("igtl://[::1", "no host"),
             ("igtl://::1", "port"),
             ("igtl://a b", "no host"),

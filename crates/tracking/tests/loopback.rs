@@ -398,7 +398,12 @@ fn a_restarted_server_is_followed_at_once_with_its_own_clock_and_version() {
         let names: Vec<_> = batch.poses.iter().map(|p| p.name.as_str()).collect();
         assert_eq!(names, TOOLS);
         for p in &batch.poses {
-            let age = monro_guidance::clock::age(p.arrival_time, p.arrival_time, p.source_time, batch.clock.as_ref());
+            let age = monro_guidance::clock::age(
+                p.arrival_time,
+                (p.arrival_time, p.lag),
+                p.source_time,
+                batch.clock.as_ref(),
+            );
             assert!(age < 1.0, "{age} s old on arrival");
         }
     }

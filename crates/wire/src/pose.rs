@@ -60,6 +60,8 @@ pub struct TimedPose {
     pub source_time: Option<f64>,
     /// When its bytes arrived, in seconds of the receiver's clock.
     pub arrival_time: f64,
+    /// How much later it came than poses of its source did lately, by their times on its clock, s; 0 where nothing says so.
+    pub lag: f64,
     /// How far to trust it.
     pub quality: Quality,
     /// Where the tool is (mm); `None` unless tracked, so that a lost tool's last pose cannot be used by mistake.
@@ -82,7 +84,7 @@ impl TimedPose {
             Ok((rigid, error)) => (Quality::Tracked { error }, Some(rigid)),
             Err(reason) => (Quality::Missing(reason), None),
         };
-        Self { name: name.into(), source_time, arrival_time, quality, tracker_from_tool }
+        Self { name: name.into(), source_time, arrival_time, lag: 0.0, quality, tracker_from_tool }
     }
 }
 

@@ -10,7 +10,7 @@ use monro_cli::track::TrackOptions;
 use monro_geometry::{Point, Rigid, Tool, Tracker};
 use monro_guidance::calibration::{PivotOptions, calibrate_axis, calibrate_pivot, distinct};
 use monro_guidance::optics::{CameraOptions, Correspondence, calibrate_camera, calibrate_display};
-use monro_tracking::{Clock, Rivals, TrackerUrl, is_tool, never_seen, open};
+use monro_tracking::{Bodies, Clock, Rivals, TrackerUrl, is_tool, never_seen, open};
 use monro_wire::Quality;
 use serde_json::{Value, json};
 use std::path::Path;
@@ -64,7 +64,7 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
     let url: TrackerUrl = args.url.parse()?;
     let mut source = open(&url, Clock::new(), None)?;
     let (begun, mut all, mut others) = (Instant::now(), Vec::new(), std::collections::BTreeSet::new());
-    let (mut missing, mut rivals) = (None, Rivals::default());
+    let (mut missing, mut rivals, mut bodies) = (None, Rivals::default(), Bodies::default());
     let patience = TrackOptions::default().patience;
     let mut last = Instant::now();
     let replayed = matches!(url, TrackerUrl::Replay(_));
@@ -75,6 +75,9 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
         rivals.settle(&mut batch);
         if let Some(words) = rivals.words(&[&args.tool]) {
             bail!("{words}");
+        }
+        if let Some(anew) = bodies.take(&batch).iter().find(|b| is_tool(&b.name, &args.tool)) {
+            bail!("'{}' was defined anew while it was watched ({}): do it again", anew.name, anew.words);
         }
         if !batch.poses.is_empty() {
             last = Instant::now();

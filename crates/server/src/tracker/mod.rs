@@ -9,7 +9,8 @@ use monro_guidance::Plan;
 use monro_guidance::clock::age;
 use monro_session::live::{Observation, Refusal};
 use monro_tracking::{
-    Batch, Clock, Rivals, Source, Stillness, TrackerUrl, TrackerUrlError, TrackingError, Unusable, open, tool_name,
+    Batch, Bodies, Clock, Rivals, Source, Stillness, TrackerUrl, TrackerUrlError, TrackingError, Unusable, open,
+    tool_name,
 };
 use sim::ScriptSource;
 use std::io;
@@ -75,9 +76,9 @@ impl Tracker {
         };
         let live = Arc::clone(live);
         let run = move || {
-            let mut source = Some(source);
+            let (mut source, mut bodies) = (Some(source), Bodies::default());
             while let Some(open) = source.take() {
-                pump(open, &live, url.is_some());
+                pump(open, &live, &mut bodies, url.is_some());
                 source = url.as_ref().and_then(|u| reopen(u, &live));
             }
         };
@@ -99,12 +100,15 @@ pub(crate) enum StartError {
 
 /// Hands on what a source gives until it ends or fails, or the session stops. While nothing comes, poses grow old by
 /// themselves. Poses that are `measured` are watched for whether they ever change.
-fn pump(mut source: Box<dyn Source>, live: &Live, measured: bool) {
+fn pump(mut source: Box<dyn Source>, live: &Live, bodies: &mut Bodies, measured: bool) {
     let (mut asked, mut rivals, mut stillness) = (f64::NEG_INFINITY, Rivals::default(), Stillness::default());
     let mut unusable = Unusable::default();
     while !live.is_stopping() {
         match source.next(WAIT) {
             Ok(Some(mut batch)) => {
+                for anew in bodies.take(&batch) {
+                    live.redefined(tool_name(&anew.name), &anew.words);
+                }
                 stillness.take(&batch);
                 rivals.settle(&mut batch);
                 unusable.take(&batch);
@@ -151,7 +155,7 @@ fn reopen(url: &TrackerUrl, live: &Live) -> Option<Box<dyn Source>> {
 fn observations(batch: &Batch, now: f64, here: f64) -> Vec<Observation> {
     let one = |p: &monro_wire::TimedPose| Observation {
         name: tool_name(&p.name).to_owned(),
-        time_s: here - age(now, p.arrival_time, p.source_time, batch.clock.as_ref()),
+        time_s: here - age(now, (p.arrival_time, p.lag), p.source_time, batch.clock.as_ref()),
         tracker_from_tool: p.tracker_from_tool,
     };
     batch.poses.iter().map(one).collect()
@@ -193,7 +197,7 @@ mod tests {
     #[test]
     fn a_pose_is_as_old_on_our_clock_as_on_the_sources_and_loses_the_name_of_its_frame() {
         let pose = TimedPose::new("CatheterToTracker", None, 1e9, Err(monro_wire::Missing::NotTracked));
-        let seen = observations(&Batch { poses: vec![pose], clock: None }, 1e9 + 0.25, 10.0);
+        let seen = observations(&Batch { poses: vec![pose], ..Batch::default() }, 1e9 + 0.25, 10.0);
         assert_eq!(seen[0].name, "Catheter");
         assert!((seen[0].time_s - 9.75).abs() < 1e-6);
     }

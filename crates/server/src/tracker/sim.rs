@@ -27,7 +27,7 @@ impl ScriptSource {
     pub(crate) fn begin(live: Arc<Live>, plan: Plan) -> Result<Box<dyn Source>, Refusal> {
         let script = Script::new(plan);
         let ScriptTruth { calibration, registration, display_from_glasses } = script.truth();
-        live.wear(display_from_glasses);
+        live.wear(Some(display_from_glasses));
         for event in [
             SessionEvent::Calibrated(calibration),
             SessionEvent::Registered(registration),
@@ -54,7 +54,7 @@ impl Source for ScriptSource {
             TimedPose::new(o.name, None, now, o.tracker_from_tool.map(|p| (p, None)).ok_or(Missing::NotTracked))
         };
         let poses = self.script.observations(self.played).into_iter().map(pose).collect();
-        Ok(Some(Batch { poses, clock: None }))
+        Ok(Some(Batch { poses, ..Batch::default() }))
     }
 
     fn now(&self) -> f64 {

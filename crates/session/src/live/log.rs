@@ -20,8 +20,8 @@ pub enum Entry {
     Opened(Opened),
     /// An event of the procedure (never that a case was opened).
     Event(SessionEvent),
-    /// Glasses were calibrated: from their tracked body to the eye.
-    Worn(Rigid<Display, Tool>),
+    /// Glasses were calibrated: from their tracked body to the eye. `None`: that does not hold any more.
+    Worn(Option<Rigid<Display, Tool>>),
     /// One frame of the tracker.
     Seen(Vec<Observation>),
     /// The soft body went on: when, and by how much, s.
@@ -90,10 +90,11 @@ impl Entry {
                 [&o.generator, &o.case_dir, &o.identity, &o.settings].into_iter().for_each(|t| w.text(t));
             }
             Self::Event(event) => w.event(event),
-            Self::Worn(display_from_glasses) => {
+            Self::Worn(Some(display_from_glasses)) => {
                 w.0.push(6);
                 w.rigid(display_from_glasses);
             }
+            Self::Worn(None) => w.0.push(7),
             Self::Seen(seen) => {
                 w.0.push(2);
                 w.u32(seen.len() as u32);
@@ -144,7 +145,8 @@ impl Entry {
                 Self::Taken { time_s, id: r.u64()?, step: r.u64()?, sequence: r.u32()? }
             }
             5 => Self::Shown { id: r.u64()?, digest: r.u64()? },
-            6 => Self::Worn(r.rigid()?),
+            6 => Self::Worn(Some(r.rigid()?)),
+            7 => Self::Worn(None),
             _ => return Err("its kind is not known to this version"),
         };
         if r.0.is_empty() { Ok(entry) } else { Err("bytes are left over") }
@@ -350,7 +352,8 @@ mod tests {
             Entry::Opened(opened),
             Entry::Event(SessionEvent::Calibrated(truth.calibration)),
             Entry::Event(SessionEvent::Registered(truth.registration)),
-            Entry::Worn(truth.display_from_glasses),
+            Entry::Worn(Some(truth.display_from_glasses)),
+            Entry::Worn(None),
             Entry::Seen(script.observations(1.25).to_vec()),
             Entry::Seen(vec![Observation { name: text("Lost"), time_s: 0.1, tracker_from_tool: None }]),
             Entry::Step { now_s: 0.1 + 0.2, dt_s: 1.0 / 3.0 },

@@ -66,6 +66,16 @@ impl PlainEvent {
 }
 
 impl SessionEvent {
+    /// Whether landmarks touched before are not where they were touched any more: they were told by the reference and the tip.
+    pub const fn voids_touches(&self) -> bool {
+        matches!(self, Self::Calibrated(_) | Self::Plain(PlainEvent::ToolChanged | PlainEvent::ReferenceMoved))
+    }
+
+    /// Whether what was found of the catheter so far is another's.
+    pub const fn is_other_tool(&self) -> bool {
+        matches!(self, Self::Plain(PlainEvent::ToolChanged))
+    }
+
     const fn event(&self) -> Event {
         match self {
             Self::CaseOpened(_) => Event::CaseOpened,
@@ -229,8 +239,9 @@ impl Session {
     }
 
     /// Takes the calibration of the glasses: from their tracked body to the eye. It belongs to the wearer, not to the case.
-    pub const fn wear(&mut self, display_from_glasses: Rigid<Display, Tool>) {
-        self.display_from_glasses = Some(display_from_glasses);
+    /// `None` where it does not hold any more.
+    pub const fn wear(&mut self, display_from_glasses: Option<Rigid<Display, Tool>>) {
+        self.display_from_glasses = display_from_glasses;
     }
 
     /// The patient as the wearer of calibrated glasses sees them, by the poses of glasses and reference, and the age (s) of
@@ -286,7 +297,7 @@ pub(crate) mod tests {
     pub(crate) fn navigating(script: &Script) -> Session {
         let mut s = Session::new(ToolNames::default(), Expiry::default());
         let ScriptTruth { calibration, registration, display_from_glasses } = script.truth();
-        s.wear(display_from_glasses);
+        s.wear(Some(display_from_glasses));
         for event in [
             SessionEvent::CaseOpened(plan()),
             SessionEvent::Calibrated(calibration),

@@ -109,6 +109,10 @@ const MOST_LATE: u32 = 4;
 /// Between two questions for the names of the bodies, s: a datagram may be lost, and without names there are no tools.
 const MODELS: f64 = 0.25;
 
+/// Between two questions when they are known, s: not every server says when a body was defined anew, and that voids what it was
+/// calibrated for.
+const MODELS_AGAIN: f64 = 2.0;
+
 fn due(last: &mut Option<f64>, now: f64, interval: f64) -> bool {
     let is_due = last.is_none_or(|t| now - t >= interval);
     if is_due {
@@ -171,7 +175,8 @@ impl Client {
         if due(&mut self.times.keep_alive, now, 1.0) {
             out.push(datagram(MessageId::KeepAlive, &[]));
         }
-        if !self.models_known && due(&mut self.times.models, now, MODELS) {
+        let interval = if self.models_known { MODELS_AGAIN } else { MODELS };
+        if due(&mut self.times.models, now, interval) {
             out.push(datagram(MessageId::RequestModelDefinition, &[]));
         }
         let has_clock = self.server.as_ref().is_some_and(|s| s.clock.is_some());

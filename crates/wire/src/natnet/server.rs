@@ -2,10 +2,11 @@
 
 use super::message::datagram;
 use super::{
-    Clock, ConnectOptions, Definition, Frame, MessageId, NatNetError, R, Response, RigidBody, RigidBodyDefinition,
-    Sender, ServerInfo, UpAxis, Version, W, command, model, split,
+    Clock, ConnectOptions, Definition, Frame, MarkerDefinition, MessageId, NatNetError, R, Response, RigidBody,
+    RigidBodyDefinition, Sender, ServerInfo, UpAxis, Vec3, Version, W, command, model, split,
 };
 use monro_geometry::{Rigid, Tool, Tracker};
+use std::collections::BTreeMap;
 
 /// How a fake Motive behaves.
 #[derive(Debug, Clone)]
@@ -26,6 +27,9 @@ pub struct ServerOptions {
     pub rate: f32,
 }
 
+/// Markers of each body, m in its frame, until it is defined anew.
+const MARKERS: [Vec3; 4] = [[0.03, 0.0, 0.0], [-0.03, 0.01, 0.0], [0.0, -0.02, 0.03], [0.0, 0.01, -0.03]];
+
 /// A fake Motive.
 #[derive(Debug)]
 pub struct Server {
@@ -33,6 +37,8 @@ pub struct Server {
     version: Version,
     number: i32,
     models_changed: bool,
+    /// Of bodies that were defined anew.
+    markers: BTreeMap<String, Vec<Vec3>>,
 }
 
 /// One body of a frame to be sent: its pose (or `None` when lost) and mean marker error, mm.
@@ -41,7 +47,7 @@ pub type BodyPose = (Option<Rigid<Tracker, Tool>>, f64);
 impl Server {
     /// A server that has sent nothing yet.
     pub const fn new(options: ServerOptions) -> Self {
-        Self { version: options.version, options, number: 0, models_changed: false }
+        Self { version: options.version, options, number: 0, models_changed: false, markers: BTreeMap::new() }
     }
 
     /// The version in which it sends now (a unicast client of 4.0 or later may have asked for an older one).
@@ -67,10 +73,21 @@ impl Server {
                 id,
                 parent: -1,
                 rotation_xyzw: [0.0, 0.0, 0.0, 1.0],
+                markers: self.markers_of(name),
                 ..RigidBodyDefinition::default()
             })
         });
         bodies.collect()
+    }
+
+    fn markers_of(&self, body: &str) -> Vec<MarkerDefinition> {
+        let offsets = self.markers.get(body).map_or(&MARKERS[..], Vec::as_slice);
+        offsets.iter().map(|&offset| MarkerDefinition { offset, ..MarkerDefinition::default() }).collect()
+    }
+
+    /// Defines a body anew with these markers (m, in its frame), as some servers do: no frame says so.
+    pub fn redefine(&mut self, body: &str, markers: &[Vec3]) {
+        self.markers.insert(body.to_owned(), markers.to_vec());
     }
 
     /// Renames the bodies, as when assets are made anew; the next frame says that the models have changed.

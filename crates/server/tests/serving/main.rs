@@ -1,17 +1,16 @@
 //! A server with the scripted tracker, seen from outside.
 
+#[path = "../common/mod.rs"]
 mod common;
+mod trackers;
 
 use common::{options, request, write_case};
-use monro_geometry::{Rigid, Vector};
-use monro_server::{Running, ServeError, Tracker, start};
-use monro_tracking::{Batch, Health, Source, TrackingError};
-use monro_wire::TimedPose;
-use monro_wire::openigtlink::{Content, Message, Parser, ToolStatus, Verb};
+use monro_server::{Running, ServeError, start};
+use monro_wire::openigtlink::{Content, Message, Parser, Verb};
 use serde_json::Value;
 use std::time::Duration;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::{TcpListener, TcpStream};
+use tokio::net::TcpStream;
 
 struct Served {
     running: Running,
@@ -180,8 +179,8 @@ async fn every_answer_carries_the_headers_of_a_closed_page() {
 
 /// Paths and methods of the router, read from where it is made: the router itself does not list them.
 fn routes() -> Vec<(String, &'static str)> {
-    let sources = [include_str!("../src/api.rs"), include_str!("../src/server.rs")];
-    let preparing = include_str!("../src/preparing/routes.rs").lines().filter(|l| l.contains("\"/api/prepare\""));
+    let sources = [include_str!("../../src/api.rs"), include_str!("../../src/server.rs")];
+    let preparing = include_str!("../../src/preparing/routes.rs").lines().filter(|l| l.contains("\"/api/prepare\""));
     let lines = sources
         .into_iter()
         .flat_map(str::lines)
@@ -198,7 +197,7 @@ fn routes() -> Vec<(String, &'static str)> {
 
 #[test]
 fn every_route_is_documented_and_nothing_else() {
-    let api: Value = serde_json::from_str(include_str!("../src/openapi.json")).expect("json");
+    let api: Value = serde_json::from_str(include_str!("../../src/openapi.json")).expect("json");
     let paths = api["paths"].as_object().expect("paths");
     let method = |m: &'static str, o: &Value| o.get(m).is_some();
     let all = ["get", "post", "put", "delete", "patch"];
@@ -252,144 +251,6 @@ async fn a_case_without_images_says_so() {
 async fn a_folder_that_is_no_case_is_refused() {
     let dir = tempfile::tempdir().expect("temp");
     assert!(matches!(start(options(dir.path().to_owned())).await, Err(ServeError::Case(_))));
-}
-
-/// A catheter 10 mm from the reference along x.
-fn poses(time: f64) -> Vec<TimedPose> {
-    let pose = |name: &str, x: f64| {
-        let rigid = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(x, 0.0, 0.0)).expect("pose");
-        TimedPose::new(name, None, time, Ok((rigid, None)))
-    };
-    vec![pose("Catheter", 110.0), pose("Reference", 100.0)]
-}
-
-/// The same poses again and again, each 2 ms old.
-struct Still;
-
-impl Source for Still {
-    fn next(&mut self, _: Duration) -> Result<Option<Batch>, TrackingError> {
-        std::thread::sleep(Duration::from_millis(5));
-        Ok(Some(Batch { poses: poses(1e9), clock: None }))
-    }
-
-    fn now(&self) -> f64 {
-        1e9 + 0.002
-    }
-
-    fn diagnosis(&self, wanted: &[&str]) -> Health {
-        Health::well(format!("still, asked for {}", wanted.join(" and ")))
-    }
-
-    fn facts(&self) -> Vec<String> {
-        Vec::new()
-    }
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_foreign_tracker_is_calibrated_and_registered_over_the_api() {
-    let dir = tempfile::tempdir().expect("temp");
-    let mut o = options(write_case(dir.path(), false));
-    // On a clock that started long ago.
-    o.tracker = Tracker::Source { name: "test:".into(), source: Box::new(Still) };
-    let served = Served { running: start(o).await.expect("start"), _dir: dir };
-    let g = served.until(|g| g["state"] == "live").await;
-    assert_eq!((&g["phase"], &g["tip_lps_mm"], &g["depth_mm"]), (&"case".into(), &Value::Null, &Value::Null));
-    assert!(g["age_ms"].as_f64().is_some_and(|a| a >= 2.0));
-    for event in [
-        r#"{"event":"calibrated","tip_mm":[0,0,-20],"axis":[0,0,-1]}"#,
-        r#"{"event":"registered","quaternion_wxyz":[1,0,0,0],"translation_mm":[1,2,90],"predicted_tre_mm":1.2}"#,
-        r#"{"event":"check_passed"}"#,
-        r#"{"event":"started"}"#,
-    ] {
-        assert_eq!(served.post("/api/session", event).await.0, 200, "{event}");
-    }
-    let g = served.until(|g| g["depth_mm"].is_number()).await;
-    assert_eq!(numbers(&g["tip_lps_mm"]), [11.0, 2.0, 70.0]);
-    assert_eq!(g["predicted_tre_mm"], 1.2);
-    let status = served.get("/api/status").await;
-    assert_eq!(status["tracker"], "test:");
-    assert_eq!(status["tracker_diagnosis"], "still, asked for Catheter and Reference");
-    assert_eq!(served.post("/api/tracker", r#"{"paused":true}"#).await.0, 409);
-}
-
-/// A catheter that rests, seen anew every 5 ms.
-struct Resting(std::time::Instant);
-
-impl Source for Resting {
-    fn next(&mut self, _: Duration) -> Result<Option<Batch>, TrackingError> {
-        std::thread::sleep(Duration::from_millis(5));
-        Ok(Some(Batch { poses: poses(self.now()), clock: None }))
-    }
-
-    fn now(&self) -> f64 {
-        1e9 + self.0.elapsed().as_secs_f64()
-    }
-
-    fn diagnosis(&self, _: &[&str]) -> Health {
-        Health::well("resting")
-    }
-
-    fn facts(&self) -> Vec<String> {
-        Vec::new()
-    }
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn landmarks_touched_with_the_old_tip_stayed_touched_when_the_catheter_was_calibrated_anew() {
-    let dir = tempfile::tempdir().expect("temp");
-    let mut o = options(write_case(dir.path(), false));
-    o.tracker = Tracker::Source { name: "test:".into(), source: Box::new(Resting(std::time::Instant::now())) };
-    let served = Served { running: start(o).await.expect("start"), _dir: dir };
-    served.until(|g| g["state"] == "live").await;
-    let calibrated = |x: f64| format!(r#"{{"event":"calibrated","tip_mm":[{x},0,-20],"axis":[0,0,-1]}}"#);
-    assert_eq!(served.post("/api/session", &calibrated(3.0)).await.0, 200);
-    let landmarks = served.get("/api/registration").await["landmarks"].clone();
-    let touch = format!(r#"{{"action":"touch","name":{}}}"#, landmarks[0]["name"]);
-    let (status, said) = served.post("/api/registration", &touch).await;
-    assert_eq!((status, &said["landmarks"][0]["touched"]), (200, &true.into()), "{said}");
-    assert_eq!(served.post("/api/session", &calibrated(0.0)).await.0, 200);
-    let said = served.get("/api/registration").await;
-    assert_eq!(said["landmarks"][0]["touched"], false, "{said}");
-    // A touch that is under way is as void.
-    let again = async {
-        tokio::time::sleep(Duration::from_millis(200)).await;
-        served.post("/api/session", &calibrated(1.0)).await.0
-    };
-    let ((status, said), event) = tokio::join!(served.post("/api/registration", &touch), again);
-    assert_eq!((status, event), (422, 200), "{said}");
-    assert_eq!(served.get("/api/registration").await["landmarks"][0]["touched"], false);
-    // What was found of a catheter is not another's.
-    assert_eq!(served.post("/api/session", r#"{"event":"tool_changed"}"#).await.0, 200);
-    assert_eq!(served.post("/api/calibration", r#"{"action":"accept"}"#).await.0, 422);
-}
-
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn an_openigtlink_server_feeds_the_session_and_is_found_again_when_it_comes_back() {
-    let plus = TcpListener::bind("127.0.0.1:0").await.expect("bind");
-    let address = plus.local_addr().expect("address");
-    tokio::spawn(async move {
-        // A first connection that ends in the middle of a header, then one that streams.
-        let (mut first, _) = plus.accept().await.expect("accept");
-        first.write_all(b"\0\x02TRANS").await.expect("write");
-        drop(first);
-        let (mut second, _) = plus.accept().await.expect("accept");
-        let pose = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::ZERO).expect("pose");
-        for id in 0.. {
-            for name in ["CatheterToTracker", "Reference"] {
-                let message = Message::transform(name, None, id, Some(&pose), ToolStatus::Ok);
-                if second.write_all(&message.encode().expect("message")).await.is_err() {
-                    return;
-                }
-            }
-            tokio::time::sleep(Duration::from_millis(10)).await;
-        }
-    });
-    let dir = tempfile::tempdir().expect("temp");
-    let mut o = options(write_case(dir.path(), false));
-    o.tracker = format!("igtl://{address}").parse().expect("url");
-    let served = Served { running: start(o).await.expect("start"), _dir: dir };
-    served.until(|g| g["state"] == "live").await;
-    assert_eq!(served.get("/api/status").await["tools"], serde_json::json!(["Catheter", "Reference"]));
 }
 
 /// Reads messages until one of each kind has come; names and contents.
