@@ -29,6 +29,7 @@ pub(crate) struct TrackArgs {
     /// (Motive's up axis), `version=4.1` (read frames so, whatever the server says), `bitstream=3.0` (ask the server for it).
     /// igtl: `start=TDATA|QTDATA` (ask a server that waits to be asked).
     /// replay: `fast=1` (not at real speed), `up=y|z`, `version=4.1`.
+    /// All three: `stamps=ignore` (ages count from arrival alone, where the server's clock does not keep time).
     #[arg(verbatim_doc_comment)]
     pub(crate) url: String,
     /// Stop when one tool has come so often, also where each comes in a message of its own (slower ones are then fewer).

@@ -67,7 +67,8 @@ fn distance_mm(a: Vec3, b: Vec3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::decode::{NatNetDecoder, Stamps, Taken};
+    use crate::Stamps;
+    use crate::decode::{NatNetDecoder, Taken};
     use monro_wire::natnet::{ClientOptions, Server, ServerOptions, UpAxis, Version};
 
     const MARKERS: [Vec3; 3] = [[0.03, 0.0, 0.0], [-0.03, 0.0, 0.01], [0.0, 0.04, 0.0]];

@@ -2,12 +2,12 @@
 //! arrival times, so both give the same poses bit for bit.
 
 use crate::Batch;
-use monro_geometry::{Rigid, Tool, Tracker};
-use monro_guidance::Lag;
-use monro_guidance::clock::{ClockEstimate, Exchange, Expiry};
+use crate::late::{Late, Stamps};
+use crate::told::Told;
+use monro_guidance::clock::{ClockEstimate, Exchange, age};
+use monro_wire::TimedPose;
 use monro_wire::natnet::{Client, ClientOptions, Definition, Event, RigidBodyDefinition, ServerInfo};
-use monro_wire::openigtlink::{IgtlError, Parser, poses};
-use monro_wire::{Missing, Quality, TimedPose};
+use monro_wire::openigtlink::{Content, IgtlError, Message, Parser, StatusCode, poses};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Frames are held back until their tools have names, but no longer than this, s.
@@ -32,7 +32,9 @@ pub(crate) struct NatNetDecoder {
     pub(crate) client: Client,
     pub(crate) estimate: ClockEstimate,
     first_frame: Option<f64>,
-    pub(crate) lag: Late,
+    pub(crate) late: Late,
+    /// Of the last frames when they arrived, s.
+    pub(crate) age: f64,
     /// What was said of bodies and not handed on yet.
     bodies: Vec<RigidBodyDefinition>,
     /// Exposure of the last frame on the server's clock, and its arrival on ours, s.
@@ -41,14 +43,16 @@ pub(crate) struct NatNetDecoder {
 
 /// A clock that goes back by more than this, or exposures that far in the future, belong to a server that was restarted, s.
 const BREAK: f64 = 0.25;
+/// What a frame counts in the mean of the last ones' ages.
+const SHARE: f64 = 0.05;
 /// After a silence of this length it may have been restarted too, s.
 const SILENCE: f64 = 1.0;
 
 impl NatNetDecoder {
     pub(crate) fn new(options: ClientOptions, stamps: Stamps) -> Self {
         let (client, estimate) = (Client::new(options), ClockEstimate::new(CLOCK_WINDOW));
-        let lag = Late::new(stamps);
-        Self { client, estimate, first_frame: None, lag, bodies: Vec::new(), last: None }
+        let late = Late::new(stamps);
+        Self { client, estimate, first_frame: None, late, age: 0.0, bodies: Vec::new(), last: None }
     }
 
     /// Whether a frame may come from another server than the last one: after a silence, or because the clock has gone back,
@@ -76,7 +80,7 @@ impl NatNetDecoder {
             Ok(Some(Event::Frame(frame, mut poses))) => {
                 if self.is_restarted(poses.first().and_then(|p| p.source_time), arrival) {
                     self.estimate.forget();
-                    self.lag.forget();
+                    self.late.forget();
                     self.client.restart();
                     self.first_frame = None;
                     // Its bodies may have got other numbers: these poses might bear wrong names.
@@ -85,8 +89,10 @@ impl NatNetDecoder {
                 // Where there is no clock of the cameras, that of the server's frames will do.
                 let stamp = poses.first().and_then(|p| p.source_time).or(Some(frame.suffix.timestamp));
                 if !poses.is_empty() {
-                    let lag = self.lag.take(stamp.filter(|s| *s > 0.0), arrival);
+                    let lag = self.late.take(stamp.filter(|s| *s > 0.0), arrival);
                     poses.iter_mut().for_each(|p| p.lag = lag);
+                    let new = age(arrival, (arrival, lag), poses[0].source_time, self.estimate.offset().as_ref());
+                    self.age += SHARE * (new - self.age);
                 }
                 let first = *self.first_frame.get_or_insert(arrival);
                 // Names come a moment after the first frames; a server that never tells them is listened to all the same.
@@ -98,52 +104,6 @@ impl NatNetDecoder {
             _ => {}
         }
         Taken::Nothing
-    }
-}
-
-/// What the times are good for that a source stamps its poses with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Stamps {
-    /// Poses that come later by them than they did are as much older.
-    #[default]
-    Heeded,
-    /// Nothing: its clock does not keep time.
-    Ignored,
-}
-
-/// How late poses come.
-#[derive(Debug, Clone)]
-pub(crate) struct Late {
-    lag: Lag,
-    stamps: Stamps,
-    now: f64,
-}
-
-impl Late {
-    fn new(stamps: Stamps) -> Self {
-        Self { lag: Lag::default(), stamps, now: 0.0 }
-    }
-
-    fn take(&mut self, stamp: Option<f64>, arrival: f64) -> f64 {
-        let stamp = stamp.filter(|_| self.stamps == Stamps::Heeded);
-        self.now = stamp.map_or(0.0, |stamp| self.lag.take(stamp, arrival));
-        self.now
-    }
-
-    /// What comes from now on may be another server's.
-    fn forget(&mut self) {
-        *self = Self::new(self.stamps);
-    }
-
-    /// That poses of `what` come late, where that makes them stale.
-    pub(crate) fn words(&self, what: &str) -> Option<String> {
-        (self.now >= Expiry::default().stale).then(|| {
-            format!(
-                "{what} comes {:.2} s later than it did, by the times that the server stamps it with: it is held up there or on \
-                 the way, and counted as so much older. If that clock does not keep time: ?stamps=ignore",
-                self.now
-            )
-        })
     }
 }
 
@@ -161,6 +121,8 @@ pub(crate) struct IgtlDecoder {
     /// Messages that could not be read, and why the last could not.
     pub(crate) dropped: u64,
     pub(crate) fault: Option<String>,
+    /// What each device last said of itself, where that was an error.
+    pub(crate) errors: BTreeMap<String, String>,
 }
 
 /// Devices and tools that are remembered at most; a server that sends ever new names is misconfigured.
@@ -168,44 +130,35 @@ const MOST_NAMES: usize = 256;
 /// Longest name of a tool, bytes.
 const LONGEST_NAME: usize = 256;
 
-/// What was last told of a tool.
-#[derive(Debug, Clone)]
-pub(crate) struct Told {
-    /// When it was told of, and when it was last told of anew, s.
-    pub(crate) at: f64,
-    pub(crate) anew: f64,
-    /// Its time on the server's clock and its pose.
-    last: (Option<f64>, Option<Rigid<Tracker, Tool>>),
-    pub(crate) lag: Late,
-}
-
 impl IgtlDecoder {
     pub(crate) fn new(stamps: Stamps) -> Self {
         Self { stamps, ..Self::default() }
     }
 
-    /// Notes a pose. One that comes again with the time that it was measured at is no new one: of a tool that is out of view, or
-    /// of a server that hangs.
     fn note(&mut self, pose: &mut TimedPose) {
-        let (at, last) = (pose.arrival_time, (pose.source_time, pose.tracker_from_tool));
-        if !self.tools.contains_key(&pose.name) && self.tools.len() >= MOST_NAMES {
-            return;
+        if self.tools.contains_key(&pose.name) || self.tools.len() < MOST_NAMES {
+            let told = || Told::new(pose.arrival_time, self.stamps);
+            self.tools.entry(pose.name.clone()).or_insert_with(told).take(pose);
         }
-        let lag = Late::new(self.stamps);
-        let told = self.tools.entry(pose.name.clone()).or_insert(Told { at, anew: at, last: (None, None), lag });
-        told.at = at;
-        if pose.source_time.is_some() && pose.tracker_from_tool.is_some() && told.last == last {
-            (pose.tracker_from_tool, pose.quality) = (None, Quality::Missing(Missing::Repeated));
-        } else {
-            (told.anew, told.last) = (at, last);
-            pose.lag = told.lag.take(pose.source_time, at);
+    }
+
+    /// Notes what a device says of itself.
+    fn note_status(&mut self, message: &Message) {
+        let Content::Status(status) = &message.content else { return };
+        if status.code == StatusCode::Ok {
+            self.errors.remove(&message.device);
+        } else if self.errors.len() < MOST_NAMES || self.errors.contains_key(&message.device) {
+            let said = [&status.name, &status.message].map(|t| t.chars().take(LONGEST_NAME).collect::<String>());
+            let words = format!("'{}' reports {:?} ({}: {})", message.device, status.code, said[0], said[1]);
+            self.errors.insert(message.device.clone(), words);
         }
     }
 
     /// A new connection begins: what is unfinished of the last one is forgotten.
     pub(crate) fn begin(&mut self) {
         self.parser = Parser::default();
-        self.tools.values_mut().for_each(|told| told.lag.forget());
+        self.tools.values_mut().for_each(|told| told.late.forget());
+        self.errors.clear();
     }
 
     /// Takes a piece of the stream that arrived at `arrival`, s.
@@ -219,6 +172,7 @@ impl IgtlDecoder {
                         *self.devices.entry(device).or_default() += 1;
                     }
                     self.last = Some(arrival);
+                    self.note_status(&m);
                     let mut told = poses(&m, arrival);
                     if told.iter().any(|p| p.name.len() > LONGEST_NAME) {
                         self.dropped += 1;
@@ -260,8 +214,10 @@ impl IgtlDecoder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use monro_geometry::{Rigid, Tool, Tracker};
     use monro_wire::natnet::{Server, ServerOptions, UpAxis, Version};
-    use monro_wire::openigtlink::{Message, Timestamp, ToolStatus};
+    use monro_wire::openigtlink::{Matrix34, Timestamp, ToolStatus};
+    use monro_wire::{Missing, Quality};
 
     /// How late (s) what was measured at a time arrives: a queue that grows for ten seconds, to 0.8 s.
     fn queue(measured: f64) -> f64 {
@@ -283,7 +239,7 @@ mod tests {
             }
             decoder.take(measured + queue(measured), &message.encode().expect("message")).expect("stream");
             let lag = decoder.next().expect("a pose").poses[0].lag;
-            (lag, decoder.tools["Catheter"].lag.words("'Catheter'"))
+            (lag, decoder.tools["Catheter"].late.words("'Catheter'"))
         };
         let (late, words) = (0..1020).map(|i| one(i, false)).last().expect("poses");
         assert_eq!(words.is_some_and(|w| w.contains("0.80 s later")), stamps == Stamps::Heeded);
@@ -298,6 +254,21 @@ mod tests {
         assert_eq!(lags_of_openigtlink(Stamps::Ignored), [0.0, 0.0]);
     }
 
+    #[test]
+    fn a_tool_out_of_view_was_at_the_trackers_origin_where_that_is_how_it_is_sent() {
+        let mut decoder = IgtlDecoder::new(Stamps::Heeded);
+        let mut sent = |name: &str, pose: &Rigid<Tracker, Tool>| {
+            let message = Message::v1(name, None, Content::Transform(Matrix34::from_rigid(pose)));
+            decoder.take(0.0, &message.encode().expect("message")).expect("stream");
+            decoder.next().expect("a pose").poses[0].quality
+        };
+        let tracked = Quality::Tracked { error: None };
+        assert_eq!([&Rigid::IDENTITY, &pose(1.0)].map(|p| sent("Catheter", p)), [tracked, tracked]);
+        assert_eq!(sent("Catheter", &Rigid::IDENTITY), Quality::Missing(Missing::NotTracked));
+        assert_eq!(sent("Catheter", &pose(1e-3)), tracked);
+        assert!((0..9).all(|_| sent("Reference", &Rigid::IDENTITY) == tracked), "one to which all poses are");
+    }
+
     /// Before 3.0 there is no clock to be asked, and a server may not answer.
     #[test]
     fn frames_of_a_natnet_server_without_a_clock_that_fell_behind_were_as_young_as_their_arrival() {
@@ -308,15 +279,15 @@ mod tests {
             let mut server = Server::new(options);
             let mut decoder = NatNetDecoder::new(ClientOptions::default(), Stamps::Heeded);
             decoder.take(0.0, &server.info().encode());
-            let mut late = 0.0;
+            let mut last = 0.0;
             for i in 1..1020 {
                 let measured = f64::from(i) / 60.0;
                 let bytes = server.frame(&[(Some(pose(measured)), 0.3)], measured, measured);
                 if let Taken::Frame(batch) = decoder.take(measured + queue(measured), &bytes) {
-                    late = batch.poses[0].lag;
+                    last = batch.poses[0].lag;
                 }
             }
-            assert!((late - 0.8).abs() < 2e-3, "{version}: {late}");
+            assert!((last - 0.8).abs() < 2e-3, "{version}: {last}");
         }
     }
 }

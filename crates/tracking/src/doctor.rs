@@ -122,6 +122,7 @@ pub(crate) const fn advice(why: Missing) -> &'static str {
         Missing::NotRigid => {
             "what is sent is scaled, sheared, mirrored or not finite: let the server send rotation and translation alone, right-handed"
         }
+        Missing::TooFar => "let the server send metres by NatNet, millimetres by OpenIGTLink",
         Missing::NoOrientation => "let the server send its orientation, too",
         Missing::Ambiguous => "which of the two is the tool? Rename one",
         _ => "is it in the cameras' view?",

@@ -1,6 +1,7 @@
 //! An OpenIGTLink client on a TCP socket; it connects again when the other side goes away.
 
 use crate::decode::IgtlDecoder;
+use crate::told::Told;
 use crate::{Batch, Clock, Health, IgtlAddress, Recorder, Source, TrackingError};
 use monro_wire::openigtlink::{Content, Message, StreamRequest, Verb};
 use monro_wire::recording::Protocol;
@@ -13,6 +14,8 @@ use std::time::{Duration, Instant};
 
 /// What has not been told of for so long is missing, s.
 const SILENT_S: f64 = 2.0;
+/// What has been sent as not seen for so long is out of view, s.
+const UNSEEN_S: f64 = 0.5;
 
 enum Arrived {
     Connected,
@@ -73,7 +76,10 @@ impl IgtlSource {
     fn missing(&self, wanted: &str, now: f64) -> Option<String> {
         let told = self.decoder.tools.iter().filter(|(name, _)| is_tool(name, wanted)).map(|(_, told)| told);
         match told.max_by(|a, b| a.at.total_cmp(&b.at)) {
-            Some(told) if now - told.anew <= SILENT_S => told.lag.words(&format!("'{wanted}'")),
+            Some(Told { seen, unseen: Some(why), anew, .. }) if now - anew <= SILENT_S && now - seen > UNSEEN_S => {
+                Some(format!("'{wanted}' is sent, but has not been seen for {:.1} s ({})", now - seen, why.name()))
+            }
+            Some(told) if now - told.anew <= SILENT_S => told.late.words(&format!("'{wanted}'")),
             Some(told) if now - told.at <= SILENT_S => Some(format!(
                 "'{wanted}' has been sent with one and the same pose and time for {:.1} s: it is out of view, or the server hangs",
                 now - told.anew
@@ -87,7 +93,7 @@ impl IgtlSource {
     }
 
     fn trouble(&self) -> Option<&String> {
-        self.trouble.as_ref().or(self.decoder.fault.as_ref())
+        self.trouble.as_ref().or(self.decoder.errors.values().next()).or(self.decoder.fault.as_ref())
     }
 }
 
@@ -157,7 +163,7 @@ impl Source for IgtlSource {
             vec![format!("server {}, {}", self.place, if self.connected { "connected" } else { "not connected" })];
         facts.extend(self.decoder.devices.iter().map(|(d, n)| format!("{d}: {n} messages")));
         facts.push(format!("{} messages dropped", self.decoder.dropped));
-        facts.extend(self.trouble().cloned());
+        facts.extend(self.decoder.errors.values().chain(&self.trouble).chain(&self.decoder.fault).cloned());
         facts
     }
 }

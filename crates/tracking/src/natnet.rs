@@ -2,6 +2,7 @@
 
 use crate::decode::{NatNetDecoder, Taken};
 use crate::{Batch, Clock, Health, NatNetAddress, Recorder, Source, TrackingError};
+use monro_guidance::clock::Expiry;
 use monro_wire::natnet::{ClientOptions, DATA_PORT, Diagnosis, MULTICAST_GROUP, MessageId, ServerInfo, split};
 use monro_wire::recording::Protocol;
 use socket2::{Domain, Socket, Type};
@@ -143,6 +144,20 @@ impl NatNetSource {
         }
     }
 
+    /// That frames are old when they arrive, by the clock of the cameras or, where that is not known, by what they lag.
+    fn late(&self) -> Option<String> {
+        let age = self.decoder.age;
+        if self.decoder.estimate.offset().is_none() {
+            return self.decoder.late.words("each frame");
+        }
+        (age >= Expiry::default().stale).then(|| {
+            format!(
+                "frames are {age:.2} s old when they arrive, by the server's own clock: does it play a recording or work with a \
+                 delay?"
+            )
+        })
+    }
+
     fn note_stranger(&mut self, from: SocketAddr) {
         if self.strangers.len() < MOST_STRANGERS {
             self.strangers.insert(from);
@@ -199,9 +214,7 @@ impl Source for NatNetSource {
     fn diagnosis(&self, wanted: &[&str]) -> Health {
         let found = self.decoder.client.diagnosis(self.clock.now(), wanted);
         let well = found.is_well();
-        // With the cameras' clock known, what is late is old by that, which is told of each tool.
-        let late = || self.decoder.lag.words("each frame").filter(|_| self.decoder.estimate.offset().is_none());
-        if let Some(late) = well.then(late).flatten() {
+        if well && let Some(late) = self.late() {
             return Health::ill(late);
         }
         let words = match found {

@@ -14,7 +14,7 @@ use monro_tracking::{
 };
 use monro_wire::natnet::{UpAxis, Version};
 use monro_wire::openigtlink::{
-    Content, HeaderVersion, InstrumentKind, Message, QuaternionElement, Text, Timestamp, ToolStatus,
+    Content, HeaderVersion, InstrumentKind, Message, QuaternionElement, Status, StatusCode, Text, Timestamp, ToolStatus,
 };
 use monro_wire::recording::Recording;
 use monro_wire::{Missing, Quality, TimedPose};
@@ -483,6 +483,27 @@ fn a_flood_of_messages_without_poses_held_the_reader_for_ever_and_was_called_wel
     let found = doctor(source.as_mut(), &[], Duration::from_millis(300)).expect("doctor");
     assert!(begun.elapsed() < Duration::from_secs(10), "{:?}", begun.elapsed());
     assert!(!found.health.well && found.health.words.contains("no tool is among what is sent"), "{found:?}");
+}
+
+/// "Receiving", it said, and a user of two tools looked for the one that was hidden; what the server reported was read over.
+#[test]
+fn which_tool_is_out_of_view_and_what_a_server_reports_was_not_told() {
+    let seen = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(1.0, 2.0, 3.0)).expect("pose");
+    let reference = Message::transform("ReferenceToTracker", None, 0, Some(&seen), ToolStatus::Ok);
+    let lost = Message::transform("CatheterToTracker", None, 0, None, ToolStatus::OutOfVolume);
+    let report =
+        Status { code: StatusCode::HardwareFailure, sub_code: 7, name: "Camera".into(), message: "too warm".into() };
+    let address = without_end(vec![reference, lost, Message::v1("Plus", None, Content::Status(report))]);
+    let mut source = connect(&format!("igtl://{address}").parse().expect("address"));
+    let deadline = Instant::now() + Duration::from_secs(20);
+    while !source.diagnosis(&["Catheter"]).words.contains("has not been seen for") {
+        assert!(Instant::now() < deadline, "{}", source.diagnosis(&["Catheter"]));
+        source.next(Duration::from_millis(10)).expect("source");
+    }
+    let told = source.diagnosis(&["Reference", "Catheter"]).words;
+    assert!(told.starts_with("'Catheter' is sent") && told.contains("(out of volume)"), "{told}");
+    assert!(told.contains("'Plus' reports HardwareFailure (Camera: too warm)"), "{told}");
+    assert!(source.diagnosis(&["Reference"]).well);
 }
 
 #[test]

@@ -19,8 +19,10 @@ pub enum Quality {
 pub enum Missing {
     /// The source reports the tool as not seen or not valid in this frame.
     NotTracked,
-    /// The tool is outside the tracked volume or the view, or further away than anything is tracked.
+    /// The tool is outside the tracked volume or the view.
     OutOfVolume,
+    /// What is sent is further away than anything is tracked.
+    TooFar,
     /// The source tells nothing more of the tool, or nothing at all.
     NotSent,
     /// The numbers sent are no rigid motion (not finite, sheared, mirrored).
@@ -42,6 +44,7 @@ impl Missing {
         match self {
             Self::NotTracked => "not tracked",
             Self::OutOfVolume => "out of volume",
+            Self::TooFar => "more than a kilometre away",
             Self::NotSent => "nothing sent",
             Self::NotRigid => "not a rigid motion",
             Self::NoOrientation => "no orientation",
@@ -78,9 +81,7 @@ impl TimedPose {
         pose: Result<(Rigid<Tracker, Tool>, Option<f64>), Missing>,
     ) -> Self {
         let (quality, tracker_from_tool) = match pose {
-            Ok((rigid, _)) if rigid.translation().norm() > FURTHEST_MM => {
-                (Quality::Missing(Missing::OutOfVolume), None)
-            }
+            Ok((rigid, _)) if rigid.translation().norm() > FURTHEST_MM => (Quality::Missing(Missing::TooFar), None),
             Ok((rigid, error)) => (Quality::Tracked { error }, Some(rigid)),
             Err(reason) => (Quality::Missing(reason), None),
         };
@@ -100,7 +101,7 @@ mod tests {
             let there = Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(x, 0.0, 0.0)).expect("rigid");
             TimedPose::new("tool", None, 0.0, Ok((there, None)))
         };
-        assert_eq!(at(1e33).quality, Quality::Missing(Missing::OutOfVolume));
+        assert_eq!(at(1e33).quality, Quality::Missing(Missing::TooFar));
         assert!(at(1e33).tracker_from_tool.is_none() && at(-9e5).tracker_from_tool.is_some());
     }
 }

@@ -9,6 +9,9 @@ use std::collections::BTreeMap;
 /// Poisson's ratios that the solver takes.
 const POISSON: core::ops::Range<f64> = 0.0..0.4999;
 
+/// Young's moduli (Pa) that the solver takes.
+const YOUNG_PA: core::ops::RangeInclusive<f64> = 1e-6..=1e12;
+
 /// Young's moduli (kPa) that some material has: what is below 10 Pa was most likely meant in kPa.
 const YOUNG_KPA: core::ops::RangeInclusive<f64> = 1e-2..=1e9;
 
@@ -75,7 +78,7 @@ fn moduli(m: &Value) -> Result<(f64, f64)> {
     if young.is_finite() && POISSON.contains(&poisson) {
         contradiction(&of, (young, poisson))?;
     }
-    ensure!(young.is_finite() && young > 0.0, "Young's modulus is {young} Pa, wanted more than 0");
+    ensure!(YOUNG_PA.contains(&young), "Young's modulus is {young:e} Pa, wanted more than 0 (1e-6 to 1e12)");
     ensure!(POISSON.contains(&poisson), "Poisson's ratio is {poisson}, {}", wanted(poisson));
     Ok((young, poisson))
 }

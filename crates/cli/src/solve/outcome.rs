@@ -69,6 +69,13 @@ fn stopped(stop: Stop, solved: &StaticSolution) -> String {
     if solved.steps == 0 {
         return format!("this is no answer: {}; no Newton step was taken, and the mesh is as it was", why(stop));
     }
+    if solved.share == 0.0 {
+        return format!(
+            "this is no answer: {}; not even the least share of motion and load that was tried is borne, and the mesh is as it \
+             was; impose less",
+            why(stop)
+        );
+    }
     format!(
         "stopped before the tolerance was met: {}; {:.1} % of motion and load are imposed, with a residual of {:.2e} \
          after {} Newton steps; the displacement is the best so far",

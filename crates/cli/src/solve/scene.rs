@@ -125,6 +125,7 @@ fn of_case(
     remarks.extend(held::hinged(&tets, &problem));
     remarks.extend(units::check(&tets, &problem, &sets).with_context(in_case)?);
     remarks.extend(units::weighed(&tets, &problem, &materials).with_context(in_case)?);
+    remarks.extend(units::pressed(&tets, &problem, &materials));
     Ok(Scene { grid, mesh: tets, materials, problem, sets, remarks, sources: Vec::new() })
 }
 

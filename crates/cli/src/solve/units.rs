@@ -27,9 +27,7 @@ pub(super) fn weighed(
     materials: &BTreeMap<u16, Material>,
 ) -> Result<Option<String>> {
     let force = problem.body_force_mn_mm3.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let regions: BTreeSet<u16> = mesh.labels.iter().copied().collect();
-    let there = materials.iter().filter(|m| regions.contains(m.0));
-    let softest = there.map(|(_, m)| m.young_kpa).fold(f64::INFINITY, f64::min);
+    let softest = softest_kpa(mesh, materials);
     let (diagonal, pa) = (diagonal(mesh), 1e3 * softest);
     let share = force * diagonal / softest;
     if share.is_nan() || share <= HEAVY {
@@ -45,6 +43,28 @@ pub(super) fn weighed(
         bail!("{told}; points of a mesh are in metres, so if they are in mm, divide them by 1000");
     }
     Ok(Some(format!("{told}; body_force is in N/m3, moduli in Pa")))
+}
+
+/// A remark on a pressure that no body bears on a part of its surface, by its softest material.
+pub(super) fn pressed(mesh: &TetMesh, problem: &StaticProblem, materials: &BTreeMap<u16, Material>) -> Option<String> {
+    let softest = softest_kpa(mesh, materials);
+    let largest = problem.pressures.iter().map(|p| p.kpa).max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+    (largest.abs() > HEAVY * softest).then(|| {
+        format!(
+            "a pressure of {:.3e} Pa is {:.0} times Young's modulus of the softest material ({:.3e} Pa): unless it acts from \
+             all sides, nothing bears it; pressures and moduli are in Pa",
+            1e3 * largest,
+            (largest / softest).abs(),
+            1e3 * softest
+        )
+    })
+}
+
+/// The least Young's modulus of an element, kPa.
+fn softest_kpa(mesh: &TetMesh, materials: &BTreeMap<u16, Material>) -> f64 {
+    let regions: BTreeSet<u16> = mesh.labels.iter().copied().collect();
+    let there = materials.iter().filter(|m| regions.contains(m.0));
+    there.map(|(_, m)| m.young_kpa).fold(f64::INFINITY, f64::min)
 }
 
 /// Remarks on lengths that are odd.

@@ -175,6 +175,7 @@ fn what_is_wrong_in_a_scene_is_named_with_its_number_and_a_way_out() {
     let table = [
         (put("/materials/1", json!({ "E": 3000.0 })), vec!["region 1", "E and nu", "lam_hat"]),
         (put("/materials/1/E", json!(-3.0)), vec!["region 1", "-3 Pa", "more than 0"]),
+        (put("/materials/1/E", json!(1e13)), vec!["region 1", "1e13 Pa", "1e-6 to 1e12"]),
         (put("/materials/1/nu", json!(0.5)), vec!["region 1", "0.5", "0.4999", "0.499 "]),
         (put("/materials/1/nu", json!(-0.2)), vec!["region 1", "-0.2", "from 0 to below 0.4999", "say 0 for"]),
         (

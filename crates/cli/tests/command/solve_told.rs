@@ -249,6 +249,22 @@ fn a_misspelt_field_beside_the_cases_is_named() {
     assert!(!said.contains("title"), "{said}");
 }
 
+/// It was "stopped before the tolerance was met", with a residual of 0, as if a little more patience would do.
+#[test]
+fn a_pressure_that_no_body_bears_is_no_answer() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |s| {
+        s["meshes"]["cube"]["face_sets"] = json!({ "top": [[4, 5, 6]] });
+        let case = &mut s["cases"]["stretch"];
+        case["dirichlet"] = json!([held("z0", "xyz", [0.0; 3])]);
+        case["pressure"] = json!([{ "faces": "top", "pressure": 1e12 }]);
+    });
+    let coarse = args.iter().map(String::as_str).chain(["--refine", "0"]);
+    let told = json(&coarse.collect::<Vec<_>>());
+    assert_eq!(told["converged"], false, "{told}");
+    says(&remarks(&told), &["a pressure of 1.000e12 Pa is 333333333 times", "no answer", "as it was", "impose less"]);
+}
+
 /// The same entry given twice pushed twice as hard without a word.
 #[test]
 fn faces_that_two_pressures_act_on_are_named() {

@@ -350,14 +350,15 @@ impl Problem<'_> {
         free.iter().zip(&self.rounding).map(one).sum()
     }
 
-    /// Force out of balance over the size of reactions and loads.
+    /// Force out of balance over the size of reactions and loads, as far as these are imposed.
     fn residual(&self, at: &Point) -> f64 {
         let mut held = at.gradient.clone();
         for (g, s) in held.iter_mut().zip(&self.loads.support) {
             (0..3).filter(|&a| s[a].is_none()).for_each(|a| g[a] = 0.0);
         }
         let out = self.out_of_balance(at);
-        let acting = inner(&held, &held) + self.loads.size2(&at.x) + self.spheres.size2(&at.x);
+        let loads = self.share * self.share * self.loads.size2(&at.x);
+        let acting = inner(&held, &held) + loads + self.spheres.size2(&at.x);
         if out == 0.0 { 0.0 } else { (out / acting.max(f64::MIN_POSITIVE)).sqrt() }
     }
 

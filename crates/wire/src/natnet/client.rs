@@ -247,7 +247,8 @@ impl Client {
                 Some(Event::Text(String::from_utf8_lossy(&payload[..end]).into_owned()))
             }
             MessageId::TimedOut => {
-                self.server = None;
+                // Its frames may go on, by multicast, and are read as before.
+                self.ask_again = true;
                 Some(Event::Dropped)
             }
             _ => None,

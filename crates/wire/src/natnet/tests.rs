@@ -246,6 +246,22 @@ fn frames_before_the_server_is_known_are_refused_unless_the_version_is_forced() 
     assert_eq!((poses[0].name.as_str(), poses[0].tracker_from_tool.is_some()), ("#2", true));
 }
 
+/// It said that the server gave no answer, with its frames coming in; they were refused until it had introduced itself again.
+#[test]
+fn frames_go_on_after_the_server_dropped_a_client_and_it_is_asked_to_take_it_up_again() {
+    let (mut server, mut client) = (server(Version::new(4, 1), UpAxis::Y), Client::new(ClientOptions::default()));
+    talk(&mut client, &mut server, 0.0);
+    let dropped = [11u16.to_le_bytes(), 0u16.to_le_bytes()].concat();
+    assert_eq!(client.receive(&dropped, 2.0), Ok(Some(Event::Dropped)));
+    let frame = server.frame(&[(Some(pose([0.0; 3])), 0.1)], 2.0, 2.0);
+    assert_eq!(poses_of(client.receive(&frame, 2.0).expect("frame"))[0].name, "Stylus");
+    assert!(client.diagnosis(2.1, &["Stylus"]).is_well(), "{}", client.diagnosis(2.1, &["Stylus"]));
+    assert!(client.poll(2.1).iter().any(|q| q[..2] == [0, 0]), "CONNECT");
+    talk(&mut client, &mut server, 3.2);
+    client.receive(&server.frame(&[], 4.4, 4.4), 4.4).expect("frame");
+    assert!(client.poll(4.5).iter().all(|q| q[..2] != [0, 0]), "it has answered");
+}
+
 #[test]
 fn after_bodies_changed_poses_had_the_old_names_until_the_new_ones_came() {
     let (mut server, mut client) = (server(Version::new(4, 1), UpAxis::Y), Client::new(ClientOptions::default()));
