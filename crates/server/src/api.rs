@@ -99,8 +99,17 @@ async fn status(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Json<V
 #[derive(Debug, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case", deny_unknown_fields)]
 enum EventRequest {
-    Calibrated { tip_mm: [f64; 3], axis: [f64; 3] },
-    Registered { quaternion_wxyz: [f64; 4], translation_mm: [f64; 3], predicted_tre_mm: Option<f64> },
+    /// `markers_mm`: where the markers of its body lay when it was calibrated, to be compared with where they are.
+    Calibrated {
+        tip_mm: [f64; 3],
+        axis: [f64; 3],
+        markers_mm: Option<Vec<[f64; 3]>>,
+    },
+    Registered {
+        quaternion_wxyz: [f64; 4],
+        translation_mm: [f64; 3],
+        predicted_tre_mm: Option<f64>,
+    },
     ToolChanged,
     ReferenceMoved,
     CheckPassed,
@@ -112,7 +121,7 @@ enum EventRequest {
 impl EventRequest {
     fn event(&self) -> Result<SessionEvent, &'static str> {
         let plain = match *self {
-            Self::Calibrated { tip_mm, axis } => {
+            Self::Calibrated { tip_mm, axis, .. } => {
                 let calibration = Calibration { tip: Point::from_array(tip_mm), axis: Vector::from_array(axis) };
                 if !calibration.tip.is_finite() || calibration.axis.normalized().is_none() {
                     return Err("the tip must be finite and the axis must have a direction");
@@ -143,6 +152,13 @@ async fn event(State(shared): State<Arc<Shared>>, body: Result<Json<EventRequest
         Ok(json) => json,
         Err(e) => return refuse(e.status(), &e.body_text()),
     };
+    if let EventRequest::Calibrated { markers_mm: Some(markers), .. } = &request
+        && let Some(words) = shared.live.calibrated_with(markers)
+    {
+        let why =
+            format!("the catheter's body is not the one that was calibrated ({words}): calibrate it as it is now");
+        return refuse(StatusCode::UNPROCESSABLE_ENTITY, &why);
+    }
     match request.event().map(|e| shared.live.apply(e)) {
         Ok(Ok(phase)) => Json(json!({ "phase": phase.name() })).into_response(),
         Ok(Err(refusal)) => refuse(StatusCode::CONFLICT, &refusal.to_string()),

@@ -14,6 +14,7 @@ use monro_session::live::log::Entry;
 use monro_session::live::{
     Deformed, Observation, Phase, PlainEvent, Refusal, Registering, Registration, Session, SessionEvent, Snapshot,
 };
+use monro_tracking::{Batch, Bodies, tool_name};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
@@ -74,6 +75,8 @@ pub(crate) struct Live {
     stopping: AtomicBool,
     /// How the tracker is, and what stands still in it though poses come; for people.
     tracker: Mutex<(String, Option<String>)>,
+    /// What the tracker says of its bodies.
+    bodies: Mutex<Bodies>,
     /// Tools whose bodies were defined anew, and what to do, for people; until it has been done.
     anew: Mutex<BTreeMap<String, String>>,
     log: Option<Log>,
@@ -115,6 +118,7 @@ impl Live {
             paused: AtomicBool::new(false),
             stopping: AtomicBool::new(false),
             tracker: Mutex::default(),
+            bodies: Mutex::default(),
             anew: Mutex::default(),
             log,
             taken: AtomicU64::new(0),
@@ -192,9 +196,21 @@ impl Live {
         }
     }
 
+    /// Takes what the tracker says of its bodies.
+    pub(crate) fn take_bodies(&self, batch: &Batch) {
+        let anew = lock(&self.bodies).take(batch);
+        anew.iter().for_each(|body| self.redefined(tool_name(&body.name), &body.words));
+    }
+
+    /// How the catheter's body differs from the one whose markers lay there (mm) when it was calibrated, if it is known to.
+    pub(crate) fn calibrated_with(&self, markers_mm: &[[f64; 3]]) -> Option<String> {
+        let catheter = lock(&self.session).tools().catheter.clone();
+        lock(&self.bodies).calibrated(&catheter, markers_mm)
+    }
+
     /// Takes that the body of a tool was defined anew, so that its poses are those of another frame: what was calibrated or
     /// registered in the old one is void.
-    pub(crate) fn redefined(&self, tool: &str, what: &str) {
+    fn redefined(&self, tool: &str, what: &str) {
         let tools = lock(&self.session).tools().clone();
         let (event, void) = match tool {
             t if t == tools.catheter => (Some(PlainEvent::ToolChanged), "its calibration is void; calibrate it again"),

@@ -1,7 +1,7 @@
 //! Rigid bodies as their server defines them. What a tool was calibrated for holds in the frame of its body, and that frame is
 //! told by where the markers lie in it: a body that is made anew under its old name has another one.
 
-use crate::Batch;
+use crate::{Batch, is_tool};
 use monro_wire::natnet::{RigidBodyDefinition, Vec3};
 use std::collections::BTreeMap;
 
@@ -12,7 +12,16 @@ const MOST: usize = 256;
 
 /// What was said of each body, by its name, when it was first told of or last defined anew.
 #[derive(Debug, Clone, Default)]
-pub struct Bodies(BTreeMap<String, RigidBodyDefinition>);
+pub struct Bodies(BTreeMap<String, Frame>);
+
+/// What tells the frame of a body.
+#[derive(Debug, Clone)]
+struct Frame {
+    /// Where its markers lie in it, m.
+    markers: Vec<Vec3>,
+    /// What it hangs on, and how; not known of one that was calibrated elsewhere.
+    hangs: Option<(i32, Vec3, [f32; 4])>,
+}
 
 /// A body that was defined anew.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -27,34 +36,63 @@ impl Bodies {
     /// Takes what was said of bodies; those whose frame is not what it was.
     pub fn take(&mut self, batch: &Batch) -> Vec<Redefined> {
         let is_alone = |b: &&RigidBodyDefinition| batch.bodies.iter().filter(|o| o.name == b.name).count() == 1;
-        batch.bodies.iter().filter(is_alone).filter_map(|body| self.compare(body)).collect()
+        batch.bodies.iter().filter(is_alone).filter_map(|body| self.compare(&body.name, Frame::of(body))).collect()
     }
 
-    fn compare(&mut self, body: &RigidBodyDefinition) -> Option<Redefined> {
-        if self.0.len() >= MOST && !self.0.contains_key(&body.name) {
+    /// Takes that a tool was calibrated with its markers there, mm. How its body differs from that, if it is known to.
+    pub fn calibrated(&mut self, tool: &str, markers_mm: &[[f64; 3]]) -> Option<String> {
+        let markers = markers_mm.iter().map(|m| m.map(|v| (1e-3 * v) as f32)).collect();
+        let with = Frame { markers, hangs: None };
+        match self.0.iter().find(|(name, known)| is_tool(name, tool) && known.hangs.is_some()) {
+            Some((_, known)) => with.difference(known),
+            None => {
+                self.0.insert(tool.to_owned(), with);
+                None
+            }
+        }
+    }
+
+    /// Where the markers of a tool lie in its frame, mm; `None` where its server does not tell.
+    pub fn markers_mm(&self, tool: &str) -> Option<Vec<[f64; 3]>> {
+        let (_, body) = self.0.iter().find(|(name, body)| is_tool(name, tool) && !body.markers.is_empty())?;
+        Some(body.markers.iter().map(|m| m.map(|v| 1e3 * f64::from(v))).collect())
+    }
+
+    fn compare(&mut self, name: &str, body: Frame) -> Option<Redefined> {
+        if self.0.len() >= MOST && !self.0.contains_key(name) {
             return None;
         }
-        let before = self.0.entry(body.name.clone()).or_insert_with(|| body.clone());
-        let words = difference(before, body)?;
-        before.clone_from(body);
-        Some(Redefined { name: body.name.clone(), words })
+        let before = self.0.entry(name.to_owned()).or_insert_with(|| body.clone());
+        let words = before.difference(&body);
+        if words.is_some() || before.hangs.is_none() {
+            *before = body;
+        }
+        Some(Redefined { name: name.to_owned(), words: words? })
     }
 }
 
-/// How the frame of a body differs from what it was, if it does.
-fn difference(before: &RigidBodyDefinition, after: &RigidBodyDefinition) -> Option<String> {
-    let [n, m] = [before, after].map(|b| b.markers.len());
-    if n != m {
-        return Some(format!("it had {n} markers and has {m}"));
+impl Frame {
+    fn of(body: &RigidBodyDefinition) -> Self {
+        let markers = body.markers.iter().map(|m| m.offset).collect();
+        Self { markers, hangs: Some((body.parent, body.offset, body.rotation_xyzw)) }
     }
-    let moved = before.markers.iter().zip(&after.markers).map(|(b, a)| distance_mm(b.offset, a.offset));
-    let far = moved.reduce(f64::max).unwrap_or(0.0);
-    if far > SAME_MM {
-        return Some(format!("its markers lie up to {far:.1} mm from where they lay in it"));
+
+    /// How another differs from this one, if it does.
+    fn difference(&self, after: &Self) -> Option<String> {
+        let [n, m] = [self, after].map(|b| b.markers.len());
+        // None are told by servers before 3.0.
+        if n != m && n.min(m) > 0 {
+            return Some(format!("it had {n} markers and has {m}"));
+        }
+        let moved = self.markers.iter().zip(&after.markers).map(|(b, a)| distance_mm(*b, *a));
+        let far = moved.reduce(f64::max).unwrap_or(0.0);
+        if far > SAME_MM {
+            return Some(format!("its markers lie up to {far:.1} mm from where they lay in it"));
+        }
+        let ((parent, offset, rotation), (to, there, turned)) = self.hangs.zip(after.hangs)?;
+        (parent != to || rotation != turned || distance_mm(offset, there) > SAME_MM)
+            .then(|| "its offset to what it hangs on is another".to_owned())
     }
-    let is_turned = before.rotation_xyzw != after.rotation_xyzw || before.parent != after.parent;
-    (is_turned || distance_mm(before.offset, after.offset) > SAME_MM)
-        .then(|| "its offset to what it hangs on is another".to_owned())
 }
 
 /// Between two places in m. What is no number is far.
@@ -140,6 +178,29 @@ mod tests {
         // Its bodies are made anew with the markers where they were, and numbered in another order.
         talk.server.rename(["Reference", "Catheter"].map(str::to_owned).to_vec());
         assert_eq!(talk.go_on(5.0), []);
+    }
+
+    /// A calibration that was made in another session was never compared.
+    #[test]
+    fn what_a_tool_was_calibrated_with_is_compared_whenever_its_server_tells_of_it() {
+        let mm =
+            |shift: f64| MARKERS.map(|m| [1e3 * f64::from(m[0]) + shift, 1e3 * f64::from(m[1]), 1e3 * f64::from(m[2])]);
+        for (shift, same) in [(0.0, true), (0.05, true), (2.0, false)] {
+            let mut talk = Talk::new(Version::new(4, 1));
+            talk.server.redefine("Catheter", &MARKERS);
+            assert_eq!(talk.bodies.calibrated("Catheter", &mm(9.0)), None, "nothing is known yet");
+            assert_eq!(talk.bodies.calibrated("Catheter", &mm(shift)), None, "the last one counts");
+            let found = talk.go_on(3.0);
+            assert_eq!(found.is_empty(), same, "{found:?}");
+            // What the server says is what counts from then on.
+            assert_eq!(talk.go_on(3.0), []);
+            assert_eq!(talk.bodies.calibrated("Catheter", &mm(0.0)), None);
+            assert_eq!(talk.bodies.calibrated("Reference", &[]), None);
+            let words = talk.bodies.calibrated("Catheter", &mm(5.0)).expect("another");
+            assert!(words.contains("5.0 mm"), "{words}");
+            let told = talk.bodies.markers_mm("Catheter").expect("markers");
+            assert!((told[0][0] - 30.0).abs() < 1e-4 && told.len() == 3, "{told:?}");
+        }
     }
 
     #[test]

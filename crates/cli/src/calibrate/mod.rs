@@ -24,8 +24,8 @@ const ALIGNMENT_PX: f64 = 10.0;
 /// Runs one of the calibrations.
 pub(crate) fn run(command: &CalibrateCommand, console: &Console) -> Result<()> {
     let result = match command {
-        CalibrateCommand::Pivot(args) => pivot(&poses(args, console)?, console)?,
-        CalibrateCommand::Axis { poses: args, hub, tip } => axis(&poses(args, console)?, (point(hub)?, point(tip)?))?,
+        CalibrateCommand::Pivot(args) => pivot(&watch(args, console)?, console)?,
+        CalibrateCommand::Axis { poses: args, hub, tip } => axis(&watch(args, console)?, (point(hub)?, point(tip)?))?,
         CalibrateCommand::Camera { corners, size } => camera(corners, size)?,
         CalibrateCommand::Display { alignments } => display(alignments)?,
     };
@@ -55,12 +55,20 @@ fn words(result: &Value, whither: &str) -> String {
         // On stderr already.
         all.remove("remark");
         all.remove("session_event");
+        all.remove("markers_mm");
     }
     format!("{}\nWith --json: all digits{whither}.", columns::lines(&told))
 }
 
+/// What was seen of a tool.
+struct Watched {
+    poses: Vec<Rigid<Tracker, Tool>>,
+    /// Where its markers lie in its frame, mm, where the server tells.
+    markers: Option<Vec<[f64; 3]>>,
+}
+
 /// The poses of one tool while it is seen, from a tracker for some seconds or from the whole of a recording.
-fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>>> {
+fn watch(args: &PosesArgs, console: &Console) -> Result<Watched> {
     let url: TrackerUrl = args.url.parse()?;
     let mut source = open(&url, Clock::new(), None)?;
     let (begun, mut all, mut others) = (Instant::now(), Vec::new(), std::collections::BTreeSet::new());
@@ -109,27 +117,28 @@ fn poses(args: &PosesArgs, console: &Console) -> Result<Vec<Rigid<Tracker, Tool>
     if all.len() < came {
         console.warn(&format!("{} of {came} poses only came again, unchanged, and do not count", came - all.len()));
     }
-    Ok(all)
+    Ok(Watched { poses: all, markers: bodies.markers_mm(&args.tool) })
 }
 
-fn pivot(poses: &[Rigid<Tracker, Tool>], console: &Console) -> Result<Value> {
-    let found = calibrate_pivot(poses, &PivotOptions::default())?;
+fn pivot(seen: &Watched, console: &Console) -> Result<Value> {
+    let found = calibrate_pivot(&seen.poses, &PivotOptions::default())?;
     let remark = found.remark();
     remark.iter().for_each(|r| console.warn(r));
     Ok(json!({
         "tip_mm": found.tip.to_array(), "tip_sigma_mm": found.covariance.rms(),
         "covariance_mm2": found.covariance.matrix().rows, "residual_mm": found.residual,
-        "tilt_deg": found.tilt.to_degrees(), "poses": poses.len(), "used": found.used.iter().filter(|u| **u).count(),
-        "divot_mm": found.divot.to_array(), "remark": remark,
+        "tilt_deg": found.tilt.to_degrees(), "poses": seen.poses.len(), "used": found.used.iter().filter(|u| **u).count(),
+        "divot_mm": found.divot.to_array(), "remark": remark, "markers_mm": seen.markers,
     }))
 }
 
-fn axis(poses: &[Rigid<Tracker, Tool>], (hub, tip): (Point<Tool>, Point<Tool>)) -> Result<Value> {
-    let found = calibrate_axis(poses, (hub, tip))?;
+fn axis(seen: &Watched, (hub, tip): (Point<Tool>, Point<Tool>)) -> Result<Value> {
+    let found = calibrate_axis(&seen.poses, (hub, tip))?;
+    let (axis, tip) = (found.axis.to_array(), tip.to_array());
     Ok(json!({
-        "axis": found.axis.to_array(), "axis_sigma_deg": found.sigma.to_degrees(),
-        "wobble_deg": found.wobble.to_degrees(), "tip_mm": tip.to_array(), "poses": poses.len(),
-        "session_event": { "event": "calibrated", "tip_mm": tip.to_array(), "axis": found.axis.to_array() },
+        "axis": axis, "axis_sigma_deg": found.sigma.to_degrees(),
+        "wobble_deg": found.wobble.to_degrees(), "tip_mm": tip, "poses": seen.poses.len(),
+        "session_event": { "event": "calibrated", "tip_mm": tip, "axis": axis, "markers_mm": seen.markers },
     }))
 }
 

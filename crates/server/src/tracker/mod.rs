@@ -9,8 +9,7 @@ use monro_guidance::Plan;
 use monro_guidance::clock::age;
 use monro_session::live::{Observation, Refusal};
 use monro_tracking::{
-    Batch, Bodies, Clock, Rivals, Source, Stillness, TrackerUrl, TrackerUrlError, TrackingError, Unusable, open,
-    tool_name,
+    Batch, Clock, Rivals, Source, Stillness, TrackerUrl, TrackerUrlError, TrackingError, Unusable, open, tool_name,
 };
 use sim::ScriptSource;
 use std::io;
@@ -76,9 +75,9 @@ impl Tracker {
         };
         let live = Arc::clone(live);
         let run = move || {
-            let (mut source, mut bodies) = (Some(source), Bodies::default());
+            let mut source = Some(source);
             while let Some(open) = source.take() {
-                pump(open, &live, &mut bodies, url.is_some());
+                pump(open, &live, url.is_some());
                 source = url.as_ref().and_then(|u| reopen(u, &live));
             }
         };
@@ -100,15 +99,13 @@ pub(crate) enum StartError {
 
 /// Hands on what a source gives until it ends or fails, or the session stops. While nothing comes, poses grow old by
 /// themselves. Poses that are `measured` are watched for whether they ever change.
-fn pump(mut source: Box<dyn Source>, live: &Live, bodies: &mut Bodies, measured: bool) {
+fn pump(mut source: Box<dyn Source>, live: &Live, measured: bool) {
     let (mut asked, mut rivals, mut stillness) = (f64::NEG_INFINITY, Rivals::default(), Stillness::default());
     let mut unusable = Unusable::default();
     while !live.is_stopping() {
         match source.next(WAIT) {
             Ok(Some(mut batch)) => {
-                for anew in bodies.take(&batch) {
-                    live.redefined(tool_name(&anew.name), &anew.words);
-                }
+                live.take_bodies(&batch);
                 stillness.take(&batch);
                 rivals.settle(&mut batch);
                 unusable.take(&batch);

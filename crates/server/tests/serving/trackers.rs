@@ -192,6 +192,11 @@ async fn a_body_that_is_defined_anew_voids_what_was_made_in_its_frame() {
     assert!(status == 422 && said["error"].as_str().is_some_and(|e| e.contains("defined anew")), "{said}");
     served.until(|g| g["phase"] == "case").await;
     assert!(trouble().await.is_some_and(|t| t.contains("calibrate it again")));
+    // What it was calibrated with elsewhere is compared, too.
+    let with = |x: u32| calibrated.replace("}", &format!(r#","markers_mm":[[{x},0,0]]}}"#));
+    let (status, said) = served.post("/api/session", &with(0)).await;
+    assert!(status == 422 && said["error"].as_str().is_some_and(|e| e.contains("40.0 mm")), "{said}");
+    assert_eq!(served.post("/api/session", &with(40)).await.0, 200);
     assert_eq!(served.post("/api/session", calibrated).await.0, 200);
     assert_eq!(trouble().await, None);
 
