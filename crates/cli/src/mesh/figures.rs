@@ -1,15 +1,21 @@
 //! A mesh made of labels as part of a report: cuts, grading, each label against its voxels.
 
 use monro_anatomy::tetra::{EdgeBand, LabelReport, MeshReport, SurfaceReport};
-use monro_cli::picture::{ColourBy, Figure, SliceView, mesh_cut_figure};
+use monro_cli::picture::{ColourBy, Figure, SliceView, draw_path, mesh_cut_figure};
 use monro_cli::report::{LinePlot, Section, Series, Table};
-use monro_geometry::{Structure, TetMesh};
+use monro_geometry::{Patient, Point, Structure, TetMesh};
+
+/// Pixels of the cut that holds the path, and its caption.
+const PIXELS: usize = 420;
+const OF_PATH: &str = "cut in the plane of the path, which ends at the dot.";
 
 /// What the section shows.
 pub(crate) struct MeshSection<'a> {
     pub(crate) mesh: &'a TetMesh,
     pub(crate) report: &'a MeshReport,
-    /// Cuts by label, each with its caption; the first is shown by shape, too.
+    /// The path that it is fine along: the first cut holds it.
+    pub(crate) path: Option<[Point<Patient>; 2]>,
+    /// Further cuts by label, each with its caption; the first of all is shown by shape, too.
     pub(crate) cuts: Vec<(SliceView, String)>,
     /// What the mesh is fine around.
     pub(crate) fine: &'a str,
@@ -43,11 +49,18 @@ impl MeshSection<'_> {
 
     fn figures(&self) -> Vec<Figure> {
         let by = if self.structures { ColourBy::Structure } else { ColourBy::Label };
-        let mut all: Vec<Figure> =
-            self.cuts.iter().map(|(view, caption)| mesh_cut_figure(self.mesh, view, by, caption)).collect();
-        if let Some((view, caption)) = self.cuts.first() {
-            let caption = format!("By shape of the elements: {caption}");
-            all.insert(1, mesh_cut_figure(self.mesh, view, ColourBy::Quality, &caption));
+        let cut = |view: &SliceView, by, caption: &str| mesh_cut_figure(self.mesh, view, by, caption);
+        let cuts = self.cuts.iter().map(|(view, caption)| (view, caption.as_str()));
+        let plane = self.path.and_then(|path| SliceView::of_path(path, &self.mesh.vertices, PIXELS));
+        let mut all = Vec::new();
+        for (i, (view, caption)) in plane.iter().map(|view| (view, OF_PATH)).chain(cuts).enumerate() {
+            all.push(cut(view, by, caption));
+            if i == 0 {
+                all.push(cut(view, ColourBy::Quality, &format!("By shape of the elements: {caption}")));
+            }
+        }
+        if let (Some(view), Some(path)) = (plane, self.path) {
+            all[..2].iter_mut().for_each(|figure| draw_path(figure, &view, path));
         }
         all.push(self.spacing());
         all

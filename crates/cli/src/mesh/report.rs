@@ -24,7 +24,8 @@ pub(super) fn page(
     let grid = input.labels.grid();
     let ([c, r, s], [x, y, z]) = (grid.dims(), grid.spacing());
     let fine = fine_words(input);
-    let section = MeshSection { mesh, report, cuts: cuts(input, mesh), fine: &fine, structures: input.structures };
+    let (path, cuts, structures) = (input.path, cuts(input, mesh), input.structures);
+    let section = MeshSection { mesh, report, path, cuts, fine: &fine, structures };
     let page = ReportInput {
         title: "Mesh of labels".into(),
         pseudonym: String::new(),

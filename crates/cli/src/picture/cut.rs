@@ -117,6 +117,18 @@ pub fn mesh_cut_figure(mesh: &TetMesh, view: &SliceView, by: ColourBy<'_>, capti
     Figure { width, height: height + legend.height, content, caption: caption.to_owned() }
 }
 
+/// Draws a path and its end onto a figure of the plane that holds it.
+pub fn draw_path(figure: &mut Figure, view: &SliceView, path: [Point<Patient>; 2]) {
+    let [[x1, y1], [x2, y2]] = path.map(|p| view.project(p));
+    for (colour, width) in [("#fff", 2.4), ("#000", 1.0)] {
+        figure.content += &format!(
+            "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{colour}\" stroke-width=\"{width}\"/>\
+             <circle cx=\"{x2:.1}\" cy=\"{y2:.1}\" r=\"{}\" fill=\"{colour}\"/>",
+            1.5 + width
+        );
+    }
+}
+
 fn edge_letters(view: &SliceView) -> String {
     let [w, h] = view.pixels().map(|n| n as f64);
     let [left, right, up, down] = view.letters();

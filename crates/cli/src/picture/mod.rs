@@ -22,7 +22,7 @@ mod phantom_tests;
 pub use camera::Camera;
 pub use colour::{Colour, SERIES};
 pub use contour::{Contour, of_labels as contours_of_labels, of_mesh as contours_of_mesh};
-pub use cut::{ColourBy, mesh_cut_figure, mesh_open_figure};
+pub use cut::{ColourBy, draw_path, mesh_cut_figure, mesh_open_figure};
 pub use figure::{Figure, PictureError};
 pub use head::{HeadScene, Look, head_figure};
 pub use image::Image;

@@ -82,6 +82,13 @@ impl SliceView {
         })
     }
 
+    /// The plane that holds a path and is as nearly coronal as it can be, or else sagittal or axial, around these points; `None`
+    /// when the path has no length.
+    pub fn of_path([from, to]: [Point<Patient>; 2], around: &[Point<Patient>], pixels: usize) -> Option<Self> {
+        let facing = [Orientation::Coronal, Orientation::Sagittal, Orientation::Axial];
+        facing.into_iter().find_map(|o| Self::along_path(from, to, o, 1.0, pixels)).map(|view| view.fitted(around))
+    }
+
     /// The standard plane that this one is turned the least from.
     pub fn nearest(&self) -> Orientation {
         let [x, y, z] = self.right.cross(self.down).to_array().map(f64::abs);
@@ -179,6 +186,21 @@ mod tests {
         assert_eq!(nearest([5.0, 70.0, -30.0], Orientation::Coronal), Orientation::Axial);
         assert_eq!(nearest([10.0, 20.0, -60.0], Orientation::Coronal), Orientation::Coronal);
         assert_eq!(nearest([10.0, 20.0, -60.0], Orientation::Sagittal), Orientation::Sagittal);
+    }
+
+    /// The coronal cut of a mesh does not hold the path that it is fine along.
+    #[test]
+    fn the_plane_of_a_path_holds_it_and_all_that_it_is_drawn_around() {
+        let around = [[-70.0, -80.0, -90.0], [70.0, 90.0, 60.0]].map(Point::from_array);
+        for to in [[5.0, 70.0, -30.0], [10.0, 20.0, -60.0], [0.0, 9.0, 0.1], [50.0, 0.0, 0.0]] {
+            let path = [Point::new(1.0, 2.0, 3.0), Point::from_array(to)];
+            let view = SliceView::of_path(path, &around, 400).expect("a plane");
+            for p in path {
+                assert!(view.unproject(view.project(p)).distance(p) < 1e-9, "{to:?}");
+            }
+            assert!(around.iter().flat_map(|p| view.project(*p)).all(|v| (0.0..400.0).contains(&v)), "{to:?}");
+        }
+        assert!(SliceView::of_path([around[0]; 2], &around, 400).is_none());
     }
 
     #[test]

@@ -184,12 +184,12 @@ fn plan_section(prepared: &Prepared) -> Result<Section> {
 
 fn mesh_section(prepared: &Prepared) -> Section {
     let tets = &prepared.case.tets;
-    let target = prepared.case.plan.target();
-    let view = SliceView::standard(Orientation::Coronal, target, FIELD_MM, PIXELS).fitted(&tets.vertices);
+    let plan = &prepared.case.plan;
     let section = MeshSection {
         mesh: tets,
         report: &prepared.mesh,
-        cuts: vec![(view, "coronal cut through the target.".into())],
+        path: Some([plan.entry(), plan.target()]),
+        cuts: Vec::new(),
         fine: "the ventricles and the path",
         structures: true,
     };

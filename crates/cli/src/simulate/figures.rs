@@ -179,9 +179,8 @@ fn displacement(case: &Case, done: &Run, end: &Snapshot, caption: &str) -> Figur
         .collect();
     let most = moved.iter().copied().fold(0.1, f64::max);
     let (entry, target) = (case.plan.entry(), case.plan.target());
-    let view = SliceView::along_path(entry, target, Orientation::Coronal, FIELD_MM, 520)
-        .unwrap_or_else(|| SliceView::standard(Orientation::Coronal, target, FIELD_MM, 520))
-        .fitted(&end.mesh.vertices);
+    let view = SliceView::of_path([entry, target], &end.mesh.vertices, 520)
+        .unwrap_or_else(|| SliceView::standard(Orientation::Coronal, target, FIELD_MM, 520).fitted(&end.mesh.vertices));
     let by = ColourBy::Value { values: &moved, range: [0.0, most], name: "displacement, mm" };
     mesh_cut_figure(&end.mesh, &view, by, caption)
 }
