@@ -114,8 +114,10 @@ async fn act(shared: &Shared, action: Action) -> Result<(), Why> {
             lock(shared).axis = Some(found);
         }
         Action::Accept => {
-            let Calibrating { tip, axis, .. } = lock(shared).clone();
-            let (tip, axis) = (tip.ok_or(Why::NoTip)?.tip, axis.ok_or(Why::NoAxis)?.axis);
+            // Held meanwhile: what voids it comes before or after.
+            let found = lock(shared);
+            let tip = found.tip.as_ref().ok_or(Why::NoTip)?.tip;
+            let axis = found.axis.as_ref().ok_or(Why::NoAxis)?.axis;
             shared.live.apply(SessionEvent::Calibrated(Calibration { tip, axis }))?;
         }
     }

@@ -166,6 +166,11 @@ impl Live {
     pub(crate) fn apply(&self, event: SessionEvent) -> Result<Phase, Refusal> {
         let (bytes, event) = through_the_log(Entry::Event(event));
         let Entry::Event(event) = event else { unreachable!("an event stays an event") };
+        // Plain events that void something are taken in any phase, and what they void is gone before: nobody accepts it meanwhile.
+        let is_sure = matches!(event, SessionEvent::Plain(_));
+        if is_sure {
+            self.forget(&event);
+        }
         let result = {
             let mut session = lock(&self.session);
             let result = session.apply(event.clone());
@@ -175,19 +180,27 @@ impl Live {
             result
         };
         if result.is_ok() {
-            self.forget_after(&event);
+            if !is_sure {
+                self.forget(&event);
+            }
+            self.settle(&event);
         }
         self.tell();
         result
     }
 
-    fn forget_after(&self, event: &SessionEvent) {
+    /// Forgets what is on the way and void by an event.
+    fn forget(&self, event: &SessionEvent) {
         if event.is_other_tool() {
             lock(&self.calibrating).forget();
         }
         if event.voids_touches() {
             lock(&self.registering).forget_all();
         }
+    }
+
+    /// What was to be done about bodies that were defined anew has been done.
+    fn settle(&self, event: &SessionEvent) {
         let tools = lock(&self.session).tools().clone();
         match event {
             SessionEvent::Calibrated(_) => drop(lock(&self.anew).remove(&tools.catheter)),

@@ -96,10 +96,12 @@ async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
         Action::Mark { name, position_lps_mm } => lock(shared).mark(&name, Point::from_array(position_lps_mm))?,
         Action::Unmark { name } => lock(shared).unmark(&name)?,
         Action::Accept => {
-            // The phase may refuse: only then is the old registration still the one that is checked.
-            let mut tried = lock(shared).clone();
+            // The phase may refuse: only then is the old registration still the one that is checked. Held meanwhile: what voids
+            // it comes before or after.
+            let mut registering = lock(shared);
+            let mut tried = registering.clone();
             shared.live.apply(SessionEvent::Registered(tried.accept()?))?;
-            *lock(shared) = tried;
+            *registering = tried;
         }
         Action::Check { name } => {
             let touch = watch(shared).await?;
