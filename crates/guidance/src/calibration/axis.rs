@@ -1,5 +1,6 @@
 //! Axis calibration: the direction of a straight shaft in its tool's frame.
 
+use super::serial::{independent, likeness};
 use crate::linear::{mat3, vec3};
 use monro_geometry::{Point, Rigid, Tool, Tracker, Vector};
 use nalgebra::{Matrix3, Vector3};
@@ -110,6 +111,11 @@ fn distance_from_line(poses: &[Rigid<Tracker, Tool>], axis: &Vector3<f64>, point
     (stray.sqrt() <= MOST_STRAY_MM).then(|| (off - axis * axis.dot(&off)).norm())
 }
 
+/// How each pose points the shaft elsewhere than all do on average.
+fn strays(poses: &[Rigid<Tracker, Tool>], mean: &Matrix3<f64>, axis: &Vector3<f64>) -> Vec<Vector3<f64>> {
+    poses.iter().map(|m| (mat3(&m.rotation()) - mean) * axis).collect()
+}
+
 /// The axis of a shaft that was turned about itself in a fixed guide: the direction that the mean rotation shrinks least.
 /// `tip` (of the pivot calibration) and a point nearer to the hub tell which of its two senses leads to the tip; the origin
 /// of the tool's frame serves where the tracker's software puts it among the markers.
@@ -145,7 +151,7 @@ pub fn calibrate_axis(
     if along.is_nan() || along.abs() < LEAST_ALONG_MM {
         return Err(AxisError::NoSense { found: along.abs(), needed: LEAST_ALONG_MM });
     }
-    let sigma = wobble / (n as f64).sqrt() / turn.sin();
+    let sigma = wobble / independent(n, likeness(&strays(tracker_from_tool, &mean, &axis))).sqrt() / turn.sin();
     Ok(AxisCalibration { axis: Vector::from_array((axis * along.signum()).into()), wobble, sigma })
 }
 
@@ -230,6 +236,38 @@ mod tests {
                 assert!((found - expected).abs() < 0.3, "{found} {expected}");
             }
             other => panic!("{other:?}"),
+        }
+    }
+
+    /// Five seconds of turning at 60 Hz, each pose shaken by `shake` rad, `likeness` of it that of the pose before.
+    fn shaken(axis: Vector<Tool>, shake: f64, likeness: f64, random: &mut Random) -> Vec<Rigid<Tracker, Tool>> {
+        let (mut error, speed) = (Vector::ZERO, random.between(1.0, 3.0));
+        let pose = |i: u32| {
+            let own =
+                Rigid::<Tool, Tool>::from_axis_angle(axis, 1.2 * (speed * f64::from(i) / 60.0).sin(), Vector::ZERO);
+            let new = Vector::from_array(core::array::from_fn(|_| random.normal()));
+            let share = if i == 0 { 0.0 } else { likeness };
+            error = error * share + new * (shake * (1.0 - share * share).sqrt());
+            let shake = Rigid::<Tracker, Tool>::from_axis_angle(error, error.norm(), Vector::ZERO);
+            shake.expect("axis").after(&own.expect("axis"))
+        };
+        (0..300).map(pose).collect()
+    }
+
+    /// What a hand or a guide gives way by lasts for a while: axes were ten times as uncertain as they said.
+    #[test]
+    fn errors_that_last_make_the_axis_as_uncertain_as_it_is() {
+        let (axis, mut random) = (Vector::new(0.05, 0.0, -1.0), Random::new(11));
+        for likeness in [0.0, 0.8, 0.95] {
+            let (mut actual, mut predicted) = (0.0, 0.0);
+            for _ in 0..100 {
+                let found = calibrate_axis(&shaken(axis, 0.01, likeness, &mut random), ENDS).expect("axis");
+                actual += found.axis.angle(axis).powi(2);
+                predicted += found.sigma.powi(2);
+            }
+            let ratio = (predicted / actual).sqrt();
+            println!("likeness {likeness}: predicted / actual {ratio:.2}");
+            assert!((0.75..1.3).contains(&ratio), "likeness {likeness}: predicted / actual {ratio}");
         }
     }
 

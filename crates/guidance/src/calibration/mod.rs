@@ -2,6 +2,7 @@
 
 mod axis;
 mod pivot;
+mod serial;
 
 use monro_geometry::Rigid;
 
