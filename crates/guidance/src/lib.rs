@@ -16,6 +16,7 @@ mod plan;
 mod random;
 pub mod reference;
 pub mod registration;
+mod serial;
 pub mod simulation;
 
 pub use covariance::Covariance;

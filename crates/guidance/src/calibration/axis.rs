@@ -1,7 +1,7 @@
 //! Axis calibration: the direction of a straight shaft in its tool's frame.
 
-use super::serial::{independent, likeness};
 use crate::linear::{mat3, vec3};
+use crate::serial::independent;
 use monro_geometry::{Point, Rigid, Tool, Tracker, Vector};
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
@@ -151,7 +151,7 @@ pub fn calibrate_axis(
     if along.is_nan() || along.abs() < LEAST_ALONG_MM {
         return Err(AxisError::NoSense { found: along.abs(), needed: LEAST_ALONG_MM });
     }
-    let sigma = wobble / independent(n, likeness(&strays(tracker_from_tool, &mean, &axis))).sqrt() / turn.sin();
+    let sigma = wobble / independent(&strays(tracker_from_tool, &mean, &axis)).sqrt() / turn.sin();
     Ok(AxisCalibration { axis: Vector::from_array((axis * along.signum()).into()), wobble, sigma })
 }
 

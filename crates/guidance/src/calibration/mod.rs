@@ -2,7 +2,6 @@
 
 mod axis;
 mod pivot;
-mod serial;
 
 use monro_geometry::Rigid;
 

@@ -4,10 +4,10 @@
 //! tip `t` and divot `c` at once; made robust by random samples of poses whose median residual is least (Rousseeuw 1984),
 //! for which no noise level need be known beforehand. Its covariance counts errors that last for several poses as such.
 
-use super::serial::covariance_of_sum;
 use crate::Covariance;
 use crate::linear::{mat3, point, vec3};
 use crate::random::Random;
+use crate::serial::covariance_of_sum;
 use monro_geometry::{Point, Rigid, Tool, Tracker};
 use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 use thiserror::Error;

@@ -6,8 +6,9 @@ use super::landmarks::Landmark;
 use super::normal::Normal;
 use crate::Covariance;
 use crate::linear::vec3;
+use crate::serial::independent;
 use monro_geometry::{Bvh, Frame, Patient, Point, Rigid, TriangleMesh, Vector};
-use nalgebra::Vector3;
+use nalgebra::{Vector1, Vector3};
 use thiserror::Error;
 
 /// Why a refinement was refused.
@@ -174,7 +175,7 @@ pub fn refine_on_surface<From: Frame>(
     while iterations < options.iterations && last_step > 1e-4 {
         let rows = problem.rows(&fit);
         let extra = spread(&rows);
-        let (normal, radius) = problem.equations(&fit, &rows, extra, problem.cut(&rows, extra));
+        let (normal, radius) = problem.equations(&fit, &rows, extra, problem.cut(&rows, extra), 1.0);
         let (motion, size, further) = normal.solve::<Patient>(radius).ok_or(SurfaceError::Slides)?;
         fit = Fit { pose: motion.after(&fit.pose), offset: fit.offset + further };
         (iterations, last_step) = (iterations + 1, size.max(further.abs()));
@@ -211,7 +212,8 @@ impl<From: Frame> Problem<'_, From> {
         z.get(at).copied().unwrap_or(0.0).max(self.options.reject)
     }
 
-    fn equations(&self, fit: &Fit<From>, rows: &[Row], extra: f64, cut: f64) -> (Normal, f64) {
+    /// Of the rows within `cut`, of which each counts as `share` of an independent one.
+    fn equations(&self, fit: &Fit<From>, rows: &[Row], extra: f64, cut: f64, share: f64) -> (Normal, f64) {
         let n = rows.len() as f64;
         let centre = rows.iter().map(|r| r.y).sum::<Vector3<f64>>() / n;
         let radius = (rows.iter().map(|r| (r.y - centre).norm_squared()).sum::<f64>() / n).sqrt().max(1.0);
@@ -219,7 +221,7 @@ impl<From: Frame> Problem<'_, From> {
         for r in rows {
             let sigma = r.sigma.hypot(extra);
             if r.distance.abs() <= cut * sigma {
-                normal.add_plane(&r.y, &r.normal, r.distance, 1.0 / (sigma * sigma));
+                normal.add_plane(&r.y, &r.normal, r.distance, share / (sigma * sigma));
             }
         }
         for l in self.landmarks {
@@ -245,7 +247,10 @@ impl<From: Frame> Problem<'_, From> {
         if used < 20 || 2 * used < self.samples.len() {
             return Err(SurfaceError::Rejected { used, total: self.samples.len() });
         }
-        let (normal, radius) = self.equations(fit, &rows, 0.0, reject);
+        // Hair, skin and surface are alike along a stroke: so many points count as fewer that are independent.
+        let in_order: Vec<_> = residuals.iter().filter(|r| r.used).map(|r| Vector1::new(r.normalized)).collect();
+        let share = independent(&in_order) / used as f64;
+        let (normal, radius) = self.equations(fit, &rows, 0.0, reject, share);
         let uncertainty = normal.uncertainty(radius).ok_or(SurfaceError::Slides)?;
         let offset_sigma = normal.offset_sigma(radius).ok_or(SurfaceError::Slides)?;
         let chi: f64 = residuals.iter().filter(|r| r.used).map(|r| r.normalized.powi(2)).sum();

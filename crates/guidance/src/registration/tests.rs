@@ -368,6 +368,38 @@ fn predicted_and_actual_surface_tre_agree() {
     assert!((0.75..1.25).contains(&ratio), "predicted / actual {ratio}");
 }
 
+/// A stroke around the upper half of the head in turns, lifted by hair: `lift` mm, `alike` of it that of the point before.
+fn stroked(lift: f64, alike: f64, random: &mut Random) -> Vec<SurfaceSample<Tracker>> {
+    let (noise, mut hair, begun) = (Covariance::isotropic(0.3), 0.0, random.between(0.0, 6.0));
+    let one = |i: u32| {
+        let down = 0.2 + 1.4 * f64::from(i) / 300.0;
+        let around = begun + 12.0 * down;
+        let d = Vector::new(around.cos() * down.sin(), around.sin() * down.sin(), down.cos());
+        let share = if i == 0 { 0.0 } else { alike };
+        hair = hair * share + lift * random.normal() * (1.0 - share * share).sqrt();
+        SurfaceSample { point: truth().inverse().point(head_point(d) + d * hair) + noise.sample(random), noise }
+    };
+    (0..300).map(one).collect()
+}
+
+/// Hair lies alike along a stroke: points counted as so many independent ones, and errors were three times what they said.
+#[test]
+fn a_stroke_through_hair_is_as_uncertain_as_it_is() {
+    let (surface, mut random) = (Surface::new(&head()).expect("mesh"), Random::new(29));
+    for (alike, range) in [(0.0, 0.75..1.25), (0.8, 0.6..1.25), (0.95, 0.5..1.25)] {
+        let (mut actual, mut predicted, n) = (0.0, 0.0, 60);
+        for _ in 0..n {
+            let samples = stroked(0.6, alike, &mut random);
+            let r = refine_on_surface(&truth(), &samples, &[], &surface, &RefineOptions::default()).expect("refined");
+            actual += off(&r.patient_from, FORAMEN).powi(2);
+            predicted += r.tre(FORAMEN).rms().powi(2);
+        }
+        let (ratio, rms) = ((predicted / actual).sqrt(), (actual / f64::from(n)).sqrt());
+        println!("alike {alike}: {rms:.2} mm off, predicted / actual {ratio:.2}");
+        assert!(range.contains(&ratio), "alike {alike}: {rms} mm off, predicted / actual {ratio}");
+    }
+}
+
 /// Four good landmarks and 120 points traced with an error common to all: registered by both, with how they agree.
 fn bumped(
     error: impl Fn(Vector<Patient>) -> Vector<Patient>,
