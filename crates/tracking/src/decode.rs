@@ -77,33 +77,36 @@ impl NatNetDecoder {
             Ok(Some(Event::Echo(e))) => {
                 self.estimate.push(Exchange { sent: e.sent, other: e.server, received: e.received });
             }
-            Ok(Some(Event::Frame(frame, mut poses))) => {
-                if self.is_restarted(poses.first().and_then(|p| p.source_time), arrival) {
-                    self.estimate.forget();
-                    self.late.forget();
-                    self.client.restart();
-                    self.first_frame = None;
-                    // Its bodies may have got other numbers: these poses might bear wrong names.
-                    return Taken::Nothing;
-                }
-                // Where there is no clock of the cameras, that of the server's frames will do.
-                let stamp = poses.first().and_then(|p| p.source_time).or(Some(frame.suffix.timestamp));
-                if !poses.is_empty() {
-                    let lag = self.late.take(stamp.filter(|s| *s > 0.0), arrival);
-                    poses.iter_mut().for_each(|p| p.lag = lag);
-                    let new = age(arrival, (arrival, lag), poses[0].source_time, self.estimate.offset().as_ref());
-                    self.age += SHARE * (new - self.age);
-                }
-                let first = *self.first_frame.get_or_insert(arrival);
-                // Names come a moment after the first frames; a server that never tells them is listened to all the same.
-                if !self.client.names().is_empty() || arrival - first > PATIENCE_FOR_NAMES {
-                    let bodies = std::mem::take(&mut self.bodies);
-                    return Taken::Frame(Batch { poses, clock: self.estimate.offset(), bodies });
-                }
-            }
+            Ok(Some(Event::Frame(frame, poses))) => return self.frame(arrival, frame.suffix.timestamp, poses),
             _ => {}
         }
         Taken::Nothing
+    }
+
+    fn frame(&mut self, arrival: f64, timestamp: f64, mut poses: Vec<TimedPose>) -> Taken {
+        let exposed = poses.first().and_then(|p| p.source_time);
+        if self.is_restarted(exposed, arrival) {
+            self.estimate.forget();
+            self.late.forget();
+            self.client.restart();
+            self.first_frame = None;
+            // Its bodies may have got other numbers: these poses might bear wrong names.
+            return Taken::Nothing;
+        }
+        let clock = self.estimate.offset();
+        if !poses.is_empty() {
+            // Where there is no clock of the cameras, that of the server's frames will do.
+            let stamp = exposed.or(Some(timestamp)).filter(|s| *s > 0.0);
+            let lag = self.late.take(stamp, arrival);
+            poses.iter_mut().for_each(|p| p.lag = lag);
+            self.age += SHARE * (age(arrival, (arrival, lag), exposed, clock.as_ref()) - self.age);
+        }
+        let first = *self.first_frame.get_or_insert(arrival);
+        // Names come a moment after the first frames; a server that never tells them is listened to all the same.
+        if self.client.names().is_empty() && arrival - first <= PATIENCE_FOR_NAMES {
+            return Taken::Nothing;
+        }
+        Taken::Frame(Batch { poses, clock, bodies: std::mem::take(&mut self.bodies) })
     }
 }
 
