@@ -7,7 +7,7 @@ use monro_geometry::{Patient, Point, Structure, TetMesh};
 
 /// Pixels of the cut that holds the path, and its caption.
 const PIXELS: usize = 420;
-const OF_PATH: &str = "cut in the plane of the path, which ends at the dot.";
+const OF_PATH: &str = "Cut in the plane of the path, which ends at the dot.";
 
 /// What the section shows.
 pub(crate) struct MeshSection<'a> {
@@ -56,7 +56,7 @@ impl MeshSection<'_> {
         for (i, (view, caption)) in plane.iter().map(|view| (view, OF_PATH)).chain(cuts).enumerate() {
             all.push(cut(view, by, caption));
             if i == 0 {
-                all.push(cut(view, ColourBy::Quality, &format!("By shape of the elements: {caption}")));
+                all.push(cut(view, ColourBy::Quality, "The same cut, by shape of the elements."));
             }
         }
         if let (Some(view), Some(path)) = (plane, self.path) {
