@@ -43,3 +43,27 @@ pub(crate) fn covariance_of_sum<const N: usize>(series: &[SVector<f64, N>]) -> S
         sum + (gamma + gamma.transpose()) * (1.0 - k as f64 / (lags + 1) as f64)
     })
 }
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use crate::random::Random;
+
+    /// Errors of standard deviation 1 that last: `likeness` of each is that of the one before.
+    pub(crate) struct Lasting {
+        likeness: f64,
+        last: Option<[f64; 3]>,
+    }
+
+    impl Lasting {
+        pub(crate) const fn new(likeness: f64) -> Self {
+            Self { likeness, last: None }
+        }
+
+        pub(crate) fn next(&mut self, random: &mut Random) -> [f64; 3] {
+            let new = random.normal3();
+            let a = self.likeness;
+            let mixed = |before: [f64; 3]| core::array::from_fn(|i| a * before[i] + (1.0 - a * a).sqrt() * new[i]);
+            *self.last.insert(self.last.map_or(new, mixed))
+        }
+    }
+}

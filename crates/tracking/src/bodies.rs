@@ -2,6 +2,7 @@
 //! told by where the markers lie in it: a body that is made anew under its old name has another one.
 
 use crate::{Batch, is_tool};
+use monro_geometry::{Point, Tool};
 use monro_wire::natnet::{RigidBodyDefinition, Vec3};
 use std::collections::BTreeMap;
 
@@ -17,10 +18,10 @@ pub struct Bodies(BTreeMap<String, Frame>);
 /// What tells the frame of a body.
 #[derive(Debug, Clone)]
 struct Frame {
-    /// Where its markers lie in it, m.
-    markers: Vec<Vec3>,
+    /// Where its markers lie in it.
+    markers: Vec<Point<Tool>>,
     /// What it hangs on, and how; not known of one that was calibrated elsewhere.
-    hangs: Option<(i32, Vec3, [f32; 4])>,
+    hangs: Option<(i32, Point<Tool>, [f32; 4])>,
 }
 
 /// A body that was defined anew.
@@ -41,8 +42,7 @@ impl Bodies {
 
     /// Takes that a tool was calibrated with its markers there, mm. How its body differs from that, if it is known to.
     pub fn calibrated(&mut self, tool: &str, markers_mm: &[[f64; 3]]) -> Option<String> {
-        let markers = markers_mm.iter().map(|m| m.map(|v| (1e-3 * v) as f32)).collect();
-        let with = Frame { markers, hangs: None };
+        let with = Frame { markers: markers_mm.iter().map(|m| Point::from_array(*m)).collect(), hangs: None };
         match self.0.iter().find(|(name, known)| is_tool(name, tool) && known.hangs.is_some()) {
             Some((_, known)) => with.difference(known),
             None => {
@@ -55,7 +55,7 @@ impl Bodies {
     /// Where the markers of a tool lie in its frame, mm; `None` where its server does not tell.
     pub fn markers_mm(&self, tool: &str) -> Option<Vec<[f64; 3]>> {
         let (_, body) = self.0.iter().find(|(name, body)| is_tool(name, tool) && !body.markers.is_empty())?;
-        Some(body.markers.iter().map(|m| m.map(|v| 1e3 * f64::from(v))).collect())
+        Some(body.markers.iter().map(|m| m.to_array()).collect())
     }
 
     fn compare(&mut self, name: &str, body: Frame) -> Option<Redefined> {
@@ -73,8 +73,9 @@ impl Bodies {
 
 impl Frame {
     fn of(body: &RigidBodyDefinition) -> Self {
-        let markers = body.markers.iter().map(|m| m.offset).collect();
-        Self { markers, hangs: Some((body.parent, body.offset, body.rotation_xyzw)) }
+        let at = |metres: Vec3| Point::from_array(metres.map(|v| 1e3 * f64::from(v)));
+        let markers = body.markers.iter().map(|m| at(m.offset)).collect();
+        Self { markers, hangs: Some((body.parent, at(body.offset), body.rotation_xyzw)) }
     }
 
     /// How another differs from this one, if it does.
@@ -84,21 +85,20 @@ impl Frame {
         if n != m && n.min(m) > 0 {
             return Some(format!("it had {n} markers and has {m}"));
         }
-        let moved = self.markers.iter().zip(&after.markers).map(|(b, a)| distance_mm(*b, *a));
+        let moved = self.markers.iter().zip(&after.markers).map(|(b, a)| distance(*b, *a));
         let far = moved.reduce(f64::max).unwrap_or(0.0);
         if far > SAME_MM {
             return Some(format!("its markers lie up to {far:.1} mm from where they lay in it"));
         }
         let ((parent, offset, rotation), (to, there, turned)) = self.hangs.zip(after.hangs)?;
-        (parent != to || rotation != turned || distance_mm(offset, there) > SAME_MM)
+        (parent != to || rotation != turned || distance(offset, there) > SAME_MM)
             .then(|| "its offset to what it hangs on is another".to_owned())
     }
 }
 
-/// Between two places in m. What is no number is far.
-fn distance_mm(a: Vec3, b: Vec3) -> f64 {
-    let square = |i: usize| (f64::from(a[i]) - f64::from(b[i])).powi(2);
-    let d = 1e3 * (0..3).map(square).sum::<f64>().sqrt();
+/// Between two places, mm. What is no number is far.
+fn distance(a: Point<Tool>, b: Point<Tool>) -> f64 {
+    let d = a.distance(b);
     if d.is_nan() { f64::INFINITY } else { d }
 }
 

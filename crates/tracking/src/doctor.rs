@@ -1,6 +1,7 @@
 //! Why there is no data.
 
 use crate::igtl::is_tool;
+use crate::late::DELAYED;
 use crate::{Health, Rivals, Source, Stillness, TrackingError};
 use monro_guidance::clock::{Expiry, age};
 use monro_wire::{Missing, Quality, TimedPose};
@@ -96,7 +97,7 @@ fn old(tools: &BTreeMap<String, Seen>, wanted: &[&str]) -> Option<Health> {
     let asked = |name: &String| wanted.is_empty() || wanted.iter().any(|w| is_tool(name, w));
     let (name, tool) = tools.iter().find(|(name, t)| asked(name) && t.age() > Expiry::default().lost)?;
     Some(Health::ill(format!(
-        "'{name}' is {:.1} s old when it arrives, by the server's own clock, and counts as lost: does the server play a recording or work with a delay?",
+        "'{name}' is {:.1} s old when it arrives, by the server's own clock, and counts as lost: {DELAYED}",
         tool.age()
     )))
 }

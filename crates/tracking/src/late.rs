@@ -3,6 +3,9 @@
 use monro_guidance::Lag;
 use monro_guidance::clock::Expiry;
 
+/// What to ask where poses are old by the server's own clock.
+pub(crate) const DELAYED: &str = "does the server play a recording or work with a delay?";
+
 /// What the times are good for that a source stamps its poses with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Stamps {

@@ -1,6 +1,7 @@
 //! A NatNet client on UDP sockets.
 
 use crate::decode::{NatNetDecoder, Taken};
+use crate::late::DELAYED;
 use crate::{Batch, Clock, Health, NatNetAddress, Recorder, Source, TrackingError};
 use monro_guidance::clock::Expiry;
 use monro_wire::natnet::{ClientOptions, DATA_PORT, Diagnosis, MULTICAST_GROUP, MessageId, ServerInfo, split};
@@ -150,12 +151,8 @@ impl NatNetSource {
         if self.decoder.estimate.offset().is_none() {
             return self.decoder.late.words("each frame");
         }
-        (age >= Expiry::default().stale).then(|| {
-            format!(
-                "frames are {age:.2} s old when they arrive, by the server's own clock: does it play a recording or work with a \
-                 delay?"
-            )
-        })
+        (age >= Expiry::default().stale)
+            .then(|| format!("frames are {age:.2} s old when they arrive, by the server's own clock: {DELAYED}"))
     }
 
     fn note_stranger(&mut self, from: SocketAddr) {

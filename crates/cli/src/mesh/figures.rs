@@ -7,7 +7,7 @@ use monro_geometry::{Patient, Point, Structure, TetMesh};
 
 /// Pixels of the cut that holds the path, and its caption.
 const PIXELS: usize = 420;
-const OF_PATH: &str = "Cut in the plane of the path, which ends at the dot.";
+const OF_PATH: &str = "Cut in the plane of the path, which ends at the cross.";
 
 /// What the section shows.
 pub(crate) struct MeshSection<'a> {

@@ -6,7 +6,7 @@ use super::contour::of_tetrahedron;
 use super::figure::{Figure, PictureError};
 use super::head::Look;
 use super::scene::{Body, render};
-use super::slice::{Legend, pixels};
+use super::slice::{Legend, Overlay, overlay, pixels};
 use super::svg::{Stroke, path_data, rimmed_text, text};
 use super::view::SliceView;
 use monro_geometry::{Patient, Plane, Point, Structure, TetMesh, TriangleMesh, Vector};
@@ -118,15 +118,11 @@ pub fn mesh_cut_figure(mesh: &TetMesh, view: &SliceView, by: ColourBy<'_>, capti
 }
 
 /// Draws a path and its end onto a figure of the plane that holds it.
-pub fn draw_path(figure: &mut Figure, view: &SliceView, path: [Point<Patient>; 2]) {
-    let [[x1, y1], [x2, y2]] = path.map(|p| view.project(p));
-    for (colour, width) in [("#fff", 2.4), ("#000", 1.0)] {
-        figure.content += &format!(
-            "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{colour}\" stroke-width=\"{width}\"/>\
-             <circle cx=\"{x2:.1}\" cy=\"{y2:.1}\" r=\"{}\" fill=\"{colour}\"/>",
-            1.5 + width
-        );
+pub fn draw_path(figure: &mut Figure, view: &SliceView, [from, to]: [Point<Patient>; 2]) {
+    for stroke in [Stroke::solid(Colour::WHITE, 2.4), Stroke::solid(Colour::BLACK, 1.0)] {
+        figure.content += &overlay(&Overlay::Path { from, to, stroke, name: "" }, view);
     }
+    figure.content += &overlay(&Overlay::Mark { at: to, colour: Colour::YELLOW, name: "" }, view);
 }
 
 fn edge_letters(view: &SliceView) -> String {

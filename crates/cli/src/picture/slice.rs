@@ -165,7 +165,8 @@ pub(crate) fn pixels(image: &Image) -> Result<String, PictureError> {
     Ok(format!("<image width=\"{width}\" height=\"{height}\" href=\"{uri}\"/>"))
 }
 
-fn overlay(overlay: &Overlay<'_>, view: &SliceView) -> String {
+/// An overlay as it is drawn.
+pub(super) fn overlay(overlay: &Overlay<'_>, view: &SliceView) -> String {
     match overlay {
         Overlay::Surface { mesh, stroke, .. } => lines(&contour::of_mesh(mesh, view), stroke),
         Overlay::Labels { labels, of, stroke, .. } => {

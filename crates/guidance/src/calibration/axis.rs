@@ -171,6 +171,7 @@ pub fn axis_through(hub: Point<Tool>, tip: Point<Tool>) -> Result<Vector<Tool>, 
 mod tests {
     use super::*;
     use crate::random::Random;
+    use crate::serial::tests::Lasting;
 
     const TIP: Point<Tool> = Point::new(5.0, 0.0, -100.0);
     const ENDS: (Point<Tool>, Point<Tool>) = (Point::ORIGIN, TIP);
@@ -241,14 +242,12 @@ mod tests {
 
     /// Five seconds of turning at 60 Hz, each pose shaken by `shake` rad, `likeness` of it that of the pose before.
     fn shaken(axis: Vector<Tool>, shake: f64, likeness: f64, random: &mut Random) -> Vec<Rigid<Tracker, Tool>> {
-        let (mut error, speed) = (Vector::ZERO, random.between(1.0, 3.0));
+        let (mut error, speed) = (Lasting::new(likeness), random.between(1.0, 3.0));
         let pose = |i: u32| {
             let own =
                 Rigid::<Tool, Tool>::from_axis_angle(axis, 1.2 * (speed * f64::from(i) / 60.0).sin(), Vector::ZERO);
-            let new = Vector::from_array(core::array::from_fn(|_| random.normal()));
-            let share = if i == 0 { 0.0 } else { likeness };
-            error = error * share + new * (shake * (1.0 - share * share).sqrt());
-            let shake = Rigid::<Tracker, Tool>::from_axis_angle(error, error.norm(), Vector::ZERO);
+            let off = Vector::from_array(error.next(random)) * shake;
+            let shake = Rigid::<Tracker, Tool>::from_axis_angle(off, off.norm(), Vector::ZERO);
             shake.expect("axis").after(&own.expect("axis"))
         };
         (0..300).map(pose).collect()

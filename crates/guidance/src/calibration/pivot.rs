@@ -286,6 +286,7 @@ fn sandwich(solution: &Solution, poses: &[&Pose]) -> Matrix3<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::serial::tests::Lasting;
     use crate::simulation::MarkerTool;
     use monro_geometry::Vector;
     use proptest::prelude::*;
@@ -406,18 +407,15 @@ mod tests {
     /// Five seconds of a swing at 60 Hz, whose places are off by `wander` mm (of each axis), `likeness` of it that of the pose
     /// before.
     fn wandering(wander: f64, likeness: f64, random: &mut Random) -> Vec<Rigid<Tracker, Tool>> {
-        let mut error = Vector::ZERO;
+        let mut error = Lasting::new(likeness);
         let speeds = [random.between(2.0, 3.0), random.between(3.5, 5.0)];
         let phases = [random.between(0.0, 6.0), random.between(0.0, 6.0)];
         let divot = Vector::new(50.0, 60.0, 70.0);
         let pose = |i: u32| {
             let [a, b] = core::array::from_fn(|k| 0.5 * (speeds[k] * f64::from(i) / 60.0 + phases[k]).sin());
             let turn = Rigid::<Tracker, Tool>::from_axis_angle(Vector::new(a, b, 0.0), f64::hypot(a, b), Vector::ZERO);
-            let new = Vector::from_array(core::array::from_fn(|_| random.normal()));
-            let share = if i == 0 { 0.0 } else { likeness };
-            error = error * share + new * (wander * (1.0 - share * share).sqrt());
             let turn = turn.expect("axis");
-            let place = divot - turn.vector(Vector::from_array(TIP)) + error;
+            let place = divot - turn.vector(Vector::from_array(TIP)) + Vector::from_array(error.next(random)) * wander;
             Rigid::from_quaternion(turn.quaternion_wxyz(), place).expect("pose")
         };
         (0..300).map(pose).collect()

@@ -1,6 +1,7 @@
 //! Closed forms, Monte-Carlo against prediction, convergence and refusals.
 
 use super::*;
+use crate::serial::tests::Lasting;
 use crate::simulation::{FORAMEN, LANDMARKS, head, head_point};
 use crate::{Covariance, Random};
 use monro_geometry::{Patient, Point, Rigid, Tracker, Vector};
@@ -370,14 +371,14 @@ fn predicted_and_actual_surface_tre_agree() {
 
 /// A stroke around the upper half of the head in turns, lifted by hair: `lift` mm, `alike` of it that of the point before.
 fn stroked(lift: f64, alike: f64, random: &mut Random) -> Vec<SurfaceSample<Tracker>> {
-    let (noise, mut hair, begun) = (Covariance::isotropic(0.3), 0.0, random.between(0.0, 6.0));
+    let (noise, mut hair, begun) = (Covariance::isotropic(0.3), Lasting::new(alike), random.between(0.0, 6.0));
     let one = |i: u32| {
         let down = 0.2 + 1.4 * f64::from(i) / 300.0;
         let around = begun + 12.0 * down;
         let d = Vector::new(around.cos() * down.sin(), around.sin() * down.sin(), down.cos());
-        let share = if i == 0 { 0.0 } else { alike };
-        hair = hair * share + lift * random.normal() * (1.0 - share * share).sqrt();
-        SurfaceSample { point: truth().inverse().point(head_point(d) + d * hair) + noise.sample(random), noise }
+        let [hair, ..] = hair.next(random);
+        let at = head_point(d) + d * (lift * hair);
+        SurfaceSample { point: truth().inverse().point(at) + noise.sample(random), noise }
     };
     (0..300).map(one).collect()
 }
