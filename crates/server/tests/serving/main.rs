@@ -2,6 +2,9 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod displays;
+mod network;
+mod recording;
 mod trackers;
 
 use common::{options, request, write_case};

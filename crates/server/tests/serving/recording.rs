@@ -1,8 +1,6 @@
 //! Sessions are recorded, survive a killed program, and are replayed bit for bit.
 
-mod common;
-
-use common::{options, request, write_case};
+use crate::common::{options, request, write_case};
 use futures_util::{SinkExt, StreamExt};
 use monro_server::{Recording, Replayed, ServeError, ServeOptions, replay, serve, start};
 use monro_session::{FrameSettings, ModelSettings};
@@ -169,7 +167,7 @@ impl Drop for Killed {
 /// Serves the case until a display has seen so many snapshots, kills the server, and gives them.
 async fn kill_after(snapshots: usize, case: &Path, file: &Path, mode: &str) -> Vec<Value> {
     let mut command = Command::new(std::env::current_exe().expect("this test"));
-    command.args(["--exact", "a_server_to_be_killed", "--ignored", "--nocapture"]).stdout(Stdio::piped());
+    command.args(["--exact", "recording::a_server_to_be_killed", "--ignored", "--nocapture"]).stdout(Stdio::piped());
     command.env("MONRO_TEST_CASE", case).env("MONRO_TEST_FILE", file).env("MONRO_TEST_MODE", mode);
     let mut child = Killed(command.spawn().expect("spawn"));
     let out = BufReader::new(child.0.stdout.take().expect("stdout"));

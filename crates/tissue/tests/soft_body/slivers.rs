@@ -1,8 +1,6 @@
 //! Meshes of elements that are nearly flat: none of Monro's own mesher, but of files that are brought along.
 
-mod common;
-
-use common::{block, nodes, options, physical};
+use crate::common::{block, nodes, options, physical};
 use monro_geometry::{Point, TetMesh};
 use monro_tissue::{FrameSettings, Material, Model, StaticOptions, StaticProblem, Stepper};
 use proptest::prelude::*;

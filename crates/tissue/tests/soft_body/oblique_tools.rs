@@ -1,8 +1,6 @@
 //! A rod that lies along no axis of coordinates feels what an upright one does; one that is no rod is told.
 
-mod common;
-
-use common::{block, nodes, options, physical};
+use crate::common::{block, nodes, options, physical};
 use monro_geometry::{Patient, Point, Rigid, TetMesh, Vector};
 use monro_tissue::{Event, FrameSettings, Model, Stepper, TipShape, Tool, ToolMotion, ToolPose};
 

@@ -1,8 +1,6 @@
 //! A server that others can reach: encryption, pairing, roles, limits.
 
-mod common;
-
-use common::{exchange, options, write_case};
+use crate::common::{exchange, options, write_case};
 use futures_util::{SinkExt, StreamExt};
 use monro_server::{Certificate, Running, ServeError, ServeOptions, start};
 use rustls::pki_types::{CertificateDer, ServerName};

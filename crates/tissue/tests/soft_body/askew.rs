@@ -1,9 +1,7 @@
 //! Catheters of any thickness and tip that come askew upon a ventricle in elements of many shapes, rest, and go out again:
 //! each wall is gone through once. Ways made at random, and among some hundred of them those that went wrong.
 
-mod common;
-
-use common::{cube_with_horn, options, paper, physical};
+use crate::common::{cube_with_horn, options, paper, physical};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 use monro_tissue::{
     Event, FrameSettings, Insertion, Material, Model, ModelOptions, Stepper, TipShape, Tool, ToolMotion, ToolPose,

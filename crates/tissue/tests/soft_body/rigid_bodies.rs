@@ -1,8 +1,6 @@
 //! The equilibrium solver with rods and spheres, against closed forms.
 
-mod common;
-
-use common::{block, nodes, options, physical};
+use crate::common::{block, nodes, options, physical};
 use monro_geometry::{Point, TetMesh, Vector};
 use monro_tissue::{
     EmbeddedRod, Finer, Material, Model, ModelOptions, Pressure, SphereContact, StaticError, StaticOptions,

@@ -1,8 +1,6 @@
 //! What a catheter feels on its way: as much at any speed, as much after a rest, and nothing that the tissue does not bear.
 
-mod common;
-
-use common::{cube_with_horn, options, physical, rod};
+use crate::common::{cube_with_horn, options, physical, rod};
 use monro_geometry::{Point, Vector};
 use monro_tissue::{
     Event, FrameSettings, Insertion, Material, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose,

@@ -1,8 +1,6 @@
 //! Ventricle pressure, drainage, and the forces at attachments, against closed forms.
 
-mod common;
-
-use common::{block, nodes, options, physical};
+use crate::common::{block, nodes, options, physical};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 use monro_tissue::{Csf, FrameSettings, Material, Model, ModelOptions, State, Stepper};
 

@@ -1,8 +1,6 @@
 //! The equilibrium solver against closed forms.
 
-mod common;
-
-use common::{block, nodes, options, physical};
+use crate::common::{self, block, nodes, options, physical};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 use monro_tissue::{
     Finer, Material, Model, ModelOptions, Pressure, StaticError, StaticOptions, StaticProblem, StaticSolution, Stop,
@@ -432,7 +430,7 @@ fn forces_of_sets_that_share_vertices_were_said_to_change_with_the_mesh() {
     let options = StaticOptions { finer: Finer::Times(1), ..StaticOptions::default() };
     let solved = equilibrium(&mesh, &material(0.3), &problem, &options, &mut || true).expect("solved");
     let force = solved.change.expect("a finer mesh").force;
-    // The row that both hold is as wide as the elements given, however fine the mesh becomes.
+    // What the row that both hold bears counts in both, and is less the finer the mesh is.
     assert!(solved.converged && force < 0.01, "{force}");
 }
 

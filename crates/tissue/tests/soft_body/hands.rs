@@ -1,8 +1,6 @@
 //! Tools as hands move them: trembling, in tissue that has shifted, through to the far side, and pointed.
 
-mod common;
-
-use common::{block, nodes, options, physical, rod};
+use crate::common::{block, nodes, options, physical, rod};
 use monro_geometry::{Point, TetMesh};
 use monro_tissue::{Event, FrameSettings, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose};
 

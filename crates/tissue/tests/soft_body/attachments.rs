@@ -1,8 +1,6 @@
 //! What attachments are to the equilibrium.
 
-mod common;
-
-use common::{block, nodes, options, physical};
+use crate::common::{block, nodes, options, physical};
 use monro_geometry::{Point, TetMesh};
 use monro_tissue::{
     Attachment, AttachmentKind, Finer, Model, ModelOptions, StaticError, StaticOptions, StaticProblem, StaticSolution,

@@ -1,8 +1,6 @@
 //! What a rod does to the tissue it meets, whatever the mesh.
 
-mod common;
-
-use common::{block, nodes, options, paper, physical, rod};
+use crate::common::{block, nodes, options, paper, physical, rod};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 use monro_tissue::{
     CollisionResponse, Event, FrameSettings, Insertion, Material, Model, State, StepReport, Stepper, TipShape, Tool,

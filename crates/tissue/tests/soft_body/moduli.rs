@@ -1,8 +1,6 @@
 //! Physical mode stepped through time gives back the moduli and the damping that were asked for.
 
-mod common;
-
-use common::{block, nodes, options, physical};
+use crate::common::{block, nodes, options, physical};
 use monro_geometry::{Point, TetMesh};
 use monro_tissue::{FrameSettings, Material, Model, ModelOptions, State, Stepper};
 

@@ -1,8 +1,6 @@
 //! Thin membranes around a region, and regions of very different stiffness.
 
-mod common;
-
-use common::{block, nodes, options, physical};
+use crate::common::{block, nodes, options, physical};
 use monro_geometry::{Point, TetMesh, Vector};
 use monro_tissue::{
     FrameSettings, Material, Model, ModelError, ModelOptions, StaticOptions, StaticProblem, Stepper, Support,

@@ -1,8 +1,6 @@
 //! Displays at the WebSocket: the newest wins, and a stalled one delays nobody.
 
-mod common;
-
-use common::{options, request, write_case};
+use crate::common::{options, request, write_case};
 use futures_util::{SinkExt, StreamExt};
 use monro_server::{Running, start};
 use std::time::{Duration, Instant};

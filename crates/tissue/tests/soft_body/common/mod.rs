@@ -1,8 +1,5 @@
 //! Meshes and tools that the tests share.
 
-#![allow(dead_code, reason = "each test binary uses its own part")]
-#![allow(unreachable_pub, reason = "a module shared by test binaries")]
-
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 use monro_tissue::{
     Attachment, AttachmentKind, CollisionResponse, Material, Mode, ModelOptions, PaperOptions, PhysicalOptions,
@@ -12,7 +9,7 @@ use std::collections::BTreeMap;
 
 /// A block of cubes of `size` mm with its lower corner at the origin, each cut into six tetrahedra; `label` gives the
 /// label of a cube.
-pub fn block(cells: [usize; 3], size: f64, label: impl Fn([usize; 3]) -> u16) -> TetMesh {
+pub(crate) fn block(cells: [usize; 3], size: f64, label: impl Fn([usize; 3]) -> u16) -> TetMesh {
     let n = cells.map(|c| c + 1);
     let at = |c: [usize; 3]| (c[0] + n[0] * (c[1] + n[1] * c[2])) as u32;
     let mut mesh = TetMesh::default();
@@ -50,7 +47,11 @@ pub fn block(cells: [usize; 3], size: f64, label: impl Fn([usize; 3]) -> u16) ->
 /// A cube of brain (label 4), `edge` mm long and in so many cells along it, with a horn of a ventricle (label 5) along y in
 /// its middle, of that radius and height in mm; corners within are displaced by the share `skew` of a cell. With the vertices
 /// of its sides and bottom.
-pub fn cube_with_horn(edge: f64, (cells, skew): (usize, f64), [radius, height]: [f64; 2]) -> (TetMesh, Vec<u32>) {
+pub(crate) fn cube_with_horn(
+    edge: f64,
+    (cells, skew): (usize, f64),
+    [radius, height]: [f64; 2],
+) -> (TetMesh, Vec<u32>) {
     let size = edge / cells as f64;
     let mut mesh = block([cells; 3], size, |c| {
         let [x, z] = [c[0], c[2]].map(|c| (c as f64 + 0.5) * size);
@@ -65,12 +66,12 @@ pub fn cube_with_horn(edge: f64, (cells, skew): (usize, f64), [radius, height]: 
 }
 
 /// Vertices whose position `keep` accepts.
-pub fn nodes(mesh: &TetMesh, keep: impl Fn(Point<Patient>) -> bool) -> Vec<u32> {
+pub(crate) fn nodes(mesh: &TetMesh, keep: impl Fn(Point<Patient>) -> bool) -> Vec<u32> {
     (0..mesh.vertices.len() as u32).filter(|&v| keep(mesh.vertices[v as usize])).collect()
 }
 
 /// Brain (label 4) and ventricle (label 5) with some nodes fixed.
-pub fn options(mode: Mode, fixed: &[u32]) -> ModelOptions {
+pub(crate) fn options(mode: Mode, fixed: &[u32]) -> ModelOptions {
     ModelOptions {
         mode,
         materials: BTreeMap::from([(4, Material::BRAIN), (5, Material::VENTRICLE)]),
@@ -80,17 +81,17 @@ pub fn options(mode: Mode, fixed: &[u32]) -> ModelOptions {
 }
 
 /// Paper mode.
-pub fn paper() -> Mode {
+pub(crate) fn paper() -> Mode {
     Mode::Paper(PaperOptions::default())
 }
 
 /// Physical mode.
-pub fn physical() -> Mode {
+pub(crate) fn physical() -> Mode {
     Mode::Physical(PhysicalOptions::default())
 }
 
 /// A 3 mm rod along z whose tip goes from one point to another.
-pub fn rod(from: [f64; 3], to: [f64; 3]) -> ToolMotion {
+pub(crate) fn rod(from: [f64; 3], to: [f64; 3]) -> ToolMotion {
     let pose = |t: [f64; 3]| ToolPose { tip: Point::from_array(t), tail: Point::new(t[0], t[1], t[2] + 120.0) };
     ToolMotion { tool: Tool { tip: TipShape::Round, radius_mm: 1.5 }, from: pose(from), to: pose(to) }
 }

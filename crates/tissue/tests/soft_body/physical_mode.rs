@@ -1,8 +1,6 @@
 //! Behaviour of physical mode in time.
 
-mod common;
-
-use common::{block, nodes, options, physical, rod};
+use crate::common::{self, block, nodes, options, physical, rod};
 use monro_geometry::{Embedding, Point, Vector};
 use monro_tissue::{
     Attachment, AttachmentKind, Csf, Event, FrameSettings, Material, Mode, Model, PhysicalOptions, State,

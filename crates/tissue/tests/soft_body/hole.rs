@@ -1,8 +1,6 @@
 //! Tissue around the hole that a catheter made in a wall.
 
-mod common;
-
-use common::{cube_with_horn, options, physical};
+use crate::common::{cube_with_horn, options, physical};
 use monro_geometry::{Patient, Point, Vector};
 use monro_tissue::{FrameSettings, Model, State, Stepper, TipShape, Tool, ToolMotion, ToolPose};
 

@@ -1,8 +1,6 @@
 //! Behaviour of paper mode as a whole.
 
-mod common;
-
-use common::{block, nodes, options, paper, rod};
+use crate::common::{block, nodes, options, paper, rod};
 use monro_geometry::{Point, Vector};
 use monro_tissue::{
     CollisionResponse, Event, FrameSettings, Mode, Model, ModelError, PaperOptions, PhysicalOptions, State, Stepper,

@@ -1,0 +1,19 @@
+//! The soft body, seen from outside.
+
+mod askew;
+mod attachments;
+mod common;
+mod contact;
+mod equilibrium;
+mod fluid;
+mod hands;
+mod hole;
+mod insertion_forces;
+mod moduli;
+mod oblique_tools;
+mod paper_mode;
+mod physical_mode;
+mod rigid_bodies;
+mod seen_from_outside;
+mod slivers;
+mod thin_membrane;
