@@ -56,11 +56,11 @@ back. A result that is not reliable is no failure of the command: the status is 
 pub(super) const SOLVE_FIELDS: &str = "\
 What is printed (forces in N, along the axes of the scene):
   reactions_N     force of each set on the tissue, in the components that the set holds (0 in the others; what two
-                  sets hold counts in both)
+                  sets hold counts in both), summed up on the mesh that was solved
   reactions_held  these components
   punch_forces_N, rod_forces_N
                   force of each sphere, of each rod on the tissue; punch_force_N, rod_force_N: of the first, along its
-                  motion, positive when the tissue resists
+                  motion, positive when the tissue resists; null where it stands still
   converged       the tolerance (residual 1e-6) was met with all motion and load imposed, no element is turned, no sphere
                   has gone through the surface, the body does not pass through itself, the loads are borne, and the mesh
                   is as fine as --refine asked

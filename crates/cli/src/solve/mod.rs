@@ -22,7 +22,7 @@ use monro_tissue::{
 };
 use scene::Scene;
 use serde_json::{Map, Value, json};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -123,21 +123,20 @@ fn newton(v: Vector<Patient>) -> [f64; 3] {
     v.to_array().map(|x| x * 1e-3)
 }
 
-/// Force of each set, by name, in the components that it holds, and these components. What is held in two sets counts in
-/// both.
+/// Force of each set, by name, in the components that it holds, and these components.
 fn reactions(scene: &Scene, solved: &StaticSolution) -> [Value; 2] {
-    let mut held = BTreeMap::<&str, BTreeSet<(usize, u32)>>::new();
+    // Entries of one name hold the same nodes, so that what two of them hold bears the same force in both.
+    let mut held = BTreeMap::<&str, [Option<f64>; 3]>::new();
     for s in &scene.problem.supports {
-        let set = held.entry(&scene.sets[s.set as usize].0).or_default();
-        set.extend((0..3).filter(|&a| s.displacement_mm[a].is_some()).map(|a| (a, s.node)));
+        let (name, force) = (&scene.sets[s.set as usize].0, solved.sets[&s.set].to_array());
+        let of = held.entry(name).or_default();
+        (0..3).filter(|&a| s.displacement_mm[a].is_some()).for_each(|a| of[a] = Some(force[a]));
     }
     let (mut force, mut components) = (Map::new(), Map::new());
     for (name, of) in held {
-        let mut sum = [0.0; 3];
-        of.iter().for_each(|&(a, n)| sum[a] += solved.reaction[n as usize].to_array()[a]);
-        let axes = (0..3).filter(|&a| of.iter().any(|h| h.0 == a)).map(|a| ["x", "y", "z"][a]);
+        let axes = (0..3).filter(|&a| of[a].is_some()).map(|a| ["x", "y", "z"][a]);
         components.insert(name.into(), axes.collect::<String>().into());
-        force.insert(name.into(), json!(newton(Vector::from_array(sum))));
+        force.insert(name.into(), json!(newton(Vector::from_array(of.map(Option::unwrap_or_default)))));
     }
     [Value::Object(force), Value::Object(components)]
 }
@@ -148,17 +147,19 @@ fn forces(scene: &Scene, solved: &StaticSolution) -> Map<String, Value> {
     let [force, held] = reactions(scene, solved);
     json.insert("reactions_N".into(), force);
     json.insert("reactions_held".into(), held);
+    // What stands still resists along no way.
     let along =
-        |force: Vector<Patient>, way: Vector<Patient>| force.dot(way) / way.norm().max(f64::MIN_POSITIVE) * 1e-3;
+        |force: Vector<Patient>, way: Vector<Patient>| (way.norm() > 0.0).then(|| force.dot(way) / way.norm() * 1e-3);
     let p = &scene.problem;
-    let spheres: Vec<f64> = p.contacts.iter().zip(&solved.contacts).map(|(c, &f)| along(f, c.to - c.from)).collect();
-    let rods: Vec<f64> = p.rods.iter().zip(&solved.rods).map(|(r, &f)| along(f, r.displacement_mm)).collect();
+    let spheres: Vec<Option<f64>> =
+        p.contacts.iter().zip(&solved.contacts).map(|(c, &f)| along(f, c.to - c.from)).collect();
+    let rods: Vec<Option<f64>> = p.rods.iter().zip(&solved.rods).map(|(r, &f)| along(f, r.displacement_mm)).collect();
     for (name, vectors, along, all) in [
         ("punch_force_N", "punch_forces_N", spheres, &solved.contacts),
         ("rod_force_N", "rod_forces_N", rods, &solved.rods),
     ] {
         if let Some(&first) = along.first() {
-            json.insert(name.into(), first.into());
+            json.insert(name.into(), json!(first));
             json.insert(vectors.into(), json!(all.iter().map(|&f| newton(f)).collect::<Vec<_>>()));
         }
     }

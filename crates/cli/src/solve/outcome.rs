@@ -17,7 +17,8 @@ pub(super) fn remarks(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
     if !scene.problem.contacts.is_empty() && solved.share >= 1.0 {
         let surfaces = [surface(&scene.mesh, None), surface(&scene.mesh, Some(&solved.displacement))];
         let all = scene.problem.contacts.iter().zip(&solved.contacts).enumerate();
-        out.extend(all.filter_map(|(i, (c, force))| sphere(i, c, *force, &surfaces)));
+        let still = !scene.problem.moves_by_itself();
+        out.extend(all.filter_map(|(i, (c, force))| sphere((i, c), *force, still, &surfaces)));
     }
     out
 }
@@ -170,7 +171,13 @@ fn surface(mesh: &TetMesh, displacement: Option<&[Vector<Patient>]>) -> Bvh {
 }
 
 /// A sphere that does nothing in the end, or that did something already at first.
-fn sphere(index: usize, c: &SphereContact, force: Vector<Patient>, [rest, end]: &[Bvh; 2]) -> Option<String> {
+/// `still`: whether nothing but spheres moves the tissue, so that one is known to press it along its way.
+fn sphere(
+    (index, c): (usize, &SphereContact),
+    force: Vector<Patient>,
+    still: bool,
+    [rest, end]: &[Bvh; 2],
+) -> Option<String> {
     let away = |of: &Bvh, at| of.nearest(at).map_or(f64::INFINITY, |n| n.distance);
     let (first, last) = (away(rest, c.from), away(end, c.to));
     let crossed = rest.ray(c.from, c.to - c.from).is_some_and(|h| h.t <= 1.0);
@@ -189,7 +196,7 @@ fn sphere(index: usize, c: &SphereContact, force: Vector<Patient>, [rest, end]: 
         ));
     }
     let along = force.dot(c.to - c.from) / force.norm() / (c.to - c.from).norm().max(f64::MIN_POSITIVE);
-    if along < 0.0 && c.friction == 0.0 && first >= c.radius_mm {
+    if still && along < 0.0 && c.friction == 0.0 && first >= c.radius_mm {
         return Some(format!(
             "sphere {index} is pushed on along its motion, by {:.2e} N, and has no friction: it has slipped past what it \
              pressed on; look at steps of the way before",

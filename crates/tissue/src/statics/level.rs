@@ -5,7 +5,6 @@ use super::uncertain;
 use super::{Finer, MeshChange, StaticError, StaticOptions, StaticProblem, StaticSolution, Stop, Unfinished};
 use crate::{Model, ModelOptions};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
-use std::collections::BTreeMap;
 
 /// Rounds of local refinement.
 const ROUNDS: u32 = 2;
@@ -18,6 +17,10 @@ const PIECES: usize = 9;
 const MORE: f64 = 1.3;
 /// A solution out of balance by less than this is nearer to the truth than that of a coarser mesh.
 const NEARLY: f64 = 1e-3;
+
+/// Tolerance of where a body goes without its spheres, and the part of all steps and products that may be taken for that.
+const SKETCH: f64 = 1e-3;
+const SKETCHED: u32 = 10;
 
 /// Forces of a set that balance each other are counted with this share of what its vertices bear.
 const BALANCED: f64 = 0.1;
@@ -41,12 +44,30 @@ impl How<'_> {
     fn solve(&mut self, refined: &Refined, start: Option<&[Vector<Patient>]>) -> Result<StaticSolution, StaticError> {
         Model::new(&refined.mesh, self.model)?.solve(&refined.problem, start, self.options, self.keep_going)
     }
+
+    /// Where supports, rods and loads alone take the given mesh, for spheres to meet it there. `None` where they leave it where it
+    /// is, and where it comes to no rest without the spheres.
+    fn without_spheres(&mut self, given: &Refined) -> Option<Vec<Vector<Patient>>> {
+        let problem = &given.problem;
+        if problem.contacts.is_empty() || !problem.moves_by_itself() {
+            return None;
+        }
+        let mut alone = given.clone();
+        alone.problem.contacts.clear();
+        let (steps, products) = (self.options.steps / SKETCHED, self.options.products / SKETCHED);
+        let options = StaticOptions { tolerance: SKETCH, steps, products, ..*self.options };
+        let mut sketch = How { model: self.model, options: &options, keep_going: &mut *self.keep_going };
+        let found = sketch.solve(&alone, None).ok()?;
+        found.converged.then_some(found.displacement)
+    }
 }
 
 impl Level {
     /// The given mesh, refined around tools.
     pub(super) fn first(mesh: &TetMesh, problem: &StaticProblem, how: &mut How<'_>) -> Result<Self, StaticError> {
-        let refined = Refined::new(mesh, problem).around_tools(how.keep_going);
+        let given = Refined::new(mesh, problem);
+        let moved = how.without_spheres(&given);
+        let refined = given.around_tools(moved.as_deref(), how.keep_going);
         let solved = how.solve(&refined, None)?;
         Ok(Self { refined, solved })
     }
@@ -151,17 +172,11 @@ impl Level {
         }
     }
 
-    /// Forces of sets, spheres and rods, as they are told: gathered at the vertices given, of which two sets may share some.
+    /// Forces of sets, spheres and rods that tell of the answer and not of the mesh.
     fn forces(&self) -> Vec<Vector<Patient>> {
-        let reaction = self.refined.gathered(self.solved.reaction.clone());
-        let mut sets = BTreeMap::<u32, Vector<_>>::new();
-        for s in self.refined.problem.supports.iter().filter(|s| (s.node as usize) < reaction.len()) {
-            let (force, sum) =
-                (reaction[s.node as usize].to_array(), sets.entry(s.set).or_insert(Vector::new(0.0, 0.0, 0.0)));
-            let held = |a: usize| if s.displacement_mm[a].is_some() { force[a] } else { 0.0 };
-            *sum += Vector::from_array([0, 1, 2].map(held));
-        }
-        sets.into_values().chain(self.solved.contacts.iter().chain(&self.solved.rods).copied()).collect()
+        let StaticSolution { reaction, contacts, rods, .. } = &self.solved;
+        let sets = self.refined.problem.shared_out(reaction);
+        sets.into_values().chain(contacts.iter().chain(rods).copied()).collect()
     }
 
     /// The answer at the vertices of the given mesh.

@@ -154,9 +154,11 @@ impl Model {
         let overlaps = overlap::all(self, (elastic, &solved.x), (&problem.contacts, &solved.spheres), held);
         let through = overlaps.iter().any(|o| o.passed).then_some(Stop::Through);
         let stop = solved.stop.or(through);
+        let reaction = back(&solved.reaction);
         Ok(StaticSolution {
             displacement: back(&moved),
-            reaction: back(&solved.reaction),
+            sets: problem.of_sets(&reaction),
+            reaction,
             contacts: solved.contacts.iter().map(|&f| Vector::from_array(f)).collect(),
             rods,
             contested: loads.contested,

@@ -26,6 +26,9 @@ const PATIENCE: u32 = 40;
 /// A step of motion and load in which this part of the body leaps is too long. Small elements at a tool may.
 const LEAPT: f64 = 1e-3;
 
+/// A step in which the surface moves so many times as far against a sphere as it may is too long: friction depends on the way.
+const OVERSHOT: f64 = 1.5;
+
 /// Force out of balance at a node that is rounding, over those that cancel each other there within every element at rest.
 const ROUNDING: f64 = 1e-12;
 
@@ -184,15 +187,20 @@ impl Problem<'_> {
         self.spheres.place(0.0);
         let mut at = self.evaluate(self.elastic.rest.clone());
         let (mut share, mut stride) = (0.0f64, 1.0);
+        let mut speed = vec![[0.0; 3]; at.x.len()];
         for _ in 0..self.options.steps {
-            stride = self.spheres.stride(&at.x).min(stride);
+            stride = self.spheres.stride(&at.x, &speed).min(stride);
             let next = if share + 1.001 * stride >= 1.0 { 1.0 } else { share + stride };
             let tolerance = if next == 1.0 { self.options.tolerance } else { LOOSE };
             let spheres = self.spheres.clone();
             let patient = next - share > SHORTEST;
-            let reached = self.advance(&at, next, tolerance, patient);
+            let reached = self.advance(&at, &spheres, (next, tolerance), patient);
             match reached {
-                Some(there) => (at, share, stride) = (there, next, 1.5 * stride),
+                Some(there) => {
+                    let over = |(now, before): (&D3, &D3)| sub(*now, *before).map(|d| d / (next - share));
+                    speed = there.x.iter().zip(&at.x).map(over).collect();
+                    (at, share, stride) = (there, next, 1.5 * stride);
+                }
                 None => {
                     // Forces and residual are told of the state that is kept.
                     (self.spheres, self.share) = (spheres, share);
@@ -220,10 +228,18 @@ impl Problem<'_> {
         (at, 1.0)
     }
 
-    /// The equilibrium at the share `next` of the imposed motion. `None` when the step was too long.
-    fn advance(&mut self, from: &Point, next: f64, tolerance: f64, patient: bool) -> Option<Point> {
+    /// The equilibrium at the share `next` of the imposed motion, on from a state and the spheres there. `None` when the step was
+    /// too long.
+    fn advance(
+        &mut self,
+        from: &Point,
+        spheres: &Spheres,
+        (next, tolerance): (f64, f64),
+        patient: bool,
+    ) -> Option<Point> {
         self.share = next;
         self.spheres.place(next);
+        let overshot = |now: &Spheres, x: &[D3]| now.overshot((spheres, &from.x), x) > OVERSHOT;
         let lift: Vec<D3> = (0..from.x.len()).map(|i| self.lift(i, from.x[i], next)).collect();
         let mut at = self.evaluate(from.x.clone());
         if lift.iter().flatten().any(|&v| v != 0.0) {
@@ -231,11 +247,18 @@ impl Problem<'_> {
             let d = self.linear(&at, Some(&lift), 1e-2);
             at = self.evaluate(shifted(&at.x, &d, 1.0));
             self.steps += 1;
+            if patient && overshot(&self.spheres, &at.x) {
+                return None;
+            }
         }
         let settled = self.converge(&mut at, tolerance, if patient { PATIENCE } else { u32::MAX });
         let through = self.spheres.through(&self.elastic.tets, &at.x);
         // What leaps may have come to another equilibrium than the one that this way leads to.
-        let strayed = || self.elastic.turned(&at.x).next().is_some() || self.elastic.leapt(&from.x, &at.x) > LEAPT;
+        let strayed = || {
+            self.elastic.turned(&at.x).next().is_some()
+                || self.elastic.leapt(&from.x, &at.x) > LEAPT
+                || overshot(&self.spheres, &at.x)
+        };
         if patient && self.stop.is_none() && (!settled || through || strayed()) {
             return None;
         }

@@ -3,7 +3,7 @@
 use super::refine;
 use crate::{Attachment, AttachmentKind, ModelError};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 
 /// Supports and loads.
@@ -26,6 +26,49 @@ impl StaticProblem {
     pub fn rubs(&self) -> bool {
         self.contacts.iter().any(|c| c.friction > 0.0)
     }
+
+    /// Whether supports, loads or rods move the tissue, whatever spheres do.
+    pub fn moves_by_itself(&self) -> bool {
+        let supports = self.supports.iter().flat_map(|s| s.displacement_mm).flatten();
+        let loads = self.pressures.iter().map(|p| p.kpa).chain(self.body_force_mn_mm3);
+        let rods = self.rods.iter().flat_map(|r| r.displacement_mm.to_array());
+        supports.chain(loads).chain(rods).any(|v| v != 0.0)
+    }
+
+    /// Sum of the forces on the vertices that each set holds, in the components that it holds there. What several hold counts
+    /// in each.
+    pub(super) fn of_sets(&self, force: &[Vector<Patient>]) -> BTreeMap<u32, Vector<Patient>> {
+        sums(&self.held(), force, |_, _| 1.0)
+    }
+
+    /// The same with what several hold shared out evenly: a row of vertices between two sets is as wide as the mesh is coarse.
+    pub(super) fn shared_out(&self, force: &[Vector<Patient>]) -> BTreeMap<u32, Vector<Patient>> {
+        let held = self.held();
+        let mut sets = vec![[0.0; 3]; force.len()];
+        held.iter().for_each(|&(_, node, a)| sets[node as usize][a] += 1.0);
+        sums(&held, force, |node, a| 1.0 / sets[node][a])
+    }
+
+    /// Which set holds which vertex in which component; a set may name one twice.
+    fn held(&self) -> BTreeSet<(u32, u32, usize)> {
+        let of = |s: &Support| {
+            let (set, node, axes) = (s.set, s.node, s.displacement_mm.map(|d| d.is_some()));
+            (0..3).filter(move |&a| axes[a]).map(move |a| (set, node, a))
+        };
+        self.supports.iter().flat_map(of).collect()
+    }
+}
+
+fn sums(
+    held: &BTreeSet<(u32, u32, usize)>,
+    force: &[Vector<Patient>],
+    share: impl Fn(usize, usize) -> f64,
+) -> BTreeMap<u32, Vector<Patient>> {
+    let mut sums = BTreeMap::<u32, [f64; 3]>::new();
+    for &(set, node, a) in held {
+        sums.entry(set).or_default()[a] += share(node as usize, a) * force[node as usize].to_array()[a];
+    }
+    sums.into_iter().map(|(set, sum)| (set, Vector::from_array(sum))).collect()
 }
 
 /// A rigid sphere that moves along a straight line.

@@ -59,9 +59,14 @@ impl Refined {
         Self { mesh: mesh.clone(), problem: problem.clone(), coarse: Vec::new(), fine }
     }
 
-    /// Makes the elements around tools small enough to tell their radius, as long as `keep_going` says so.
-    pub(super) fn around_tools(mut self, keep_going: &mut dyn FnMut() -> bool) -> Self {
-        let mut zones = zones(&self.problem, &self.fine);
+    /// Makes the elements around tools small enough to tell their radius, as long as `keep_going` says so. Spheres meet the body
+    /// where `moved` takes it (displacements of its vertices).
+    pub(super) fn around_tools(
+        mut self,
+        moved: Option<&[Vector<Patient>]>,
+        keep_going: &mut dyn FnMut() -> bool,
+    ) -> Self {
+        let mut zones = zones(&self.problem, &self.fine, moved);
         self.coarse = zones.iter_mut().filter_map(|z| z.limit(&self.fine)).collect();
         if zones.is_empty() {
             return self;
@@ -222,7 +227,7 @@ impl Zone {
     }
 }
 
-fn zones(problem: &StaticProblem, fine: &Fine) -> Vec<Zone> {
+fn zones(problem: &StaticProblem, fine: &Fine, moved: Option<&[Vector<Patient>]>) -> Vec<Zone> {
     let rods = problem.rods.iter().enumerate().map(|(i, r)| Zone {
         ends: r.ends.map(Point::to_array),
         radius: r.radius_mm,
@@ -231,34 +236,43 @@ fn zones(problem: &StaticProblem, fine: &Fine) -> Vec<Zone> {
         given_mm: 0.0,
         tool: ("rod", i),
     });
+    let outer = outer_faces(fine);
+    let moved = moved.filter(|m| m.len() == fine.points.len());
     let contacts = problem.contacts.iter().enumerate().filter_map(|(i, c)| {
-        let depth = depth(c, fine)?;
+        let Met { depth, way } = met(c, (fine, &outer), moved)?;
         let size = (CONTACT_SIZE * (c.radius_mm * depth).sqrt()).clamp(c.radius_mm / 40.0, c.radius_mm / 5.0);
-        Some(Zone {
-            ends: [c.from.to_array(), c.to.to_array()],
-            radius: c.radius_mm,
-            size,
-            surface: false,
-            given_mm: 0.0,
-            tool: ("sphere", i),
-        })
+        Some(Zone { ends: way, radius: c.radius_mm, size, surface: false, given_mm: 0.0, tool: ("sphere", i) })
     });
     rods.chain(contacts).collect()
 }
 
-/// How deep the sphere ends up in the tissue at rest, mm; `None` when it stays outside.
-fn depth(c: &SphereContact, fine: &Fine) -> Option<f64> {
+/// How a sphere meets the tissue.
+struct Met {
+    /// How deep it ends up in the tissue where that would be without it, mm.
+    depth: f64,
+    /// Its way, as the tissue that it meets sees it from where that is at rest.
+    way: [P; 2],
+}
+
+/// `None` when the sphere stays outside.
+fn met(c: &SphereContact, (fine, outer): (&Fine, &[[u32; 3]]), moved: Option<&[Vector<Patient>]>) -> Option<Met> {
+    let carried = |v: u32| moved.map_or([0.0; 3], |m| m[v as usize].to_array());
+    let add = |a: P, s: f64, b: P| -> P { core::array::from_fn(|k| a[k] + s * b[k]) };
+    let points: Vec<P> = (0..fine.points.len() as u32).map(|v| add(fine.points[v as usize], 1.0, carried(v))).collect();
     let centre = c.to.to_array();
-    let nearest = outer_faces(fine).into_iter().map(|f| {
-        let [p, q, r] = f.map(|v| fine.points[v as usize].map(|x| x as f32));
-        let at = centre.map(|x| x as f32);
-        crate::contact::closest::point_triangle(at, [p, q, r], 0.0).distance2.sqrt()
-    });
-    let near = f64::from(nearest.fold(f32::INFINITY, f32::min));
-    if holder(&fine.points, &fine.tets, centre).is_some() {
-        return Some(c.radius_mm + near);
+    let distance2 = |f: &[u32; 3]| {
+        let [p, q, r] = f.map(|v| points[v as usize].map(|x| x as f32));
+        crate::contact::closest::point_triangle(centre.map(|x| x as f32), [p, q, r], 0.0).distance2
+    };
+    let (near2, face) = outer.iter().map(|f| (distance2(f), f)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let near = f64::from(near2.sqrt());
+    let inside = holder(&points, &fine.tets, centre).is_some();
+    if !inside && near >= c.radius_mm {
+        return None;
     }
-    (near < c.radius_mm).then_some(c.radius_mm - near)
+    let depth = if inside { c.radius_mm + near } else { c.radius_mm - near };
+    let end = face.iter().fold(centre, |end, &v| add(end, -1.0 / 3.0, carried(v)));
+    Some(Met { depth, way: [c.from.to_array(), end] })
 }
 
 /// The first element that `x` lies in, if one does; a vertex that does not exist is in none.
@@ -335,7 +349,8 @@ mod tests {
         let fine = Refined::new(&mesh, &StaticProblem::default()).fine;
         let at = |z: f64| {
             let (from, to) = (Point::new(10.0, 9.0, 40.0), Point::new(10.0, 9.0, z));
-            depth(&SphereContact { radius_mm: 5.0, friction: 0.0, from, to }, &fine)
+            let sphere = SphereContact { radius_mm: 5.0, friction: 0.0, from, to };
+            met(&sphere, (&fine, &outer_faces(&fine)), None).map(|m| m.depth)
         };
         for (z, expected) in [(26.0, None), (22.0, Some(3.0)), (17.0, Some(8.0))] {
             match (at(z), expected) {

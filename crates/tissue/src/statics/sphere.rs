@@ -21,8 +21,9 @@ const REACH_OF_WAY: f64 = 1e-3;
 /// The middle of a face nearer to a centre than this share of the radius has been gone through.
 const THROUGH: f64 = 0.8;
 
-/// Longest step of a sphere over its radius.
+/// Longest step of a sphere over its radius, and of one that rubs: friction depends on the path.
 const STRIDE: f64 = 0.1;
+const RUBBING_STRIDE: f64 = 0.2 * STRIDE;
 
 /// A sphere and what it does to each site.
 #[derive(Debug, Clone)]
@@ -59,6 +60,10 @@ struct Touch {
     slid: f64,
     /// Largest shear traction, kPa.
     limit: f64,
+}
+
+fn norm(a: D3) -> f64 {
+    dot(a, a).sqrt()
 }
 
 fn axpy(a: D3, s: f64, b: D3) -> D3 {
@@ -131,18 +136,37 @@ impl Sphere {
 
     /// What may still reach in, mm.
     fn reach(&self) -> f64 {
-        let way = sub(self.to, self.from);
-        let way = dot(way, way).sqrt();
+        let way = norm(sub(self.to, self.from));
         if way > 0.0 { (REACH * self.radius).min(REACH_OF_WAY * way) } else { REACH * self.radius }
     }
 
-    /// Distance of the nearest site from the sphere, less than 0 when it reaches in, mm.
-    fn away(&self, sites: &[Site], x: &[D3]) -> f64 {
-        let far = |s: &Site| {
-            let out = sub(s.at(x), self.centre);
-            dot(out, out)
-        };
-        sites.iter().map(far).fold(f64::INFINITY, f64::min).sqrt() - self.radius
+    /// Distance of a site from the sphere, less than 0 when it reaches in, mm.
+    fn away(&self, site: &Site, x: &[D3]) -> f64 {
+        norm(sub(site.at(x), self.centre)) - self.radius
+    }
+
+    /// How far the sphere may go in a step that has a site this far away, mm: a part of its radius in, or half of the way there.
+    fn leeway(&self, away: f64) -> f64 {
+        let radii = if self.friction > 0.0 { RUBBING_STRIDE } else { STRIDE };
+        (radii * self.radius).max(0.5 * away)
+    }
+
+    /// Largest share of the way in which it goes no further than it may, and no site further against it, if these go on with
+    /// what they moved over the share before (`speed`).
+    fn stride(&self, sites: &[Site], x: &[D3], speed: &[D3]) -> f64 {
+        let way = sub(self.to, self.from);
+        let within = |leeway: f64, speed: f64| leeway / speed.max(f64::MIN_POSITIVE);
+        let nearest = sites.iter().map(|s| self.away(s, x)).fold(f64::INFINITY, f64::min);
+        let against = |s: &Site| within(self.leeway(self.away(s, x)), norm(sub(s.at(speed), way)));
+        let free = sites.iter().filter(|s| !s.held());
+        free.map(against).fold(within(self.leeway(nearest), norm(way)), f64::min)
+    }
+
+    /// How often a site moved as far against the sphere as it may, from `before` (and the sphere as it was then) to `x`.
+    fn overshot(&self, sites: &[Site], (was, before): (&Self, &[D3]), x: &[D3]) -> f64 {
+        let moved = sub(self.centre, was.centre);
+        let times = |s: &Site| norm(sub(sub(s.at(x), s.at(before)), moved)) / was.leeway(was.away(s, before));
+        sites.iter().filter(|s| !s.held()).map(times).fold(0.0, f64::max)
     }
 
     /// The next pressure of each site, and how far one reaches in or holds off, mm.
@@ -196,15 +220,16 @@ impl Spheres {
         }
     }
 
-    /// Largest share of the way that no sphere moves further than a part of its radius in, or half of what it is away.
-    pub(super) fn stride(&self, x: &[D3]) -> f64 {
-        let share = |s: &Sphere| {
-            let way = sub(s.to, s.from);
-            // Friction depends on the path.
-            let radii = if s.friction > 0.0 { 0.2 * STRIDE } else { STRIDE };
-            (radii * s.radius).max(0.5 * s.away(&self.sites, x)) / dot(way, way).sqrt().max(f64::MIN_POSITIVE)
-        };
-        self.spheres.iter().map(share).fold(1.0, f64::min)
+    /// Largest share of the way in which no sphere goes further than it may, nor the surface against it. `speed` is what each
+    /// node moved in the last step over its share of the way.
+    pub(super) fn stride(&self, x: &[D3], speed: &[D3]) -> f64 {
+        self.spheres.iter().map(|s| s.stride(&self.sites, x, speed)).fold(1.0, f64::min)
+    }
+
+    /// How often the surface moved as far against a sphere as it may in a step, from the spheres and the state `before`.
+    pub(super) fn overshot(&self, (was, before): (&Self, &[D3]), x: &[D3]) -> f64 {
+        let pairs = self.spheres.iter().zip(&was.spheres);
+        pairs.map(|(s, was)| s.overshot(&self.sites, (was, before), x)).fold(0.0, f64::max)
     }
 
     /// Radius of the smallest sphere, mm.

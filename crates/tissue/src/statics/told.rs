@@ -2,6 +2,7 @@
 
 use super::StaticError;
 use monro_geometry::{Patient, Vector};
+use std::collections::BTreeMap;
 
 /// Share of the elements turned inside out from which on a body is taken to collapse.
 const COLLAPSED: f64 = 0.01;
@@ -12,7 +13,13 @@ pub struct StaticSolution {
     /// Displacement of each vertex of the mesh, mm.
     pub displacement: Vec<Vector<Patient>>,
     /// Force of the supports on each vertex, mN; zero in free components.
+    ///
+    /// Where the mesh was refined, a new vertex's force is halved between the two that it lies between, as far as it takes: beside
+    /// the border of two sets that is on both. What a set bears is in [`sets`](Self::sets).
     pub reaction: Vec<Vector<Patient>>,
+    /// Force of each set of supports on the tissue, mN, in the components that it holds: summed up on the mesh that the answer
+    /// was found on, and without what a rod moves. What two sets hold counts in both.
+    pub sets: BTreeMap<u32, Vector<Patient>>,
     /// Force of each sphere on the tissue, mN.
     pub contacts: Vec<Vector<Patient>>,
     /// Force of each rod on the tissue, mN.
@@ -126,7 +133,7 @@ pub struct MeshChange {
     /// third more elements changes little of what is still missing. (Forces are mostly missed at the very places that are
     /// made finer, so nothing of the kind is known of them.)
     pub displacement_eightfold: f64,
-    /// Largest change of the force of a set of supports, a sphere or a rod, over the largest of these forces (or a tenth of what
+    /// Largest change of the force of a set of supports (what several hold shared out), a sphere or a rod, over the largest of these forces (or a tenth of what
     /// all vertices bear or of all loads, where a set's forces or the loads balance each other).
     pub force: f64,
 }
