@@ -35,8 +35,8 @@ pub struct InsertionSettings {
     pub hold_s: f64,
     /// Whether it is drawn out again, at the speed at which it went in.
     pub withdraw: bool,
-    /// Time stepping of the soft body. What it says of fluid and gravity comes on evenly in a second before the insertion, for
-    /// a volume to be drained a second that is over two before it.
+    /// Time stepping of the soft body. What it says of fluid and gravity comes on evenly in a second that is over half a second
+    /// before the insertion, for a volume to be drained two before it.
     pub frame: FrameSettings,
 }
 

@@ -11,7 +11,9 @@ pub(crate) const CATHETER_LENGTH_MM: f64 = 250.0;
 /// Time over which what is done to the fluid and gravity come on before the insertion, s. At once they would throw the
 /// tissue; this is many periods of its slowest motion (a head's: about 8 Hz).
 const BRING_ON_S: f64 = 1.0;
-/// After that a volume that is drained is waited for, s: the pressure that takes it out is found as it goes.
+/// After that the tissue comes to rest, s: while loads change, pressures in it lag behind, and it gives way 5 to 14 % too far.
+const SETTLE_S: f64 = 0.5;
+/// A volume that is drained is waited for, s: the pressure that takes it out is found as it goes.
 const DRAIN_S: f64 = 2.0;
 
 /// A catheter and the frames in which it goes in.
@@ -81,9 +83,11 @@ impl Schedule {
 fn frames_before(settings: &FrameSettings) -> [usize; 2] {
     let frames = |s: f64| (s / settings.dt_s).ceil() as usize;
     let loaded = settings.csf != Csf::AtRest || settings.gravity_mm_s2 != [0.0; 3];
-    let bring_on = if loaded { frames(BRING_ON_S) } else { 0 };
-    let drain = if matches!(settings.csf, Csf::Drained { .. }) { frames(DRAIN_S) } else { 0 };
-    [bring_on, bring_on + drain]
+    if !loaded {
+        return [0; 2];
+    }
+    let rest = if matches!(settings.csf, Csf::Drained { .. }) { DRAIN_S } else { SETTLE_S };
+    [frames(BRING_ON_S), frames(BRING_ON_S) + frames(rest)]
 }
 
 #[cfg(test)]

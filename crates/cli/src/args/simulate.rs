@@ -46,7 +46,7 @@ pub(crate) struct SimulateArgs {
     pub(crate) drain_ml: Option<f64>,
     /// How much more the pressure in the ventricles exceeds that at the surface of the brain (transmural) than in the scan,
     /// mmHg (physical mode). Measured differences are a few mmHg: an intracranial pressure that is high everywhere deforms
-    /// nothing. It rises within the second before the insertion.
+    /// nothing. It rises within a second that is over half a second before the insertion.
     #[arg(long, value_name = "MMHG", allow_hyphen_values = true, value_parser = number)]
     pub(crate) csf_pressure_mmhg: Option<f64>,
     /// TOML file with what to change of the materials of brain and ventricles; docs/materials.md lists all, with units.
