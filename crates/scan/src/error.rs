@@ -125,6 +125,12 @@ pub enum SeriesProblem {
     /// Not grey values that can be HU.
     #[error("{0} is not supported; export it as MONOCHROME2 grey values")]
     NotGrey(String),
+    /// Grey values of another quantity than HU.
+    #[error(
+        "its values are of RescaleType {0:?}, not HU: a map of a material or of the electron density, as spectral CTs make them; \
+         export the conventional images of the scan"
+    )]
+    NotHu(String),
     /// An encoding that is not read.
     #[error("{0} is not supported; export it uncompressed or as JPEG Lossless")]
     Encoding(String),

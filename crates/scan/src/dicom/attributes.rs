@@ -64,6 +64,11 @@ impl<'a> Attributes<'a> {
         self.find(group, tag)?.to_multi_float64().ok()
     }
 
+    /// The text of an attribute that should hold numbers and does not, as with decimal commas; `None` where it does or is missing.
+    pub(crate) fn not_numbers(&self, group: Tag, tag: Tag) -> Option<String> {
+        if self.numbers(group, tag).is_some() { None } else { self.in_group(group, tag) }
+    }
+
     /// A number of a functional group or of the root.
     pub(crate) fn number(&self, group: Tag, tag: Tag) -> Option<f64> {
         self.numbers(group, tag)?.first().copied()

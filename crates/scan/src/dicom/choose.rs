@@ -14,6 +14,8 @@ const NAMED: usize = 5;
 struct Merit {
     /// As large as a head.
     large: bool,
+    /// In HU, as far as the header says.
+    hu: bool,
     axial: bool,
     /// Not a bone kernel: the ventricles drown in its noise.
     soft: bool,
@@ -29,6 +31,7 @@ impl Merit {
         let s = series.source();
         Self {
             large: check::foresee(&s).is_none(),
+            hu: series.doubtful_unit().is_none(),
             axial: s.orientation == "axial",
             soft: !s.kernel.as_deref().is_some_and(is_bone_kernel),
             plain: !series.with_contrast(),
@@ -41,6 +44,8 @@ impl Merit {
     fn beats(self, other: Self) -> &'static str {
         if self.large != other.large {
             "it is as large as a head"
+        } else if self.hu != other.hu {
+            "its values are in HU"
         } else if self.axial != other.axial {
             "it is axial"
         } else if self.soft != other.soft {
@@ -161,9 +166,10 @@ mod tests {
 
     #[test]
     fn merits_decide_in_their_order() {
-        let base = Merit { large: true, axial: true, soft: true, plain: true, thin: false, slices: 30 };
+        let base = Merit { large: true, hu: true, axial: true, soft: true, plain: true, thin: false, slices: 30 };
         let cases = [
             (Merit { large: false, slices: 900, ..base }, "it is as large as a head"),
+            (Merit { hu: false, thin: true, slices: 300, ..base }, "its values are in HU"),
             (Merit { axial: false, thin: true, ..base }, "it is axial"),
             (Merit { soft: false, thin: true, slices: 300, ..base }, "it has no bone kernel"),
             (Merit { plain: false, thin: true, slices: 300, ..base }, "its header names no contrast agent"),

@@ -3,6 +3,7 @@
 use super::image::{Found, Identity, Image, describe};
 use crate::error::{Problem, ScanError};
 use crate::shelf::is_volume;
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -26,15 +27,13 @@ pub(crate) struct Survey {
 impl Survey {
     /// Describes a file, or all files of a folder and its sub-folders, in the order of their paths.
     pub(crate) fn of(path: &Path) -> Result<Self, ScanError> {
-        let mut files = Vec::new();
+        let mut files = vec![path.to_path_buf()];
         if path.is_dir() {
-            list(path, path, 0, &mut files)?;
+            files = list(path)?;
             if files.is_empty() {
                 return Err(ScanError::EmptyFolder(path.to_path_buf()));
             }
             files.sort();
-        } else {
-            files.push(path.to_path_buf());
         }
         let mut survey = Self { files: files.len(), ..Self::default() };
         for file in files {
@@ -99,29 +98,52 @@ pub(crate) fn name(file: &Path) -> String {
     file.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-fn list(root: &Path, folder: &Path, depth: usize, out: &mut Vec<PathBuf>) -> Result<(), ScanError> {
-    let unreadable = |e: std::io::Error| ScanError::file(folder, Problem::Unreadable(e.to_string()));
-    for entry in fs::read_dir(folder).map_err(unreadable)? {
-        let entry = entry.map_err(unreadable)?;
-        // A link to a folder could lead in a circle; a link to a file is a file.
-        let kind = entry.file_type().map_err(unreadable)?;
-        if kind.is_dir() && depth < DEEPEST {
-            list(root, &entry.path(), depth + 1, out)?;
-        } else if !kind.is_dir() && entry.path().is_file() {
-            out.push(entry.path());
+/// All files in a folder and below it. Links to folders are followed last and no folder is entered twice, so that files keep
+/// the path at which they lie, and a link that leads in a circle ends.
+fn list(root: &Path) -> Result<Vec<PathBuf>, ScanError> {
+    let (mut files, mut seen) = (Vec::new(), BTreeSet::new());
+    let (mut folders, mut links) = (vec![(root.to_path_buf(), 0)], Vec::new());
+    while let Some((folder, depth)) = folders.pop().or_else(|| links.pop()) {
+        if !seen.insert(fs::canonicalize(&folder).map_err(|e| unreadable(&folder, &e))?) {
+            continue;
         }
-        if out.len() > MOST_FILES || kind.is_dir() && depth >= DEEPEST {
-            return Err(ScanError::FolderTooLarge { folder: root.to_path_buf(), limit: MOST_FILES, depth: DEEPEST });
+        if depth > DEEPEST {
+            return Err(too_large(root));
+        }
+        for path in entries(&folder)? {
+            if path.is_file() {
+                files.push(path);
+            } else if path.is_dir() {
+                if path.is_symlink() { &mut links } else { &mut folders }.push((path, depth + 1));
+            }
+        }
+        if files.len() > MOST_FILES {
+            return Err(too_large(root));
         }
     }
-    Ok(())
+    Ok(files)
+}
+
+/// What lies right in a folder, in an order that does not depend on the system.
+fn entries(folder: &Path) -> Result<Vec<PathBuf>, ScanError> {
+    let listed = fs::read_dir(folder).and_then(|all| all.map(|e| Ok(e?.path())).collect::<Result<Vec<_>, _>>());
+    let mut paths = listed.map_err(|e| unreadable(folder, &e))?;
+    paths.sort();
+    Ok(paths)
+}
+
+fn unreadable(folder: &Path, e: &std::io::Error) -> ScanError {
+    ScanError::file(folder, Problem::Unreadable(e.to_string()))
+}
+
+fn too_large(root: &Path) -> ScanError {
+    ScanError::FolderTooLarge { folder: root.to_path_buf(), limit: MOST_FILES, depth: DEEPEST }
 }
 
 /// Whether a file that begins like DICOM lies somewhere in a folder.
 pub(crate) fn holds_dicom(folder: &Path) -> bool {
-    let mut files = Vec::new();
     // Too large or partly unreadable: reading it says so.
-    list(folder, folder, 0, &mut files).is_err() || files.iter().any(|file| is_dicom_file(file))
+    list(folder).map_or(true, |files| files.iter().any(|file| is_dicom_file(file)))
 }
 
 /// Whether a file begins like DICOM.

@@ -2,6 +2,7 @@
 
 use super::attributes::Attributes;
 use super::outline::{self, Outline};
+use super::unit::Unit;
 use crate::error::{Problem, header, unsupported};
 use crate::raster::MAX_VOXELS;
 use dicom_core::Tag;
@@ -86,6 +87,8 @@ pub(crate) struct Stored {
     pub(crate) signed: bool,
     pub(crate) slope: f64,
     pub(crate) intercept: f64,
+    /// What slope and intercept lead to.
+    pub(crate) unit: Unit,
     /// Whether the header gives both slope and intercept.
     pub(crate) rescaled: bool,
     /// Stored values that mean "no data", lowest and highest.
@@ -245,8 +248,12 @@ fn stored(outline: &Outline<'_>, a: &Attributes<'_>) -> Result<Stored, Problem> 
         return Err(header("BitsStored", format!("{bits} bits up to bit {high} of {allocated} allocated")));
     }
     let signed = a.whole(tags::PIXEL_REPRESENTATION).unwrap_or(0) == 1;
-    let scale = |tag| a.number(tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE, tag);
-    let (slope, intercept) = (scale(tags::RESCALE_SLOPE), scale(tags::RESCALE_INTERCEPT));
+    let scale = |field, tag| match a.not_numbers(tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE, tag) {
+        Some(text) => Err(header(field, format!("{text:?} is no number"))),
+        None => Ok(a.number(tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE, tag)),
+    };
+    let slope = scale("RescaleSlope", tags::RESCALE_SLOPE)?;
+    let intercept = scale("RescaleIntercept", tags::RESCALE_INTERCEPT)?;
     let rescaled = slope.is_some() && intercept.is_some();
     let (slope, intercept) = (slope.unwrap_or(1.0), intercept.unwrap_or(0.0));
     if !slope.is_finite() || !intercept.is_finite() || slope == 0.0 {
@@ -262,6 +269,7 @@ fn stored(outline: &Outline<'_>, a: &Attributes<'_>) -> Result<Stored, Problem> 
         signed,
         slope,
         intercept,
+        unit: Unit::of(a.in_group(tags::PIXEL_VALUE_TRANSFORMATION_SEQUENCE, tags::RESCALE_TYPE)),
         rescaled,
         padding: padding(a, allocated as u32, signed),
     })
@@ -281,7 +289,8 @@ fn padding(a: &Attributes<'_>, allocated: u32, signed: bool) -> Option<[i64; 2]>
 
 fn placement(a: &Attributes<'_>) -> Result<Placement, (&'static str, String)> {
     let numbers = |field: &'static str, group, tag, count: usize| {
-        let values = a.numbers(group, tag).ok_or((field, "is missing".to_owned()))?;
+        let unread = || a.not_numbers(group, tag).map(|text| format!("{text:?} is not {count} numbers"));
+        let values = a.numbers(group, tag).ok_or_else(|| (field, unread().unwrap_or_else(|| "is missing".into())))?;
         let fine = values.len() == count && values.iter().all(|v| v.is_finite());
         fine.then_some(values.clone()).ok_or((field, format!("{values:?} is not {count} numbers")))
     };

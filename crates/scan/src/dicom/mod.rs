@@ -4,6 +4,7 @@
 //! Files may come in any order, under any names, with other series, localizers and other files among them. Refused by
 //! name: JPEG-LS, 12-bit lossy JPEG, colour, MONOCHROME1, images of two patients, gaps beyond three steps and 10 mm.
 
+mod acquisitions;
 mod attributes;
 mod choose;
 mod codestream;
@@ -15,6 +16,7 @@ mod rle;
 pub mod seg;
 mod series;
 mod strays;
+mod unit;
 mod write;
 
 pub(crate) use folder::{holds_dicom, is_dicom_file};

@@ -2,7 +2,8 @@
 
 use super::folder::{load, name};
 use super::image::{Image, Placement, refused_syntax};
-use super::{outline, strays};
+use super::unit::Unit;
+use super::{acquisitions, outline, strays};
 use crate::error::{ScanError, SeriesProblem};
 use crate::hash;
 use crate::resample::Stack;
@@ -11,11 +12,11 @@ use monro_geometry::Vector;
 use std::path::Path;
 
 /// Slices nearer than this lie at the same place, mm.
-const SAME_PLACE_MM: f64 = 0.05;
+pub(super) const SAME_PLACE_MM: f64 = 0.05;
 /// Fewer slices make no volume.
 pub(super) const FEWEST: usize = 3;
 /// A gap is refused when it is both this many median steps and this many mm wide.
-const WIDEST_STEPS: f64 = 3.0;
+pub(super) const WIDEST_STEPS: f64 = 3.0;
 const WIDEST_MM: f64 = 10.0;
 /// Parallel slices of one series, in order along their normal.
 #[derive(Debug)]
@@ -38,13 +39,15 @@ pub(crate) fn sort(images: Vec<Image>) -> Vec<Series> {
             None => groups.push(vec![image]),
         }
     }
-    let groups = groups.into_iter().map(in_order).flat_map(apart);
+    let groups = groups.into_iter().map(in_order).flat_map(apart).flat_map(acquisitions::apart);
     let mut out: Vec<Series> = Vec::new();
-    for group in groups {
+    for (group, remark) in groups {
         let uid = group[0].series_uid.clone();
         let before = out.iter().filter(|s| s.uid == uid).count();
         let id = hash::series_id(&uid) + &if before > 0 { format!("-{}", before + 1) } else { String::new() };
-        out.push(Series::new(id, uid, group));
+        let mut series = Series::new(id, uid, group);
+        series.warnings.extend(remark);
+        out.push(series);
     }
     strays::note(&mut out);
     out
@@ -58,8 +61,12 @@ fn belongs(a: &Image, b: &Image) -> bool {
         _ => true,
     };
     let grey = |i: &Image| (i.stored.samples, i.stored.photometric.clone());
+    let map = |i: &Image| match &i.stored.unit {
+        Unit::Map(kind) => Some(kind.clone()),
+        _ => None,
+    };
     let same = |i: &Image| (i.size, i.localizer, i.projection, grey(i), i.about.kernel.clone(), i.modality.clone());
-    a.series_uid == b.series_uid && parallel && same(a) == same(b)
+    a.series_uid == b.series_uid && parallel && same(a) == same(b) && map(a) == map(b)
 }
 
 /// Place of an image along the normal of the first one.
@@ -68,7 +75,7 @@ pub(super) fn along(first: &Placement, image: &Image) -> f64 {
     image.placement.as_ref().map_or(f64::MAX, |p| (p.origin - first.origin).dot(n))
 }
 
-fn in_order(mut group: Vec<Image>) -> Vec<Image> {
+pub(super) fn in_order(mut group: Vec<Image>) -> Vec<Image> {
     if let Some(first) = group.iter().find_map(|i| i.placement.clone().ok()) {
         let place = |i: &Image| along(&first, i);
         group.sort_by(|a, b| place(a).total_cmp(&place(b)).then_with(|| (&a.file, a.frame).cmp(&(&b.file, b.frame))));
@@ -139,6 +146,9 @@ impl Series {
             if s.samples != 1 || s.photometric != "MONOCHROME2" {
                 let what = format!("{}: photometric interpretation {:?}", name(&image.file), s.photometric);
                 return Err(SeriesProblem::NotGrey(what));
+            }
+            if let Unit::Map(kind) = &s.unit {
+                return Err(SeriesProblem::NotHu(kind.clone()));
             }
             if let Some(what) = refused_syntax(&s.syntax) {
                 return Err(SeriesProblem::Encoding(what));
@@ -245,6 +255,7 @@ impl Series {
                 self.images.len()
             ));
         }
+        self.note_unit();
         self.note_contrast();
         let s = &self.images[0].stored;
         if let (Some([low, _]), None) = (s.padding, s.believed_padding()) {
@@ -253,6 +264,21 @@ impl Series {
                 low as f64 * s.slope + s.intercept
             ));
         }
+    }
+
+    /// The first `RescaleType` that may be another than HU.
+    pub(crate) fn doubtful_unit(&self) -> Option<&str> {
+        self.images.iter().find_map(|i| match &i.stored.unit {
+            Unit::Doubtful(kind) => Some(kind.as_str()),
+            _ => None,
+        })
+    }
+
+    fn note_unit(&mut self) {
+        let told = self.doubtful_unit().map(|kind| {
+            format!("the header's RescaleType is {kind:?}, not HU: make sure that the values are those of a plain CT")
+        });
+        self.warnings.extend(told);
     }
 
     /// Whether the header says that a contrast agent was given.

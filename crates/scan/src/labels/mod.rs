@@ -17,6 +17,9 @@ use crate::file;
 use monro_geometry::{Structure, Volume};
 use std::path::Path;
 
+/// So many values without a segment are told.
+const NAMED: usize = 8;
+
 /// Labels of a file with what should be known about them.
 #[derive(Debug, Clone)]
 pub struct CaseLabels {
@@ -56,7 +59,7 @@ pub fn read(path: &Path) -> Result<CaseLabels, ScanError> {
     Ok(CaseLabels { warnings, ..found })
 }
 
-/// Gives known segments the numbers of their structures; others become 0 (outside) with a warning.
+/// Gives known segments the numbers of their structures; all others become 0 (outside) with a warning.
 fn renumbered(volume: Volume<u16>, segments: &[Segment]) -> Result<CaseLabels, Problem> {
     let mut table = vec![0u16; 1 << 16];
     let mut warnings = Vec::new();
@@ -71,7 +74,25 @@ fn renumbered(volume: Volume<u16>, segments: &[Segment]) -> Result<CaseLabels, P
         let known: Vec<&str> = Structure::ALL[1..].iter().map(|s| s.name()).collect();
         return Err(Problem::NoSegment { found: names.join(", "), known: known.join(", ") });
     }
+    warnings.extend(nameless(&volume, segments));
     Ok(CaseLabels { volume: volume.map(|l| table[usize::from(l)]), warnings })
+}
+
+/// A remark on voxels whose number is that of no segment: with the others they become 0.
+fn nameless(volume: &Volume<u16>, segments: &[Segment]) -> Option<String> {
+    let mut counts = vec![0usize; 1 << 16];
+    volume.data().iter().for_each(|&label| counts[usize::from(label)] += 1);
+    counts[0] = 0;
+    segments.iter().for_each(|s| counts[usize::from(s.number)] = 0);
+    let voxels: usize = counts.iter().sum();
+    let values: Vec<String> = (0..counts.len()).filter(|&n| counts[n] > 0).map(|n| n.to_string()).collect();
+    let more = if values.len() > NAMED { ", ..." } else { "" };
+    (voxels > 0).then(|| {
+        format!(
+            "{voxels} voxels have values that no segment of the file names ({}{more}): they were left out; name their segment",
+            values[..values.len().min(NAMED)].join(", ")
+        )
+    })
 }
 
 /// The structure that a segment names.
@@ -139,5 +160,16 @@ mod tests {
         assert!(found.warnings.len() == 1 && found.warnings[0].contains("tumour"));
         let said = renumbered(volume, &known[2..]).expect_err("nothing known").to_string();
         assert!(said.contains("tumour") && said.contains("third_ventricle"), "{said}");
+    }
+
+    #[test]
+    fn voxels_whose_number_no_segment_names_were_left_out_without_a_word() {
+        let grid = monro_geometry::Grid::axis_aligned([6, 1, 1], [1.0; 3], [0.0; 3]).expect("grid");
+        let volume = Volume::new(grid, vec![0, 9, 7, 7, 300, 2]).expect("volume");
+        let found =
+            renumbered(volume, &[segment(9, "brain", ["", ""]), segment(2, "skull", ["", ""])]).expect("labels");
+        assert_eq!(found.volume.data(), [0, 4, 0, 0, 0, 2]);
+        let said = "3 voxels have values that no segment of the file names (7, 300)";
+        assert!(found.warnings.len() == 1 && found.warnings[0].contains(said), "{:?}", found.warnings);
     }
 }

@@ -1,8 +1,6 @@
 //! A volume written as a DICOM series is read back to the same values at the same places.
 
-mod common;
-
-use common::{grid, sampled};
+use crate::common::{grid, sampled};
 use monro_geometry::Volume;
 use monro_scan::dicom::{SeriesMeta, write_series};
 use monro_scan::{ReadOptions, read};

@@ -1,8 +1,6 @@
 //! What is written comes back: values exactly, placement to the precision of the format.
 
-mod common;
-
-use common::{corner_distance, grid, sampled};
+use crate::common::{corner_distance, grid, sampled};
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;

@@ -1,8 +1,6 @@
 //! The real scans: geometry, values and landmarks. Skipped where they are not.
 
-mod common;
-
-use common::data;
+use crate::common::data;
 use monro_geometry::{Patient, Point, Vector, Volume};
 use monro_scan::{Format, ReadOptions, Scan, inspect, read, read_labels};
 use std::path::Path;

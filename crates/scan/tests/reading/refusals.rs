@@ -1,26 +1,14 @@
 //! Wrong input of each kind gets an error that names the file, the rule and the numbers. (More kinds, made by foreign
 //! writers, stand in `scripts/oracle_scan.py`.)
 
-mod common;
-
-use common::{grid, sampled};
-use dicom_core::value::PrimitiveValue;
-use dicom_core::{DataElement, Tag, VR};
+use crate::common::{any_size, edit, folder, grid, sampled};
+use dicom_core::{Tag, VR};
 use dicom_dictionary_std::tags;
 use monro_geometry::{Affine, Grid, Matrix3, Volume};
 use monro_scan::dicom::{SeriesMeta, write_series};
 use monro_scan::{ReadOptions, head_extent_check, inspect, nifti, nrrd, read, read_labels};
 use std::fs;
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
-
-fn any_size() -> ReadOptions {
-    ReadOptions { any_size: true, ..ReadOptions::default() }
-}
-
-fn folder() -> TempDir {
-    tempfile::tempdir().expect("a temporary folder")
-}
 
 #[track_caller]
 fn refused(path: &Path, fragments: &[&str]) {
@@ -34,13 +22,6 @@ fn refused(path: &Path, fragments: &[&str]) {
 fn series(dir: &Path, meta: &SeriesMeta) -> Vec<PathBuf> {
     let volume = sampled(grid([5, 4, 6], [1.0, 1.5, 2.0], [0.1, 0.2, 0.3], [1.0, 2.0, 3.0], false));
     write_series(&volume, dir, meta).expect("written")
-}
-
-/// Replaces a text attribute of a file.
-fn edit(file: &Path, tag: Tag, vr: VR, value: &str) {
-    let mut object = dicom_object::open_file(file).expect("DICOM");
-    object.put(DataElement::new(tag, vr, PrimitiveValue::from(value)));
-    object.write_to_file(file).expect("written");
 }
 
 #[test]
@@ -179,6 +160,9 @@ fn attributes_that_make_no_head_ct() {
         (tags::IMAGE_POSITION_PATIENT, VR::DS, "1\\2", &["0001.dcm", "ImagePositionPatient", "not 3 numbers"]),
         (tags::PIXEL_SPACING, VR::DS, "0\\1", &["PixelSpacing", "not positive"]),
         (tags::RESCALE_SLOPE, VR::DS, "0", &["RescaleSlope"]),
+        // Decimal commas were said to be missing, and an intercept of them was taken as 0.
+        (tags::PIXEL_SPACING, VR::DS, "0,48\\0,48", &["0001.dcm: PixelSpacing", "0,48\\\\0,48\" is not 2 numbers"]),
+        (tags::RESCALE_INTERCEPT, VR::DS, "-1024,0", &["RescaleIntercept: \"-1024,0\" is no number"]),
     ] {
         let f = folder();
         for file in series(f.path(), &SeriesMeta::default()) {

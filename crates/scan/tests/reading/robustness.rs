@@ -1,9 +1,7 @@
 //! Damaged files: truncations and corruptions all along small files (with a stride; stride 1 has been run by hand) end in a volume or a named
 //! refusal, never in a panic, and never take memory beyond the scale of the file.
 
-mod common;
-
-use common::{grid, sampled};
+use crate::common::{grid, sampled};
 use monro_geometry::Volume;
 use monro_scan::dicom::{SeriesMeta, write_series};
 use monro_scan::{ReadOptions, inspect, nifti, nrrd, read, read_labels};

@@ -1,7 +1,6 @@
 //! A DICOM segmentation that refers to its images. `scripts/oracle_labels.py` reads the same with highdicom.
 
-mod common;
-
+use crate::common;
 use dicom_dictionary_std::tags;
 use dicom_object::{InMemDicomObject, open_file};
 use monro_geometry::{Grid, Structure, Volume};

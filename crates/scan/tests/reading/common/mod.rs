@@ -1,8 +1,11 @@
 //! What several tests need.
-#![allow(dead_code, reason = "each test binary uses its own part")]
 
+use dicom_core::value::PrimitiveValue;
+use dicom_core::{DataElement, Tag, VR};
 use monro_geometry::{Affine, Grid, Matrix3, Volume};
-use std::path::PathBuf;
+use monro_scan::ReadOptions;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
 
 /// The real scans, or `None` where they are not (then the test says so and passes).
 pub(crate) fn data(name: &str) -> Option<PathBuf> {
@@ -51,4 +54,20 @@ pub(crate) fn sampled(grid: Grid) -> Volume<i16> {
 /// Largest distance between where two grids of equal dimensions put their corners, mm.
 pub(crate) fn corner_distance(a: &Grid, b: &Grid) -> f64 {
     a.corners().iter().zip(b.corners()).map(|(p, q)| p.distance(q)).fold(0.0, f64::max)
+}
+
+/// Volumes that are no heads are read, too.
+pub(crate) fn any_size() -> ReadOptions {
+    ReadOptions { any_size: true, ..ReadOptions::default() }
+}
+
+pub(crate) fn folder() -> TempDir {
+    tempfile::tempdir().expect("a temporary folder")
+}
+
+/// Replaces a text attribute of a file.
+pub(crate) fn edit(file: &Path, tag: Tag, vr: VR, value: &str) {
+    let mut object = dicom_object::open_file(file).expect("DICOM");
+    object.put(DataElement::new(tag, vr, PrimitiveValue::from(value)));
+    object.write_to_file(file).expect("written");
 }
