@@ -67,7 +67,8 @@ pub(crate) fn write(made: &Phantom, dir: &Path, seed: u64) -> Result<()> {
     };
     put("labels.nii.gz", &nifti::encode_u8(&made.labels))?;
     put("landmarks.mrk.json", markups::encode(Kind::Fiducial, &landmarks(made)).as_bytes())?;
-    put("phantom.json", format!("{:#}\n", describe(made, seed, dir)).as_bytes())
+    // Names within its own folder, which may be moved.
+    put("phantom.json", format!("{:#}\n", describe(made, seed, Path::new(""))).as_bytes())
 }
 
 fn landmarks(made: &Phantom) -> Vec<NamedPoint> {

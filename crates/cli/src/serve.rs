@@ -4,7 +4,7 @@ use crate::NOTICE;
 use crate::args::{ModeArg, ServeArgs};
 use crate::console::Console;
 use crate::{prepare, soft_body};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use monro_case::{CASE, OutputError, Staging, check_output};
 use monro_prepare::Prepared;
 use monro_server::{Certificate, Invitation, Ready, Recording, ServeOptions, Tracker};
@@ -41,6 +41,11 @@ pub(crate) fn run(args: &ServeArgs, console: &Console) -> Result<()> {
     console.note(&format!("opening {} ...", args.scans.as_ref().unwrap_or(case_dir).display()));
     match &args.scans {
         Some(scans) => {
+            ensure!(
+                scans.is_dir(),
+                "{}: there is no such folder; --scans wants the one with the scans",
+                scans.display()
+            );
             match check_output(case_dir, false, &CASE, &[scans]) {
                 Err(OutputError::Exists(case)) => {
                     bail!(

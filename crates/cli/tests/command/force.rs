@@ -122,6 +122,9 @@ fn serve_found_an_occupied_out_only_after_everything_was_prepared() {
     let case = text(labels.parent().expect("case"));
     let said = refusal(&["serve", "--scans", text(&scans), "--out", case]);
     assert!(said.contains("monro serve") && !said.contains("--force"), "{said}");
+    let nowhere =
+        refusal(&["serve", "--scans", text(&dir.path().join("nowhere")), "--out", text(&dir.path().join("c"))]);
+    assert!(nowhere.contains("nowhere") && nowhere.contains("no such folder"), "{nowhere}");
     let said = refusal(&["serve", "--scans", text(&scans), "--out", text(&scans.join("case"))]);
     assert!(said.contains("lies in"), "{said}");
     kept(&labels);
