@@ -4,6 +4,7 @@ mod facts;
 mod figures;
 mod import;
 mod meeting;
+mod of_a_case;
 mod options;
 mod out;
 mod report;
@@ -19,7 +20,7 @@ use anyhow::{Result, bail};
 use facts::{SurfaceFacts, bounds, label_facts, shapes_json, shapes_words};
 use monro_anatomy::tetra::{self, LabelReport, MeshOptions, MeshReport, Stage, SurfaceReport};
 use monro_case::Case;
-use monro_geometry::{Patient, Point, Structure, Volume};
+use monro_geometry::{Patient, Point, Volume};
 use monro_prepare::{DEFAULT_ELEMENTS, simulated_labels};
 use monro_scan::labels::CaseLabels;
 use serde_json::{Value, json};
@@ -115,9 +116,6 @@ fn of_fine(input: &Input) -> Option<String> {
     Some(format!("none of the labels to be fine around is meshed: {instead}"))
 }
 
-/// The label of the brain in a case.
-const BRAIN: u16 = Structure::Brain.label() as u16;
-
 /// Points along a path that are looked at.
 const ALONG: usize = 1000;
 
@@ -167,13 +165,13 @@ fn input(args: &MeshArgs) -> Result<Input> {
         if input.structures {
             input.fine.retain(|l| keep.contains(l));
         } else {
-            input.fine = usually_fine(keep);
+            input.fine = of_a_case::usually_fine(&input.labels, keep);
         }
     }
     if let Some(fine) = &args.fine {
         input.fine = each_once(fine);
     } else if !input.structures {
-        input.remarks.extend(not_taken_for_ventricles(&input.keep, &input.fine));
+        input.remarks.extend(of_a_case::not_taken_for_ventricles(&input.keep, &input.fine));
     }
     if let Some(path) = &args.path {
         input.path = Some(crate::args::path("--path", path)?);
@@ -216,41 +214,14 @@ fn of_file(path: &Path) -> Result<Input> {
     if keep.is_empty() {
         bail!("{} holds nothing but the label 0", path.display());
     }
-    let fine = usually_fine(&keep);
+    let fine = of_a_case::usually_fine(&labels, &keep);
     Ok(Input { labels, keep, fine, path: None, structures: false, remarks })
-}
-
-/// The ventricles where some labels are those of a case, else all: an atlas may use the same numbers for anything.
-fn usually_fine(keep: &[u16]) -> Vec<u16> {
-    let known = |l: &u16| Structure::from_label(*l).is_some();
-    let ventricles = ventricles(keep);
-    let of_a_case = keep.contains(&BRAIN) && keep.iter().all(known) && !ventricles.is_empty();
-    if of_a_case { ventricles } else { keep.to_vec() }
-}
-
-/// Those of some labels that are ventricles in a case.
-fn ventricles(keep: &[u16]) -> Vec<u16> {
-    let ventricle = |l: &u16| Structure::from_label(*l).is_some_and(Structure::is_ventricle);
-    keep.iter().copied().filter(ventricle).collect()
 }
 
 /// Labels in words.
 fn numbers(labels: &[u16], between: &str) -> String {
     let words: Vec<String> = labels.iter().map(u16::to_string).collect();
     words.join(between)
-}
-
-/// What is said where a case may have got more labels, and its ventricles were not taken for these.
-fn not_taken_for_ventricles(keep: &[u16], fine: &[u16]) -> Option<String> {
-    let ventricles = ventricles(keep);
-    (keep.contains(&BRAIN) && !ventricles.is_empty() && fine.len() > ventricles.len()).then(|| {
-        format!(
-            "the mesh is as fine around all labels: {} are ventricles in cases of Monro, but other numbers than those of a case \
-             are there too; \"--fine {}\" makes it fine around these alone",
-            numbers(&ventricles, ", "),
-            numbers(&ventricles, ",")
-        )
-    })
 }
 
 /// Both objects as one.
