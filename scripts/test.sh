@@ -3,7 +3,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 target="${CARGO_TARGET_DIR:-target}"
-# From a clean clone nothing is built twice, and keeping track for it takes a third of the time.
+# From a clean clone nothing is built twice, so that keeping track of what was built gains nothing.
 export CARGO_INCREMENTAL="${CARGO_INCREMENTAL:-0}"
 
 stage() { printf '\n== %s (%s s)\n' "$*" "$SECONDS"; }

@@ -1,4 +1,4 @@
-//! Where the last label, which has what the others leave, has no voxel near, the others share all there is, or nothing is.
+//! Where the last label, which has what the others leave, has no voxel near, the others share all there is.
 //!
 //! Fields of labels that are smoothed alike leave nothing there. But thin parts stay as the voxels have them, and where three or
 //! four labels meet their wedges are thin: what is missing there counted as the last label's, up to its whole distance off.

@@ -3,6 +3,7 @@
 
 use super::image::{Image, Placement};
 use super::series::{SAME_PLACE_MM, WIDEST_STEPS, along, in_order};
+use crate::resample::median;
 use std::collections::BTreeMap;
 
 /// So many slices of each lie within the range of the other where a scan was repeated; table positions of a sequential scan
@@ -83,9 +84,9 @@ impl Part {
 
     /// The median and the widest step, mm.
     fn steps(&self) -> [f64; 2] {
-        let mut steps: Vec<f64> = self.places.windows(2).map(|w| w[1] - w[0]).collect();
-        steps.sort_by(f64::total_cmp);
-        [steps.get(steps.len() / 2), steps.last()].map(|step| step.copied().unwrap_or(0.0))
+        let steps: Vec<f64> = self.places.windows(2).map(|w| w[1] - w[0]).collect();
+        let widest = steps.iter().copied().fold(0.0, f64::max);
+        [median(steps), widest]
     }
 
     /// Whether acquisitions that should go on in each other leave a gap: overlapping table positions, not a repeated scan.

@@ -6,7 +6,7 @@ use super::unit::Unit;
 use super::{acquisitions, outline, strays};
 use crate::error::{ScanError, SeriesProblem};
 use crate::hash;
-use crate::resample::Stack;
+use crate::resample::{Stack, median};
 use crate::types::{Format, SeriesSummary, Source, orientation};
 use monro_geometry::Vector;
 use std::path::Path;
@@ -210,9 +210,7 @@ impl Series {
     /// Steps along the normal, and their median.
     fn steps(&self) -> (Vec<f64>, f64) {
         let steps = self.stack.as_ref().map(Stack::steps).unwrap_or_default();
-        let mut sorted = steps.clone();
-        sorted.sort_by(f64::total_cmp);
-        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+        let median = median(steps.clone());
         (steps, median)
     }
 

@@ -2,8 +2,10 @@
 
 use super::bisect::{Cuts, Fine, P, key};
 use super::held::{self, Before};
+use super::sphere::axpy;
 use super::{Coarse, EmbeddedRod, SphereContact, StaticProblem};
 use crate::membrane;
+use crate::physical::elastic::sub;
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -237,9 +239,12 @@ fn zones(problem: &StaticProblem, fine: &Fine, moved: Option<&[Vector<Patient>]>
         tool: ("rod", i),
     });
     let outer = outer_faces(fine);
-    let moved = moved.filter(|m| m.len() == fine.points.len());
+    let there: Vec<P> = match moved {
+        Some(moved) => fine.points.iter().zip(moved).map(|(&p, d)| axpy(p, 1.0, d.to_array())).collect(),
+        None => fine.points.clone(),
+    };
     let contacts = problem.contacts.iter().enumerate().filter_map(|(i, c)| {
-        let Met { depth, way } = met(c, (fine, &outer), moved)?;
+        let Met { depth, way } = met(c, (fine, &outer), &there)?;
         let size = (CONTACT_SIZE * (c.radius_mm * depth).sqrt()).clamp(c.radius_mm / 40.0, c.radius_mm / 5.0);
         Some(Zone { ends: way, radius: c.radius_mm, size, surface: false, given_mm: 0.0, tool: ("sphere", i) })
     });
@@ -254,24 +259,22 @@ struct Met {
     way: [P; 2],
 }
 
-/// `None` when the sphere stays outside.
-fn met(c: &SphereContact, (fine, outer): (&Fine, &[[u32; 3]]), moved: Option<&[Vector<Patient>]>) -> Option<Met> {
-    let carried = |v: u32| moved.map_or([0.0; 3], |m| m[v as usize].to_array());
-    let add = |a: P, s: f64, b: P| -> P { core::array::from_fn(|k| a[k] + s * b[k]) };
-    let points: Vec<P> = (0..fine.points.len() as u32).map(|v| add(fine.points[v as usize], 1.0, carried(v))).collect();
+/// `None` when the sphere stays outside of the body, whose points are `there` when it comes.
+fn met(c: &SphereContact, (fine, outer): (&Fine, &[[u32; 3]]), there: &[P]) -> Option<Met> {
     let centre = c.to.to_array();
     let distance2 = |f: &[u32; 3]| {
-        let [p, q, r] = f.map(|v| points[v as usize].map(|x| x as f32));
+        let [p, q, r] = f.map(|v| there[v as usize].map(|x| x as f32));
         crate::contact::closest::point_triangle(centre.map(|x| x as f32), [p, q, r], 0.0).distance2
     };
     let (near2, face) = outer.iter().map(|f| (distance2(f), f)).min_by(|a, b| a.0.total_cmp(&b.0))?;
     let near = f64::from(near2.sqrt());
-    let inside = holder(&points, &fine.tets, centre).is_some();
+    let inside = holder(there, &fine.tets, centre).is_some();
     if !inside && near >= c.radius_mm {
         return None;
     }
     let depth = if inside { c.radius_mm + near } else { c.radius_mm - near };
-    let end = face.iter().fold(centre, |end, &v| add(end, -1.0 / 3.0, carried(v)));
+    let carried = |v: u32| sub(there[v as usize], fine.points[v as usize]);
+    let end = face.iter().fold(centre, |end, &v| axpy(end, -1.0 / 3.0, carried(v)));
     Some(Met { depth, way: [c.from.to_array(), end] })
 }
 
@@ -350,7 +353,7 @@ mod tests {
         let at = |z: f64| {
             let (from, to) = (Point::new(10.0, 9.0, 40.0), Point::new(10.0, 9.0, z));
             let sphere = SphereContact { radius_mm: 5.0, friction: 0.0, from, to };
-            met(&sphere, (&fine, &outer_faces(&fine)), None).map(|m| m.depth)
+            met(&sphere, (&fine, &outer_faces(&fine)), &fine.points).map(|m| m.depth)
         };
         for (z, expected) in [(26.0, None), (22.0, Some(3.0)), (17.0, Some(8.0))] {
             match (at(z), expected) {

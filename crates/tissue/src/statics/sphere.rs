@@ -66,7 +66,7 @@ fn norm(a: D3) -> f64 {
     dot(a, a).sqrt()
 }
 
-fn axpy(a: D3, s: f64, b: D3) -> D3 {
+pub(super) fn axpy(a: D3, s: f64, b: D3) -> D3 {
     core::array::from_fn(|k| a[k] + s * b[k])
 }
 
@@ -117,7 +117,7 @@ impl Touch {
 impl Sphere {
     fn touch(&self, i: usize, site: &Site, x: D3) -> Option<Touch> {
         let out = sub(x, self.centre);
-        let far = dot(out, out).sqrt();
+        let far = norm(out);
         let pressure = self.pressure[i] + site.penalty * (site.reach * self.radius - far);
         if pressure <= 0.0 || far == 0.0 {
             return None;
@@ -131,7 +131,7 @@ impl Sphere {
             axpy(drift, -dot(drift, normal), normal)
         });
         let (held, limit) = (self.held[i].is_some(), self.friction * self.pressure[i]);
-        Some(Touch { normal, pressure, held, drift, slid: dot(drift, drift).sqrt(), limit })
+        Some(Touch { normal, pressure, held, drift, slid: norm(drift), limit })
     }
 
     /// What may still reach in, mm.
@@ -314,7 +314,7 @@ impl Spheres {
             let vertices = self.sites.iter().filter(|v| v.reach == 1.0);
             let deep = vertices.filter_map(|v| {
                 let out = sub(v.at(x), s.centre);
-                let far = dot(out, out).sqrt();
+                let far = norm(out);
                 let inside = s.radius - far > REACH * s.radius;
                 (inside && v.firm(out.map(|o| o / far.max(f64::MIN_POSITIVE)))).then_some(s.radius - far)
             });

@@ -1,17 +1,11 @@
 //! The equilibrium solver against closed forms.
 
-use crate::common::{self, block, nodes, options, physical};
+use crate::common::{self, block, material, nodes, options};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 use monro_tissue::{
     Finer, Material, Model, ModelOptions, Pressure, StaticError, StaticOptions, StaticProblem, StaticSolution, Stop,
     Support, equilibrium,
 };
-
-fn material(poisson: f64) -> ModelOptions {
-    let mut o = options(physical(), &[]);
-    o.materials.insert(4, Material { poisson, ..Material::BRAIN });
-    o
-}
 
 /// The mesh with its inner vertices pushed about, so that nothing is exact by symmetry.
 fn shaken(mut mesh: TetMesh, size: f64, amount: f64) -> TetMesh {

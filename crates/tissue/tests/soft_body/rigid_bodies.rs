@@ -1,17 +1,11 @@
 //! The equilibrium solver with rods and spheres, against closed forms.
 
-use crate::common::{block, nodes, options, physical};
+use crate::common::{block, material, nodes};
 use monro_geometry::{Point, TetMesh, Vector};
 use monro_tissue::{
     EmbeddedRod, Finer, Material, Model, ModelOptions, Pressure, SphereContact, StaticError, StaticOptions,
     StaticProblem, StaticSolution, Stop, Support, equilibrium,
 };
-
-fn material(poisson: f64) -> ModelOptions {
-    let mut o = options(physical(), &[]);
-    o.materials.insert(4, Material { poisson, ..Material::BRAIN });
-    o
-}
 
 fn solve(mesh: &TetMesh, o: &ModelOptions, problem: &StaticProblem) -> StaticSolution {
     let solved = equilibrium(mesh, o, problem, &StaticOptions::default(), &mut || true).expect("solved");

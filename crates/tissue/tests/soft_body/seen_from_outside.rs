@@ -1,16 +1,8 @@
 //! Forces that must not depend on who moves, nor on how coarse the mesh was that a question was asked on.
 
-use crate::common::{block, nodes, options, physical};
+use crate::common::{block, material, nodes};
 use monro_geometry::{Point, Vector};
-use monro_tissue::{
-    Finer, Material, ModelOptions, SphereContact, StaticOptions, StaticProblem, StaticSolution, Support, equilibrium,
-};
-
-fn material(poisson: f64) -> ModelOptions {
-    let mut o = options(physical(), &[]);
-    o.materials.insert(4, Material { poisson, ..Material::BRAIN });
-    o
-}
+use monro_tissue::{Finer, SphereContact, StaticOptions, StaticProblem, StaticSolution, Support, equilibrium};
 
 /// A block of 40 x 40 x 30 mm and a sphere of 10 mm above it that move `way` towards each other: the block's base this share of
 /// it, the sphere the rest.

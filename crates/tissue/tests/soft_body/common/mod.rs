@@ -80,6 +80,13 @@ pub(crate) fn options(mode: Mode, fixed: &[u32]) -> ModelOptions {
     }
 }
 
+/// The same in physical mode with nothing fixed, and a brain of this Poisson's ratio.
+pub(crate) fn material(poisson: f64) -> ModelOptions {
+    let mut o = options(physical(), &[]);
+    o.materials.insert(4, Material { poisson, ..Material::BRAIN });
+    o
+}
+
 /// Paper mode.
 pub(crate) fn paper() -> Mode {
     Mode::Paper(PaperOptions::default())
