@@ -7,6 +7,7 @@
 use super::fields::{ABSENT, LabelFields};
 use super::lattice::PackedMap;
 use super::quality::quality;
+use super::repair;
 use super::vec3::{V3, add, distance, lerp, scale};
 use monro_geometry::by_point;
 
@@ -46,8 +47,12 @@ pub(super) fn cut_all(points: Vec<V3>, tets: Vec<[u32; 4]>, mut pinned: Vec<bool
         let (plus, minus) = if s == 0 { (PENDING, OUTSIDE) } else { ((s - 1) as u8, PENDING) };
         Cut::new(&mut mesh, &mut pinned, fields, s).run(plus, minus);
         if s == 0 {
-            let order = drop_outside(&mut mesh);
-            pinned = order.iter().map(|&v| pinned[v as usize]).collect();
+            drop_with(&mut mesh, &mut pinned);
+            // Bodies are parted before it is asked whose what spans the gap between them is: cut in two it leaves crumbs.
+            if fields.surfaces() > 1 {
+                repair::part(&mut mesh, &mut pinned.clone());
+                drop_with(&mut mesh, &mut pinned);
+            }
         }
     }
     give_rest(&mut mesh, fields);
@@ -64,6 +69,12 @@ fn give_rest(mesh: &mut RawMesh, fields: &LabelFields) {
         let there = if is_near { None } else { fields.label_at(scale(corners.into_iter().fold([0.0; 3], add), 0.25)) };
         mesh.labels[t] = there.map_or(rest, |l| l as u8);
     }
+}
+
+/// Removes elements labelled [`OUTSIDE`], and points no longer used with what is known of them.
+fn drop_with(mesh: &mut RawMesh, pinned: &mut Vec<bool>) {
+    let order = drop_outside(mesh);
+    *pinned = order.iter().map(|&v| pinned[v as usize]).collect();
 }
 
 /// Removes elements labelled [`OUTSIDE`] and points no longer used; returns the old number of each point.

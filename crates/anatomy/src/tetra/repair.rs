@@ -48,21 +48,44 @@ pub(super) fn repair(mesh: &mut RawMesh, labels: u8, crumb: f64, holds: impl Fn(
         if round == 0 {
             points = r.points_of_faces();
         } else {
-            points.extend(r.changed.iter().flat_map(|&t| r.mesh.tets[t as usize]));
+            points.extend(r.points_of_changed());
             points.sort_unstable();
             points.dedup();
         }
         r.changed.clear();
-        r.pinches(&points, round >= GENTLE);
+        r.pinches(&points, |r, star, outside| r.unpinch(star, outside, round >= GENTLE));
         if r.changed.is_empty() {
             break;
         }
-        points = r.changed.iter().flat_map(|&t| r.mesh.tets[t as usize]).collect();
+        points = r.points_of_changed();
     }
     if mesh.labels.contains(&OUTSIDE) {
         drop_outside(mesh);
     }
     given
+}
+
+/// Labels elements [`OUTSIDE`] where all that is meshed, or what lies around it, meets itself in a point or edge only: those that
+/// span a narrow gap. Points on the surface, `outer`, are given; those that come to lie on it are added.
+pub(super) fn part(mesh: &mut RawMesh, outer: &mut [bool]) {
+    while part_at(mesh, outer) {}
+}
+
+/// The same at the points given; whether there were any such elements.
+fn part_at(mesh: &mut RawMesh, outer: &mut [bool]) -> bool {
+    // All that is around these points, which is all that is asked for: most elements lie further in.
+    let touches = |&t: &usize| mesh.labels[t] != OUTSIDE && mesh.tets[t].iter().any(|&v| outer[v as usize]);
+    let shell: Vec<usize> = (0..mesh.tets.len()).filter(touches).collect();
+    let tets = shell.iter().map(|&t| mesh.tets[t]).collect();
+    let mut raw = RawMesh { points: mesh.points.clone(), tets, labels: vec![0; shell.len()] };
+    let points: Vec<u32> = (0..).zip(&*outer).filter(|&(_, &o)| o).map(|(v, _)| v).collect();
+    Repair::new(&mut raw).pinches(&points, Repair::unpinch_all);
+    let gone: Vec<usize> = (0..shell.len()).filter(|&t| raw.labels[t] == OUTSIDE).collect();
+    for &t in &gone {
+        mesh.labels[shell[t]] = OUTSIDE;
+        raw.tets[t].iter().for_each(|&v| outer[v as usize] = true);
+    }
+    !gone.is_empty()
 }
 
 /// Elements labelled [`OUTSIDE`] meanwhile count as not there.
@@ -101,6 +124,11 @@ impl<'a> Repair<'a> {
     fn relabel(&mut self, t: u32, label: u8) {
         self.mesh.labels[t as usize] = label;
         self.changed.push(t);
+    }
+
+    /// Points of the elements relabelled since the last look, some more than once.
+    fn points_of_changed(&self) -> Vec<u32> {
+        self.changed.iter().flat_map(|&t| self.mesh.tets[t as usize]).collect()
     }
 
     /// The connected pieces of the labels.
@@ -216,8 +244,8 @@ impl<'a> Repair<'a> {
         new.into_iter().for_each(|(t, l)| self.relabel(t, l));
     }
 
-    /// Relabels the smaller part of a label, or of its complement, around each of the points where it is in two pieces.
-    fn pinches(&mut self, points: &[u32], firmly: bool) {
+    /// Has what is in two pieces around each of the points relabelled, where labels or the outside meet there.
+    fn pinches(&mut self, points: &[u32], unpinch: impl Fn(&mut Self, &[u32], &[Vec<u32>])) {
         let mut star = Vec::new();
         for &v in points {
             star.clear();
@@ -226,7 +254,7 @@ impl<'a> Repair<'a> {
             let outside = self.outside_pieces(v, &star);
             if !outside.is_empty() || star.iter().any(|&t| self.label(t) != self.label(first)) {
                 (0u32..).zip(&star).for_each(|(a, &t)| self.place[t as usize] = a);
-                self.unpinch(&star, &outside, firmly);
+                unpinch(self, &star, &outside);
                 star.iter().for_each(|&t| self.place[t as usize] = OUT);
             }
         }
@@ -268,7 +296,7 @@ impl<'a> Repair<'a> {
         let commonest = labels.chunk_by(|a, b| a == b).max_by_key(|c| c.len()).map_or(OUTSIDE, |c| c[0]);
         labels.dedup();
         for &l in &labels {
-            let Some((elements, to)) = self.to_relabel(star, l, outside) else { continue };
+            let Some((elements, to)) = self.to_relabel(star, Some(l), outside) else { continue };
             if firmly && labels.len() > 1 {
                 star.iter().for_each(|&t| self.relabel(t, commonest));
             } else {
@@ -276,14 +304,24 @@ impl<'a> Repair<'a> {
             }
             return;
         }
+        self.unpinch_all(star, outside);
     }
 
-    /// Around a point, what to relabel where label `l` or the rest is in several pieces (as places in `star`): the smallest
-    /// piece of the label, else the smallest of the rest that has nothing of the outside, else what parts two pieces of the
+    /// Looks at one point for all labels together against the outside.
+    fn unpinch_all(&mut self, star: &[u32], outside: &[Vec<u32>]) {
+        if !outside.is_empty()
+            && let Some((elements, to)) = self.to_relabel(star, None, outside)
+        {
+            elements.into_iter().for_each(|a| self.relabel(star[a as usize], to));
+        }
+    }
+
+    /// Around a point, what to relabel where label `l` (`None`: all of them) or the rest is in several pieces (as places in
+    /// `star`): the smallest piece of the label, else the smallest of the rest that has nothing of the outside, else what parts two pieces of the
     /// outside.
-    fn to_relabel(&self, star: &[u32], l: u8, outside: &[Vec<u32>]) -> Option<(Vec<u32>, u8)> {
+    fn to_relabel(&self, star: &[u32], l: Option<u8>, outside: &[Vec<u32>]) -> Option<(Vec<u32>, u8)> {
         let n = star.len();
-        let inside = |a: u32| self.label(star[a as usize]) == l;
+        let inside = |a: u32| l.is_none_or(|l| self.label(star[a as usize]) == l);
         let mut sets = self.pieces(star, inside, outside);
         let open: Vec<u32> = (0..outside.len()).map(|k| sets.root((n + k) as u32)).collect();
         let mut pieces: Vec<(f64, u32, bool)> = Vec::new();
@@ -303,7 +341,7 @@ impl<'a> Repair<'a> {
         let fillable = pieces.iter().filter(|p| p.2 == side && !open.contains(&p.1));
         match fillable.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))) {
             Some(&(_, root, _)) => {
-                let to = if side { self.other_label(star, l) } else { l };
+                let to = l.map_or(OUTSIDE, |l| if side { self.other_label(star, l) } else { l });
                 Some(((0..n as u32).filter(|&a| sets.root(a) == root).collect(), to))
             }
             None => Some((self.between(star, &outside[0], |a| outside[1..].iter().any(|o| o.contains(&a)))?, OUTSIDE)),

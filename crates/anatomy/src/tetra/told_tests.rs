@@ -32,19 +32,6 @@ fn two_cubes(high: [usize; 3]) -> Volume<u8> {
     labelled([1.0; 3], |v| u8::from(cube(v, [10; 3])) + 2 * u8::from(cube(v, high)))
 }
 
-#[test]
-fn two_cubes_of_two_labels_that_share_an_edge_are_not_two_manifold_together() {
-    let labels = two_cubes([22, 22, 10]);
-    let (_, report) = mesh(&labels, &MeshOptions::new(&[1, 2], &[1, 2], 5_000)).expect("a mesh");
-    assert!(report.labels.iter().all(|l| l.surface.manifold && l.surface.closed), "{report:#?}");
-    let at = report.outer.pinched_at.expect("not two-manifold");
-    assert!(at[0].hypot(at[1]) < 2.5 && !report.outer.manifold, "{at:?}");
-    assert!(told(&report, &["all labels together", "not two-manifold"]), "{:?}", report.remarks);
-    let refused = mesh(&labels, &strict(&[1, 2], 5_000)).expect_err("refused");
-    assert_eq!(refused, MeshError::Topology { surface: Boundary::Outer, at });
-    assert!(refused.to_string().contains("share only an edge or a corner"), "{refused}");
-}
-
 /// With more elements, a voxel that fields cannot hold made all labels coarse regions for "too few elements".
 #[test]
 fn a_single_stray_voxel_is_no_reason_for_coarse_regions() {
@@ -76,11 +63,44 @@ fn a_density_that_is_missed_is_told_with_what_came_of_it() {
     assert!(ratio > 4.0 && !remarks.iter().any(|r| r.contains("a volume of it")), "{ratio}: {remarks:?}");
 }
 
+/// Those that share an edge, which are joined as voxels, were not two-manifold together.
 #[test]
-fn two_cubes_of_two_labels_that_share_a_corner_come_apart() {
-    let (_, report) = mesh(&two_cubes([22; 3]), &MeshOptions::new(&[1, 2], &[1, 2], 5_000)).expect("a mesh");
-    let SurfaceReport { euler, surfaces, closed, manifold, pinched_at, .. } = report.outer;
-    assert_eq!((euler, surfaces, closed, manifold, pinched_at), (4, 2, true, true, None));
+fn two_cubes_of_two_labels_that_share_an_edge_or_a_corner_come_apart() {
+    for (high, joined) in [([22, 22, 10], true), ([22; 3], false)] {
+        let (_, report) = mesh(&two_cubes(high), &MeshOptions::new(&[1, 2], &[1, 2], 5_000)).expect("a mesh");
+        let SurfaceReport { euler, surfaces, closed, manifold, pinched_at, .. } = report.outer;
+        assert_eq!((euler, surfaces, closed, manifold, pinched_at), (4, 2, true, true, None), "{high:?}");
+        assert_eq!(
+            told(&report, &["all labels together", "it has other pieces"]),
+            joined,
+            "{:?}",
+            report.all_remarks()
+        );
+    }
+}
+
+/// Discs with gaps of two voxels, and a ball far larger; the gaps were spanned by elements that were cut in two, left crumbs
+/// (111 pieces of one disc) and a surface that met itself in 78 edges and 160 points, 3 to 6 mm off.
+#[test]
+fn bodies_of_different_labels_two_voxels_apart_were_joined_across_the_gap() {
+    let grid = Grid::axis_aligned([60, 60, 148], [1.5; 3], [0.0; 3]).expect("grid");
+    let label = |[i, j, k]: [usize; 3]| {
+        let (x, y, z) = (i as f64 - 30.0, j as f64 - 30.0, k as f64);
+        let (disc, height) = (k.saturating_sub(8) / 17, k.saturating_sub(8) % 17);
+        let is_disc = k >= 8 && disc < 4 && height < 15 && (x / 14.0).powi(2) + (y / 11.0).powi(2) < 1.0;
+        let is_ball = x * x + y * y + (z - 118.0).powi(2) < 26.0f64.powi(2);
+        if is_ball { 11 } else { (12 + disc as u8) * u8::from(is_disc) }
+    };
+    let labels = Volume::new(grid, (0..grid.len()).map(|at| label(grid.voxel(at))).collect()).expect("count");
+    let keep = [11, 12, 13, 14, 15];
+    for (elements, most) in [(10_000, 2.5), (30_000, 1.5)] {
+        let (_, report) = mesh(&labels, &MeshOptions::new(&keep, &keep, elements)).expect("a mesh");
+        let SurfaceReport { euler, surfaces, closed, manifold, .. } = report.outer;
+        assert_eq!((euler, surfaces, closed, manifold), (10, 5, true, true), "{elements}");
+        assert!(report.all_remarks().is_empty(), "{:?}", report.all_remarks());
+        let far = report.labels.iter().filter_map(|l| l.interface).map(|i| i.max).fold(0.0, f64::max);
+        assert!(far < most, "{far} mm at {elements}");
+    }
 }
 
 #[test]
@@ -361,11 +381,11 @@ fn furrows_whose_walls_only_graze_each_other_passed_strict_without_a_word() {
         if far >= 26.0 || (furrow && far > 14.0) { 0 } else { 1 + u8::from(far < 12.0) }
     });
     let labels = Volume::new(grid, labels.collect()).expect("count");
-    let (_, report) = mesh(&labels, &MeshOptions::new(&[1, 2], &[1, 2], 12_000)).expect("a mesh");
+    let (_, report) = mesh(&labels, &MeshOptions::new(&[1, 2], &[1, 2], 20_000)).expect("a mesh");
     let found = report.self_crossing.expect("crossing");
     assert!(report.overlap.is_none() && found.pairs > 0, "{found:?}");
     assert!(told(&report, &["passes through itself", "narrow gap"]), "{:?}", report.all_remarks());
-    assert!(matches!(mesh(&labels, &strict(&[1, 2], 12_000)).expect_err("refused"), MeshError::SelfCrossing(_)));
+    assert!(matches!(mesh(&labels, &strict(&[1, 2], 20_000)).expect_err("refused"), MeshError::SelfCrossing(_)));
 }
 
 #[test]
