@@ -16,6 +16,14 @@ pub enum StagingError {
     /// It must not be.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// Nothing can be written where it is to be.
+    #[error("no folder can be made in {place}: {error}; choose another place for the output")]
+    Place {
+        /// The folder that it would lie in.
+        place: PathBuf,
+        /// The reason.
+        error: io::Error,
+    },
     /// The file system refused.
     #[error("{path}: {error}")]
     Io {
@@ -49,7 +57,8 @@ impl Staging {
         let named = target.to_owned();
         let target = real(target).map_err(|error| StagingError::Io { path: named.clone(), error })?;
         let parent = target.parent().unwrap_or(Path::new("/")).to_owned();
-        fs::create_dir_all(&parent).map_err(|error| StagingError::Io { path: parent.clone(), error })?;
+        let refused = |error| StagingError::Place { place: parent.clone(), error };
+        fs::create_dir_all(&parent).map_err(refused)?;
         let mut name = OsString::from(".");
         name.push(target.file_name().unwrap_or_default());
         name.push(".partial-");
@@ -57,7 +66,7 @@ impl Staging {
         name.push(std::process::id().to_string());
         let temporary = parent.join(name);
         remove_leftovers(&parent, &name_of_all)?;
-        fs::create_dir(&temporary).map_err(|error| StagingError::Io { path: temporary.clone(), error })?;
+        fs::create_dir(&temporary).map_err(refused)?;
         Ok(Self { temporary, named, target, force, kind: *kind, finished: false })
     }
 
@@ -163,6 +172,18 @@ mod tests {
         staging.finish().expect("finish");
         assert_eq!(fs::read(out.join("case.toml")).expect("file"), b"1");
         assert_eq!(fs::read_dir(dir.path()).expect("list").count(), 1);
+    }
+
+    #[test]
+    fn a_place_where_nothing_can_be_made_was_told_as_a_file_that_is_missing() {
+        let dir = tempfile::tempdir().expect("temp");
+        let file = dir.path().join("file");
+        fs::write(&file, b"").expect("file");
+        let refused = Staging::begin(&file.join("case"), false, &CASE, &[]).expect_err("refused").to_string();
+        assert!(
+            refused.contains(file.to_str().expect("text")) && refused.contains("choose another place"),
+            "{refused}"
+        );
     }
 
     #[test]

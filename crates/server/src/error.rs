@@ -60,6 +60,9 @@ pub enum ServeError {
         /// The reason.
         error: io::Error,
     },
+    /// A folder of recordings.
+    #[error("{0} is a folder; give one of the recordings in it, a file that ends in .mnrs")]
+    ManyRecordings(PathBuf),
     /// The recording is damaged.
     #[error(transparent)]
     Log(#[from] LogError),

@@ -48,6 +48,9 @@ pub fn replay(
     mut each: impl FnMut(&serde_json::Value),
     mut progress: impl FnMut(f64),
 ) -> Result<Replayed, ServeError> {
+    if recording.is_dir() {
+        return Err(ServeError::ManyRecordings(recording.to_owned()));
+    }
     let named = |error| ServeError::Recording { path: recording.to_owned(), error };
     let file = std::fs::read(recording).map_err(named)?;
     if monro_wire::recording::is_recording(&file) {

@@ -87,7 +87,7 @@ pub enum TrackingError {
         error: io::Error,
     },
     /// An address on this machine cannot be had.
-    #[error("cannot listen on {address}: {error}")]
+    #[error("cannot listen on {address}: {error}; another program may have it: choose another address or port")]
     Listen {
         /// The address.
         address: String,

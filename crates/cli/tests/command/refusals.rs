@@ -27,6 +27,13 @@ fn an_empty_folder_is_no_scan() {
 }
 
 #[test]
+fn a_folder_of_recordings_was_an_error_of_the_system() {
+    let dir = tempfile::tempdir().expect("temp");
+    let said = refusal(&["replay", text(dir.path())]);
+    assert!(said.contains(text(dir.path())) && said.contains("one of the recordings"), "{said}");
+}
+
+#[test]
 fn a_missing_file_was_told_after_all_phantoms_had_been_meshed_and_their_numbers_were_lost() {
     let dir = tempfile::tempdir().expect("temp");
     let missing = dir.path().join("head.nii.gz");
