@@ -6,6 +6,7 @@ mod coarse;
 mod crossed;
 mod crushed;
 mod figures;
+mod misplaced;
 mod output;
 mod restless;
 mod run;

@@ -25,17 +25,21 @@ pub(super) fn remark(run: &Run, rows: &[Row], why: &str) -> Option<String> {
 fn words(span: f64, why: &str, [ways, forces]: [&[f64]; 2]) -> Option<String> {
     let ([low, high], [least, most]) = (range(ways), range(forces));
     let force = match [least, most] {
-        [low, high] if low.is_finite() => format!(", and the force went from {low:.0} to {high:.0} mN"),
+        [low, high] if low.is_finite() => format!("the force went from {low:.0} to {high:.0} mN"),
         _ => String::new(),
     };
-    (high - low > NOTICED_MM || most - least > NOTICED_MN).then(|| {
-        format!(
-            "In the last {span:.1} s, with the catheter still, the target's tissue was {} to {} mm from its place{force}: it has \
-             not come to rest, mostly because {why}, and figures of the end are those of a moment.",
-            small(low),
-            small(high)
-        )
-    })
+    let begin = format!("In the last {span:.1} s, with the catheter still, ");
+    let end = "and figures of the end are those of a moment.";
+    if high - low > NOTICED_MM {
+        let (low, high, and) = (small(low), small(high), if force.is_empty() { "" } else { ", and " });
+        Some(format!(
+            "{begin}the target's tissue was {low} to {high} mm from its place{and}{force}: it has not come to rest, mostly \
+             because {why}, {end}"
+        ))
+    } else {
+        // What is stiff or slow to give way presses on without moving to speak of.
+        (most - least > NOTICED_MN).then(|| format!("{begin}{force}: what it is in has not come to rest, {end}"))
+    }
 }
 
 fn range(of: &[f64]) -> [f64; 2] {
@@ -56,7 +60,10 @@ mod tests {
         assert!(!paper.contains("mN"), "{paper}");
         assert_eq!(of(&[0.201, 0.199, 0.23], &[50.0, 51.0]), None);
         let force = of(&[0.201, 0.199, 0.21], &[50.0, 66.0]).expect("told");
-        assert!(force.contains("from 50 to 66 mN"), "{force}");
+        assert!(
+            force.contains("from 50 to 66 mN") && !force.contains("target") && !force.contains("folded"),
+            "{force}"
+        );
         assert_eq!(of(&[], &[]), None);
     }
 }
