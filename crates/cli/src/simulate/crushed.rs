@@ -2,6 +2,7 @@
 
 use super::Run;
 use super::run::Snapshot;
+use crate::soft_body::LEAST_POISSON;
 use monro_geometry::{Patient, Point, Structure, TetMesh};
 use monro_tissue::Csf;
 use serde_json::{Value, json};
@@ -11,8 +12,6 @@ use std::ops::RangeInclusive;
 const SOUND: RangeInclusive<f64> = 0.5..=2.0;
 /// Below this part of its volume an element of a ventricle is empty.
 const EMPTY: f64 = 0.1;
-/// Poisson's ratio of the brain from which on its elements are to keep their volumes.
-const KEEPS: f64 = 0.45;
 /// Share of the brain in crushed elements beyond which nothing is a result. Insertions into three heads have 0.00 to 0.002 %
 /// of it, pressures of 10 mmHg either way no more, 50 mmHg 0.04 to 0.2 %, one iteration 0.5 to 5 % and 150 mmHg 3.5 %.
 const MOST_CRUSHED: f64 = 5e-3;
@@ -112,7 +111,10 @@ impl Crushed {
                 100.0 * self.empty
             ));
         }
-        let brain = if keeps_volume(run) { self.brain } else { Unsound::NONE };
+        // What is left of a tenth is crushed whatever it is made of.
+        let is_crushed = |(ratio, _): (f64, Point<Patient>)| ratio < EMPTY;
+        let told = keeps_volume(run) || self.brain.worst.is_some_and(is_crushed);
+        let brain = if told { self.brain } else { Unsound::NONE };
         // Ventricles that are drained or filled change as they should.
         let ventricles = if matches!(run.settings.frame.csf, Csf::AtRest) { self.ventricles } else { Unsound::NONE };
         if let Some((ratio, at)) = brain.worst.or(ventricles.worst) {
@@ -147,7 +149,7 @@ fn is_ventricle(label: u16) -> bool {
 
 /// Whether elements of brain are to keep their volumes: in paper mode constraints see to it.
 fn keeps_volume(run: &Run) -> bool {
-    !run.has_units() || run.settings.model.materials.brain.poisson >= KEEPS
+    !run.has_units() || run.settings.model.materials.brain.poisson >= LEAST_POISSON
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! A tip that is not where it is counted to be: walls yield at what materials say, and the mesh knows where they are.
 
 use super::Run;
-use monro_geometry::{Patient, Point, Structure, TetMesh, Vector};
+use monro_geometry::{Patient, Point, Structure, TetLocator, TetMesh, Vector};
 use monro_session::Frame;
 
 /// A tip with the same structure so far around it, mm, touches no wall.
@@ -58,28 +58,13 @@ fn elsewhere(frame: &Frame, mesh: &TetMesh) -> Option<Option<Structure>> {
     (kind(there) != kind(frame.at_tip)).then_some(there)
 }
 
-/// The structure around a point; `None` where there are several, or where their walls are near.
+/// The structure around a point; `None` where there are several, or where their walls are near, or in a broken mesh.
 fn in_the_midst(mesh: &TetMesh, p: Point<Patient>) -> Option<Option<Structure>> {
-    let here = structure_at(mesh, p);
-    let same = |axis: usize| {
-        let mut step = [0.0; 3];
-        step[axis] = CLEAR;
-        let [x, y, z] = step;
-        let step = Vector::new(x, y, z);
-        [p + step, p - step].into_iter().all(|q| structure_at(mesh, q) == here)
-    };
-    (0..3).all(same).then_some(here)
-}
-
-/// The structure at a point, by brute force: some meshes of a run are looked at, at a few points each.
-fn structure_at(mesh: &TetMesh, p: Point<Patient>) -> Option<Structure> {
-    let holds = |t: &usize| {
-        let [a, b, c, d] = mesh.corners(*t);
-        let side = |a: Point<Patient>, b: Point<Patient>, c: Point<Patient>| (b - a).cross(c - a).dot(p - a);
-        let sides = [side(b, d, c), side(a, c, d), side(a, d, b), side(a, b, c)];
-        sides.iter().all(|&s| s >= 0.0) || sides.iter().all(|&s| s <= 0.0)
-    };
-    (0..mesh.tets.len()).find(holds).and_then(|t| Structure::from_label(mesh.labels[t]))
+    let locator = TetLocator::new(mesh).ok()?;
+    let at = |q| locator.locate(q).and_then(|l| Structure::from_label(mesh.labels[l.tet]));
+    let steps = [[CLEAR, 0.0, 0.0], [0.0, CLEAR, 0.0], [0.0, 0.0, CLEAR]].map(|[x, y, z]| Vector::new(x, y, z));
+    let here = at(p);
+    steps.into_iter().all(|s| at(p + s) == here && at(p - s) == here).then_some(here)
 }
 
 #[cfg(test)]
@@ -93,7 +78,7 @@ mod tests {
         let [brain, fluid] = [Structure::Brain, Structure::ThirdVentricle];
         let mesh = TetMesh {
             vertices: vertices.map(Point::from_array).to_vec(),
-            tets: vec![[0, 1, 2, 3], [0, 2, 1, 4]],
+            tets: vec![[0, 2, 1, 3], [0, 1, 2, 4]],
             labels: [brain, fluid].map(|s| u16::from(s.label())).to_vec(),
         };
         let at = |x: f64| in_the_midst(&mesh, Point::new(x, 0.0, -2.0));

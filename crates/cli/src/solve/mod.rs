@@ -8,6 +8,7 @@ mod outcome;
 mod remarks;
 pub(crate) mod scene;
 pub(crate) mod stepping;
+mod thin;
 mod units;
 mod words;
 

@@ -1,7 +1,7 @@
 //! What looks like a mistake in a scene and is none for certain.
 
 use monro_geometry::{TetLocator, TetMesh};
-use monro_tissue::StaticProblem;
+use monro_tissue::{EmbeddedRod, StaticProblem};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 
@@ -29,15 +29,14 @@ const TOLD: [&str; 8] =
 pub(super) fn all(problem: &StaticProblem, sets: &[(String, Vec<u32>)]) -> Vec<String> {
     let held = !problem.supports.is_empty() || !problem.rods.is_empty();
     let loaded = !problem.pressures.is_empty() || problem.body_force_mn_mm3 != [0.0; 3];
-    let pushed = !held && !loaded && problem.contacts.len() == 1;
-    let loose = "nothing holds the body: a sphere by itself only pushes it along; hold a set".to_owned();
-    pushed
-        .then_some(loose)
-        .into_iter()
-        .chain(conflicts(problem, sets))
-        .chain(repeated(problem))
-        .chain(rigid(problem))
-        .collect()
+    let loose = match problem.contacts.len() {
+        n if held || loaded || n == 0 => None,
+        1 => Some("nothing holds the body: a sphere by itself only pushes it along; hold a set".to_owned()),
+        n => Some(format!(
+            "nothing holds the body but {n} spheres, where they touch it: how it lies otherwise is chance; hold a few nodes"
+        )),
+    };
+    loose.into_iter().chain(conflicts(problem, sets)).chain(repeated(problem)).chain(rigid(problem)).collect()
 }
 
 /// Rigid bodies that leave the tissue no room, or are one body.
@@ -62,6 +61,29 @@ fn rigid(problem: &StaticProblem) -> Vec<String> {
         }
     }
     out
+}
+
+/// Rods of which more than half is not in the body.
+pub(super) fn outside(mesh: &TetMesh, problem: &StaticProblem) -> Vec<String> {
+    const SAMPLES: u32 = 200;
+    if problem.rods.is_empty() {
+        return Vec::new();
+    }
+    let Ok(locator) = TetLocator::new(mesh) else { return Vec::new() };
+    let told = |(i, rod): (usize, &EmbeddedRod)| {
+        let [from, to] = rod.ends;
+        let at = |k: u32| from.lerp(to, (f64::from(k) + 0.5) / f64::from(SAMPLES));
+        let out = (0..SAMPLES).filter(|&k| locator.locate(at(k)).is_none()).count();
+        let (length, share) = (from.distance(to), out as f64 / f64::from(SAMPLES));
+        (share > 0.5).then(|| {
+            format!(
+                "of \"embedded_rod\" {i}, {:.4} of {length:.4} mm lie outside of the body and hold nothing; a scene is in metres: \
+                 check its ends if that is not meant",
+                share * length
+            )
+        })
+    };
+    problem.rods.iter().enumerate().filter_map(told).collect()
 }
 
 /// Bodies that lie in each other before anything moves.
@@ -189,7 +211,7 @@ pub(super) fn nothing_to_find(nodes: usize, problem: &StaticProblem) -> Option<S
 mod tests {
     use super::*;
     use monro_geometry::{Point, Vector};
-    use monro_tissue::{EmbeddedRod, SphereContact};
+    use monro_tissue::SphereContact;
 
     #[test]
     fn bodies_that_lie_in_each_other_at_rest_were_solved_without_a_word() {
@@ -201,6 +223,28 @@ mod tests {
         assert_eq!(of(9.5), None);
         let told = of(1.0).expect("told");
         assert!(told.contains("2 element(s) lie in others") && told.contains("do not push on each other"), "{told}");
+    }
+
+    #[test]
+    fn a_rod_that_ends_far_from_the_body_and_a_body_between_two_spheres_were_not_told() {
+        let vertices = [[0.0; 3], [9.0, 0.0, 0.0], [0.0, 9.0, 0.0], [0.0, 0.0, 9.0]].map(Point::from_array).to_vec();
+        let mesh = TetMesh { vertices, tets: vec![[0, 1, 2, 3]], labels: vec![1] };
+        let rod = |end: f64| EmbeddedRod {
+            radius_mm: 0.5,
+            ends: [Point::new(1.0, 1.0, 1.0), Point::new(1.0, 1.0, end)],
+            displacement_mm: Vector::ZERO,
+        };
+        let told = |end: f64| outside(&mesh, &StaticProblem { rods: vec![rod(end)], ..StaticProblem::default() });
+        assert_eq!(told(8.0), Vec::<String>::new());
+        assert!(told(101.0)[0].contains("94.0000 of 100.0000 mm lie outside"), "{:?}", told(101.0));
+        let ball = |x: f64| SphereContact {
+            radius_mm: 2.0,
+            friction: 0.0,
+            from: Point::new(x, 0.0, 0.0),
+            to: Point::new(x, 0.0, 0.0),
+        };
+        let between = StaticProblem { contacts: vec![ball(-2.0), ball(11.0)], ..StaticProblem::default() };
+        assert!(all(&between, &[]).concat().contains("but 2 spheres"), "{:?}", all(&between, &[]));
     }
 
     #[test]

@@ -122,6 +122,7 @@ fn of_case(
     remarks.extend(remarks::nothing_to_find(tets.vertices.len(), &problem));
     remarks.extend(remarks::overlapping(&tets));
     remarks.extend(held::free(&tets, &problem));
+    remarks.extend(remarks::outside(&tets, &problem));
     remarks.extend(held::hinged(&tets, &problem));
     remarks.extend(units::check(&tets, &problem, &sets).with_context(in_case)?);
     remarks.extend(units::weighed(&tets, &problem, &materials).with_context(in_case)?);
@@ -157,7 +158,8 @@ fn pick<'a>(scene: &'a Value, map: &str, what: &str, name: &str) -> Result<&'a V
 }
 
 fn keys(of: &Value) -> String {
-    of.as_object().into_iter().flat_map(Map::keys).map(String::as_str).collect::<Vec<_>>().join(", ")
+    let keys: Vec<&str> = of.as_object().into_iter().flat_map(Map::keys).map(String::as_str).collect();
+    if keys.is_empty() { "none".into() } else { keys.join(", ") }
 }
 
 fn mesh_mm(grid: &UnstructuredGrid, materials: &BTreeMap<u16, Material>) -> Result<TetMesh> {
