@@ -37,6 +37,7 @@ mod tests {
             time_s,
             mesh: TetMesh::default(),
             self_crossing: crossed.then_some(found),
+            misplaced: None,
         };
         [0.1, 0.2, 0.3].into_iter().zip(crossed).map(at).collect()
     }

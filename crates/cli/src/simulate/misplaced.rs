@@ -7,55 +7,52 @@ use monro_session::Frame;
 /// A tip with the same structure so far around it, mm, touches no wall.
 const CLEAR: f64 = 0.5;
 
-/// Moments at which the tip lies in the midst of another structure than the one that it is counted to.
-pub(super) struct Misplaced<'a> {
-    moments: usize,
-    of: usize,
-    first: (&'a Frame, Option<Structure>),
-    /// Whether it is so at the end.
-    pub(super) at_end: bool,
+/// A tip in the midst of another structure than the one that it is counted to.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Misplaced {
+    depth_mm: f64,
+    /// By the mesh.
+    there: Option<Structure>,
+    /// By the walls that have yielded.
+    counted: Option<Structure>,
 }
 
-impl<'a> Misplaced<'a> {
-    /// Of the meshes that were kept; `None` where all agree, and in paper mode, whose forces pierce nothing. One on the way is
-    /// none: just before a wall yields, a tip may be through by a millimetre.
-    pub(super) fn of(run: &'a Run) -> Option<Self> {
-        if !run.has_units() {
-            return None;
-        }
-        let frame = |time_s: f64| run.rows.iter().map(|r| &r.frame).find(|f| f.time_s >= time_s);
-        let looked = run.snapshots.iter().map(|s| frame(s.time_s).and_then(|f| Some((f, elsewhere(f, &s.mesh)?))));
-        let looked: Vec<_> = looked.collect();
-        let found = Self {
-            moments: looked.iter().flatten().count(),
-            of: looked.len(),
-            first: *looked.iter().flatten().next()?,
-            at_end: looked.last().is_some_and(Option::is_some),
-        };
-        (found.at_end || found.moments > 1).then_some(found)
-    }
-
-    /// In words.
-    pub(super) fn words(&self) -> String {
-        let Self { moments, of, first: (frame, there), .. } = self;
-        let name = |s: Option<Structure>| s.map_or("no simulated tissue".into(), Structure::words);
-        format!(
-            "In {moments} of the {of} meshes looked at the tip lies in another structure than the one it is counted to (the first \
-             at {:.1} mm under the skin: in {} by the mesh, in {} by the walls that have yielded): the materials' puncture_force_mn \
-             and puncture_depth_mm let a wall yield that is only touched, or none that is gone through. Do not rely on what is \
-             said of the structures at the tip, nor on CSF.",
-            frame.depth_mm,
-            name(*there),
-            name(frame.at_tip)
-        )
+impl Misplaced {
+    /// In a frame with its mesh; `None` where both agree, or a wall is near.
+    pub(super) fn of(frame: &Frame, mesh: &TetMesh) -> Option<Self> {
+        let kind = |s: Option<Structure>| s.map(Structure::is_ventricle);
+        let (there, counted) = (in_the_midst(mesh, frame.tip)?, frame.at_tip);
+        (kind(there) != kind(counted)).then_some(Self { depth_mm: frame.depth_mm, there, counted })
     }
 }
 
-/// The structure that the tip lies in the midst of, where that is not the one that it is counted to.
-fn elsewhere(frame: &Frame, mesh: &TetMesh) -> Option<Option<Structure>> {
-    let kind = |s: Option<Structure>| s.map(Structure::is_ventricle);
-    let there = in_the_midst(mesh, frame.tip)?;
-    (kind(there) != kind(frame.at_tip)).then_some(there)
+/// At the end of a run.
+pub(super) fn at_end(run: &Run) -> Option<String> {
+    run.snapshots.last()?.misplaced.and_then(|_| words(run))
+}
+
+/// On the way, where it is right at the end. Once is none: just before a wall yields, a tip may be through by a millimetre.
+pub(super) fn on_the_way(run: &Run) -> Option<String> {
+    let often = run.snapshots.iter().filter(|s| s.misplaced.is_some()).count() > 1;
+    let is_right = run.snapshots.last()?.misplaced.is_none();
+    (often && is_right).then(|| words(run)).flatten()
+}
+
+/// How often, and the first; `None` in paper mode, whose forces pierce nothing.
+fn words(run: &Run) -> Option<String> {
+    let found: Vec<Misplaced> = run.snapshots.iter().filter_map(|s| s.misplaced).collect();
+    let Misplaced { depth_mm, there, counted } = found.first().filter(|_| run.has_units())?;
+    let name = |s: &Option<Structure>| s.map_or("no simulated tissue".into(), Structure::words);
+    Some(format!(
+        "In {} of the {} meshes looked at the tip lies in another structure than the one it is counted to (the first \
+         at {depth_mm:.1} mm under the skin: in {} by the mesh, in {} by the walls that have yielded): the materials' \
+         puncture_force_mn and puncture_depth_mm let a wall yield that is only touched, or none that is gone through. Do not \
+         rely on what is said of the structures at the tip, nor on CSF.",
+        found.len(),
+        run.snapshots.len(),
+        name(there),
+        name(counted)
+    ))
 }
 
 /// The structure around a point; `None` where there are several, or where their walls are near, or in a broken mesh.

@@ -1,5 +1,6 @@
 //! The loop over the frames, with its clock.
 
+use super::misplaced::Misplaced;
 use crate::console::Console;
 use anyhow::Result;
 use monro_case::Case;
@@ -34,6 +35,8 @@ pub(crate) struct Snapshot {
     pub(crate) mesh: TetMesh,
     /// Where its boundary, or a wall between structures, passes through itself.
     pub(crate) self_crossing: Option<PassedThrough>,
+    /// Where its tip is not where it is counted to be, on the way in.
+    pub(crate) misplaced: Option<Misplaced>,
 }
 
 /// Frames and some of their meshes.
@@ -226,7 +229,8 @@ fn stretch(
             let what = if begun > 0 { "withdraw" } else { "insert" };
             console.progress(format!("{what}: frame {done} of {total}, depth {:.1} mm", frame.depth_mm));
             let (time_s, mesh) = (frame.time_s, insertion.deformed());
-            snapshots.push(Snapshot { time_s, mesh, self_crossing: None });
+            let misplaced = if begun > 0 { None } else { Misplaced::of(&frame, &mesh) };
+            snapshots.push(Snapshot { time_s, mesh, self_crossing: None, misplaced });
         }
         let walls_now = surfaces.ventricles.points(insertion.origin());
         let wall_mm = walls.iter().zip(walls_now).map(|(rest, now)| rest.distance(now)).fold(0.0, f64::max);

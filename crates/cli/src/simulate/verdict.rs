@@ -2,10 +2,9 @@
 //! the console.
 
 use super::crushed::Crushed;
-use super::misplaced::Misplaced;
 use super::output::small;
 use super::run::Row;
-use super::{KPA_PER_MMHG, Run, beside, coarse, crossed, restless, walls, withdrawal};
+use super::{KPA_PER_MMHG, Run, beside, coarse, crossed, misplaced, restless, walls, withdrawal};
 use crate::soft_body;
 use monro_cli::report::{Finding, Severity};
 use monro_geometry::Structure;
@@ -124,7 +123,7 @@ fn broken(run: &Run) -> Vec<String> {
     }
     out.extend(crossed::at_end(&run.snapshots).map(|c| format!("{c}: not a result. {helps}")));
     out.extend(Crushed::of(run, &run.snapshots).and_then(|c| c.broken(run)).map(|c| format!("{c} {helps}")));
-    out.extend(Misplaced::of(run).filter(|m| m.at_end).map(|m| m.words()));
+    out.extend(misplaced::at_end(run));
     out.extend(undrained(run));
     out
 }
@@ -163,7 +162,7 @@ fn doubts(run: &Run) -> Vec<String> {
             from.depth_mm, to.depth_mm, from.time_s, to.time_s
         ));
     }
-    out.extend(Misplaced::of(run).filter(|m| !m.at_end).map(|m| m.words()));
+    out.extend(misplaced::on_the_way(run));
     out.extend(coarse::remark(&run.rest, &run.plan));
     out.extend(beside::coarse(run));
     out.extend(walls::hasty(run));
