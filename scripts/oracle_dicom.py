@@ -139,6 +139,25 @@ def dicom_encodings(folder):
     same(Ours(series(folder / "rle", values, lps, edit=compress), "--any-size"), hu(values), lps)
 
 
+@case
+def dicom_without_preamble(folder):
+    lps = PLANES["axial"]
+    values = noise((16, 12, 5))
+    for n, syntax in enumerate([EXPLICIT, IMPLICIT]):
+        where = series(folder / str(n), values, lps, syntax=syntax)
+        for file in where.iterdir():
+            data = file.read_bytes()
+            meta = 132 + 12 + int.from_bytes(data[140:144], "little")
+            file.write_bytes(data[meta:])
+        (where / "notes.txt").write_text("\b\0not DICOM" * 40)
+        answer = Ours(where, "--any-size")
+        same(answer, hu(values), lps)
+        require(any("1 of 6 files are not DICOM" in w for w in answer.json["warnings"]), answer.json["warnings"])
+    # GDCM reads data sets of implicit types without a preamble, too.
+    (where / "notes.txt").unlink()
+    same_as_simpleitk(where)
+
+
 def through_itk(compressor):
     """Compresses a slice with GDCM and takes over its codestream."""
 

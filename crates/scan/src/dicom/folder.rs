@@ -1,5 +1,6 @@
 //! All files of a folder, described.
 
+use super::bare::{Begin, NEEDED};
 use super::image::{Found, Identity, Image, describe};
 use crate::error::{Problem, ScanError};
 use crate::shelf::is_volume;
@@ -149,23 +150,25 @@ pub(crate) fn holds_dicom(folder: &Path) -> bool {
 /// Whether a file begins like DICOM.
 pub(crate) fn is_dicom_file(file: &Path) -> bool {
     let mut begin = Vec::new();
-    let read = fs::File::open(file).and_then(|f| f.take(132).read_to_end(&mut begin));
-    read.is_ok() && super::outline::looks_like(&begin)
+    let read = fs::File::open(file).and_then(|f| f.take(NEEDED as u64).read_to_end(&mut begin));
+    read.is_ok() && Begin::of(&begin).is_some()
 }
 
-/// The bytes of a DICOM file; `None` for another file, of which only the beginning is read.
+/// The bytes of a DICOM file, completed where it begins without preamble; `None` for another file, of which only the beginning
+/// is read.
 pub(crate) fn load(file: &Path) -> Result<Option<Vec<u8>>, Problem> {
     let unreadable = |e: std::io::Error| Problem::Unreadable(e.to_string());
     let mut open = fs::File::open(file).map_err(unreadable)?;
     let size = open.metadata().map_err(unreadable)?.len();
-    let mut bytes = Vec::with_capacity(size.min(1 << 20) as usize);
-    open.by_ref().take(132).read_to_end(&mut bytes).map_err(unreadable)?;
-    if !super::outline::looks_like(&bytes) {
-        return Ok(None);
-    }
+    let mut begin = Vec::with_capacity(NEEDED);
+    open.by_ref().take(NEEDED as u64).read_to_end(&mut begin).map_err(unreadable)?;
+    let Some(kind) = Begin::of(&begin) else { return Ok(None) };
     if size > LARGEST_FILE {
         return Err(crate::error::unsupported(format!("a DICOM file of {size} bytes"), "export one file per slice"));
     }
+    let mut bytes = kind.before();
+    bytes.reserve(size.min(1 << 20) as usize);
+    bytes.append(&mut begin);
     open.read_to_end(&mut bytes).map_err(unreadable)?;
     Ok(Some(bytes))
 }

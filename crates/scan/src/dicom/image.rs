@@ -106,14 +106,11 @@ pub(crate) enum Found {
     NotDicom,
 }
 
-/// Describes the images of one file from its header.
+/// Describes the images of one DICOM file (as `folder::load` gives it) from its header.
 ///
 /// # Errors
 /// A DICOM file whose elements are damaged, or an image without the attributes that every image has.
 pub(crate) fn describe(path: &Path, bytes: &[u8]) -> Result<Found, Problem> {
-    if !outline::looks_like(bytes) {
-        return Ok(Found::NotDicom);
-    }
     let outline = outline::outline(bytes)?;
     let object = parse_header(bytes)?;
     let root = Attributes::new(&object);

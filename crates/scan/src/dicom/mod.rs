@@ -1,11 +1,13 @@
 //! DICOM: a folder of files (or one multi-frame file) to a volume, and a volume to a series.
 //!
-//! Read: CT Image Storage and enhanced CT; implicit and explicit VR, deflated, RLE, JPEG (8 bit, lossless), JPEG 2000.
+//! Read: CT Image Storage and enhanced CT; implicit and explicit VR, deflated, RLE, JPEG (8 bit, lossless), JPEG 2000; files
+//! without preamble.
 //! Files may come in any order, under any names, with other series, localizers and other files among them. Refused by
 //! name: JPEG-LS, 12-bit lossy JPEG, colour, MONOCHROME1, images of two patients, gaps beyond three steps and 10 mm.
 
 mod acquisitions;
 mod attributes;
+mod bare;
 mod choose;
 mod codestream;
 mod folder;

@@ -43,12 +43,7 @@ pub(crate) struct Pixels {
     pub(crate) complete: bool,
 }
 
-/// Whether the bytes are a DICOM file (with preamble).
-pub(crate) fn looks_like(bytes: &[u8]) -> bool {
-    bytes.get(128..132) == Some(b"DICM")
-}
-
-/// Walks a DICOM file.
+/// Walks a DICOM file with preamble.
 ///
 /// # Errors
 /// An element that leaves the file, too deep nesting, no transfer syntax.

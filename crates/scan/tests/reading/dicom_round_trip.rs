@@ -67,3 +67,28 @@ fn extreme_values_come_back_and_equal_input_gives_equal_files() {
     assert!(!scan.pseudonym.to_uppercase().contains("NOBODY"));
     assert_eq!(scan.source.description.as_deref(), Some("Digital phantom"));
 }
+
+/// What stands before a data set: preamble and mark, or the file meta information as well (as old archives and captures of a network
+/// leave it out).
+#[test]
+fn files_without_preamble_or_meta_information_are_read_like_those_with() {
+    let volume = sampled(grid([7, 5, 4], [0.6, 0.7, 2.0], [0.1, -0.2, 0.3], [5.0; 3], false));
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let files = write_series(&volume, folder.path(), &SeriesMeta::default()).expect("written");
+    let whole = read(folder.path(), &options()).expect("read back");
+    for cut in [
+        |_: &[u8]| 132,
+        |bytes: &[u8]| 132 + 12 + u32::from_le_bytes(bytes[140..144].try_into().expect("four")) as usize,
+    ] {
+        let bare = tempfile::tempdir().expect("a temporary folder");
+        for file in &files {
+            let bytes = std::fs::read(file).expect("there");
+            let name = file.file_name().expect("a name");
+            std::fs::write(bare.path().join(name), &bytes[cut(&bytes)..]).expect("written");
+        }
+        let scan = read(bare.path(), &options()).expect("read without preamble");
+        assert_eq!(scan.volume.data(), whole.volume.data());
+        assert_eq!(scan.volume.grid(), whole.volume.grid());
+        assert_eq!(scan.warnings, whole.warnings);
+    }
+}
