@@ -16,7 +16,7 @@ impl Model {
     /// Bytes that the model takes, by what they are for.
     pub fn bytes(&self) -> Vec<Held> {
         let mut out = vec![
-            ("nodes", of(&self.rest) + of(&self.mass) + of(&self.number) + of(&self.tethers)),
+            ("nodes", of(&self.rest) + of(&self.mass) + of(&self.number) + of(&self.tethers) + of(&self.abutments)),
             ("elements", of(&self.tets) + of(&self.region) + of(&self.tet_number)),
             ("membranes", self.membranes.bytes()),
             ("sphere tree", self.tree.bytes()),

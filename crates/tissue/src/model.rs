@@ -9,7 +9,7 @@ use crate::physical::PhysicalModel;
 use crate::physical::elastic::Elastic;
 use crate::slabs::Slabs;
 use crate::sphere_tree::SphereTree;
-use crate::vec3::{six_volume, xyz};
+use crate::vec3::{V3, six_volume, unit, xyz};
 use crate::volumes::Volumes;
 use crate::{Material, ModelError, State, validate};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
@@ -28,6 +28,14 @@ pub(crate) struct Tether {
     pub(crate) node: u32,
     /// mN/mm.
     pub(crate) stiffness: f32,
+}
+
+/// A node that lies against a plane through its rest position.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Abutment {
+    pub(crate) node: u32,
+    /// Unit normal of the plane, away from the tissue.
+    pub(crate) outward: V3,
 }
 
 /// A node of which some components do not move.
@@ -65,6 +73,8 @@ pub struct Model {
     pub(crate) regions: Vec<Region>,
     pub(crate) membranes: Membranes,
     pub(crate) tethers: Vec<Tether>,
+    /// Nodes that lie against a plane, in their order.
+    pub(crate) abutments: Vec<Abutment>,
     /// Nodes of which some components do not move, in their order.
     pub(crate) guides: Vec<Guide>,
     pub(crate) tree: SphereTree,
@@ -117,7 +127,7 @@ impl Model {
         for (p, m) in rest.iter_mut().zip(&mass) {
             p[3] = 1.0 / m;
         }
-        let (tethers, guides) = attach(&mut rest, options, &number);
+        let (tethers, abutments, guides) = attach(&mut rest, options, &number);
         let membranes = membrane::find(&tets, &region);
         let tree = SphereTree::new(&rest, &tets);
         let volumes = Volumes::new(&tets, &rest);
@@ -132,7 +142,7 @@ impl Model {
             Mode::Physical(o) => {
                 let of = (&region[..], &regions[..]);
                 let mesh = (&tets[..], &membranes);
-                let model = PhysicalModel::new((&rest, &mass), mesh, of, &slabs, o.nodal_shear);
+                let model = PhysicalModel::new((&rest, &mass, &abutments), mesh, of, &slabs, o.nodal_shear);
                 Solver::Physical(Box::new(model))
             }
         };
@@ -149,6 +159,7 @@ impl Model {
             regions,
             membranes,
             tethers,
+            abutments,
             guides,
             tree,
             volumes,
@@ -377,8 +388,8 @@ fn node_masses(rest: &[[f32; 4]], tets: &[[u32; 4]], region: &[u8], regions: &[R
     mass.into_iter().map(|m| m as f32).collect()
 }
 
-fn attach(rest: &mut [[f32; 4]], options: &ModelOptions, number: &[u32]) -> (Vec<Tether>, Vec<Guide>) {
-    let mut tethers = Vec::new();
+fn attach(rest: &mut [[f32; 4]], options: &ModelOptions, number: &[u32]) -> (Vec<Tether>, Vec<Abutment>, Vec<Guide>) {
+    let (mut tethers, mut abutments) = (Vec::new(), Vec::new());
     let mut held_of = BTreeMap::<u32, [bool; 3]>::new();
     for a in &options.attachments {
         let node = number[a.node as usize];
@@ -386,6 +397,11 @@ fn attach(rest: &mut [[f32; 4]], options: &ModelOptions, number: &[u32]) -> (Vec
             AttachmentKind::Fixed => rest[node as usize][3] = 0.0,
             AttachmentKind::Spring { stiffness_mn_per_mm } => {
                 tethers.push(Tether { node, stiffness: stiffness_mn_per_mm as f32 });
+            }
+            AttachmentKind::Abutting { outward } => {
+                // Validation has made sure that it has a length.
+                let outward = unit(outward.map(|v| v as f32)).unwrap_or_default();
+                abutments.push(Abutment { node, outward });
             }
             AttachmentKind::Guided { held } => {
                 let all = held_of.entry(node).or_default();
@@ -397,7 +413,9 @@ fn attach(rest: &mut [[f32; 4]], options: &ModelOptions, number: &[u32]) -> (Vec
     let mut guides: Vec<Guide> = held_of.into_iter().map(|(node, held)| Guide { node, held }).collect();
     guides.iter().filter(|g| g.held == [true; 3]).for_each(|g| rest[g.node as usize][3] = 0.0);
     guides.retain(|g| rest[g.node as usize][3] > 0.0);
-    (tethers, guides)
+    abutments.retain(|a| rest[a.node as usize][3] > 0.0);
+    abutments.sort_by_key(|a| a.node);
+    (tethers, abutments, guides)
 }
 
 #[cfg(test)]

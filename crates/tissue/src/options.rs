@@ -83,6 +83,12 @@ pub enum AttachmentKind {
         /// Stiffness, mN/mm.
         stiffness_mn_per_mm: f64,
     },
+    /// It lies against a rigid, frictionless plane through its rest position: it slides along it and lifts off, and never goes
+    /// beyond. A node may lie against several. Not for [`crate::equilibrium`], which refuses it.
+    Abutting {
+        /// Normal of the plane, away from the tissue (patient frame); of any length but 0.
+        outward: [f64; 3],
+    },
     /// Some components do not move, the others are free, as on rollers. In paper mode and for [`crate::equilibrium`]; a
     /// [`crate::Model`] in physical mode refuses it.
     Guided {

@@ -394,6 +394,7 @@ impl Stepper {
             }
             self.pull_tethers(model, &mut state.positions, dt);
             self.put_back_guided(model, &mut state.positions);
+            put_before_planes(model, &mut state.positions);
             contact::project(&mut self.couplings, &mut state.positions, dt);
             k = end;
         }
@@ -402,7 +403,8 @@ impl Stepper {
 
     /// Where the iterations from number `k` on end between which nothing else is done.
     fn run(&self, solver: &PaperModel, model: &Model, settings: &FrameSettings, k: u32) -> u32 {
-        let alone = self.couplings.is_empty() && model.tethers.is_empty() && model.guides.is_empty();
+        let held = model.tethers.len() + model.guides.len() + model.abutments.len();
+        let alone = self.couplings.is_empty() && held == 0;
         let ends = |k: &u32| !alone || solver.ends_iterations() || extent(settings, *k) == Extent::Measured;
         (k..settings.iterations).find(ends).map_or(settings.iterations, |last| last + 1)
     }
@@ -484,6 +486,15 @@ impl Stepper {
             inserted_mm: inserted,
             dimpling: memory.press.is_some(),
         }
+    }
+}
+
+/// Puts nodes that have gone beyond the planes they lie against back onto them.
+fn put_before_planes(model: &Model, positions: &mut [[f32; 4]]) {
+    for a in &model.abutments {
+        let p = &mut positions[a.node as usize];
+        let beyond = dot(a.outward, sub(xyz(*p), xyz(model.rest[a.node as usize])));
+        crate::vec3::shift(p, -beyond.max(0.0), a.outward);
     }
 }
 

@@ -1,5 +1,6 @@
 //! Vertex block descent with nodal pressures, in single precision.
 
+use super::abutments::Abutments;
 use super::differences::{DifferenceRows, Differences};
 use super::drift::Drift;
 use super::elastic::Elastic;
@@ -16,7 +17,7 @@ use crate::bytes;
 use crate::contact::Coupling;
 use crate::csf::FluidPressure;
 use crate::fast::{Plans, Pool, Row, Turn, WIDTH, widest};
-use crate::model::{Region, Tether};
+use crate::model::{Abutment, Region, Tether};
 use crate::nodes::Apart;
 use crate::rigid::Rigid;
 use crate::slabs::{self, Round, Slabs};
@@ -38,6 +39,7 @@ pub(crate) struct Descent {
     node_cuts: Vec<usize>,
     pressures: Pressures,
     films: FilmsAround,
+    abutments: Abutments,
     /// Largest coordinate at rest, mm.
     reach: f32,
     /// Mean way of the vertices in a sweep below which the tissue is calm, mm.
@@ -137,8 +139,7 @@ impl<'a> Body<'a> {
 impl Descent {
     pub(crate) fn new(
         elastic: &Elastic,
-        rest: &[[f32; 4]],
-        mass: &[f32],
+        (rest, mass, abutments): (&[[f32; 4]], &[f32], &[Abutment]),
         (region, regions): (&[u8], &[Region]),
         slabs: &Slabs,
     ) -> Self {
@@ -154,6 +155,7 @@ impl Descent {
             node_cuts,
             pressures: Pressures::new(elastic, region, regions),
             films: FilmsAround::new(&elastic.films, rest),
+            abutments: Abutments::new(abutments, rest.len()),
             reach: rest.iter().flat_map(|p| &p[..3]).fold(0f32, |m, v| m.max(v.abs())),
             calm_mm: CALM * mean_edge(&elastic.volume),
             calm_beyond: calm_beyond(free_vertices),
@@ -181,6 +183,7 @@ impl Descent {
             ("averaged shear", self.far.bytes()),
             ("pressures", self.pressures.bytes()),
             ("thin membranes", self.films.bytes()),
+            ("planes that vertices lie against", self.abutments.bytes()),
         ]
     }
 
@@ -204,7 +207,8 @@ impl Descent {
             }
             k = end;
         }
-        if self.free_vertices == body.positions.len() && body.couplings.is_empty() && body.tethers.is_empty() {
+        let alone = body.couplings.is_empty() && body.tethers.is_empty() && !self.abutments.any();
+        if alone && self.free_vertices == body.positions.len() {
             keep_momentum(body.positions, &scratch.target);
             body.volumes.measure(body.positions, body.growth, pool);
         }
@@ -247,7 +251,7 @@ impl Descent {
     fn choose(&self, body: &Body<'_>, scratch: &mut DescentScratch, (anew, predicted_space): (bool, bool)) {
         let DescentScratch { memory, touches, near, calm, active_nodes, .. } = scratch;
         let (couplings, rest) = (&*body.couplings, body.rest);
-        let touching = Touching { touches, films: &self.films, couplings, rest, first: 0 };
+        let touching = Touching { touches, films: &self.films, abutments: &self.abutments, couplings, rest, first: 0 };
         let mean = region::mean_way(memory, self.free_vertices);
         if anew {
             *calm = (mean < self.calm_mm).then_some(self.calm_beyond);
@@ -364,13 +368,13 @@ impl Descent {
             Purpose::Note(region) => Task::Note((&still.damped, region)),
             Purpose::Balance(region) => Task::Balance((&still.damped, region)),
         };
-        let films = &self.films;
+        let (films, abutments) = (&self.films, &self.abutments);
         let [even, odd] = memory;
         let rounds = [&self.rounds[0].0, &self.rounds[1].0];
         let how = (&self.plans, rounds.map(|r| &r.cuts[..]));
         pool.sweeps(how, count, positions, [even, odd], &|Turn { sweep, round, part: i }, vertices, memory| {
             let own = rounds[round].cuts[i]..rounds[round].cuts[i + 1];
-            let touching = Touching { touches, films, couplings, rest, first: own.start };
+            let touching = Touching { touches, films, abutments, couplings, rest, first: own.start };
             let (target, far) = (&target[own.clone()], &far[own]);
             let stream = streams.part(&self.visits, round * self.rounds[0].1.len() + i);
             let substep = Shared { stream, target, far, damping, inertia, pace: pace(sweep), touching };
@@ -486,8 +490,9 @@ mod tests {
             let way = if few(v as u32) { 0.4 } else { drift };
             (0..3).for_each(|a| body.positions[v][a] += way * (0.7 + 0.3 * ((v * (a + 2)) as f32).sin()));
         }
+        let (films, abutments) = (&descent.films, &descent.abutments);
         let touching =
-            Touching { touches: &scratch.touches, films: &descent.films, couplings: &[], rest: &model.rest, first: 0 };
+            Touching { touches: &scratch.touches, films, abutments, couplings: &[], rest: &model.rest, first: 0 };
         descent.choose_near(&mut scratch.near, (&scratch.memory, touching), body.tissue(), Some(0.1));
         if let Some(when) = when {
             descent.press(&mut body, &mut scratch, when, &pool);

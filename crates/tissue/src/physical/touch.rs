@@ -1,5 +1,6 @@
-//! What couplings and springs do to single vertices.
+//! What couplings, springs, thin membranes and planes do to single vertices.
 
+use super::abutments::Abutments;
 use super::film::FilmsAround;
 use super::rings::Batch;
 use crate::contact::{Coupling, Rule};
@@ -57,6 +58,7 @@ impl Touches {
 pub(super) struct Touching<'a> {
     pub(super) touches: &'a Touches,
     pub(super) films: &'a FilmsAround,
+    pub(super) abutments: &'a Abutments,
     pub(super) couplings: &'a [Coupling],
     /// All vertices at rest.
     pub(super) rest: &'a [[f32; 4]],
@@ -78,25 +80,27 @@ impl Touching<'_> {
     /// Whether anything acts on a vertex of the batch.
     #[inline(always)]
     pub(super) fn any(&self, batch: &Batch) -> bool {
-        let somewhere = self.touches.any() || self.films.any();
+        let somewhere = self.touches.any() || self.films.any() || self.abutments.any();
         somewhere && batch.vertices[..batch.count].iter().any(|&v| self.touches(v))
     }
 
     /// Whether anything acts on a vertex.
     #[inline(always)]
     pub(super) fn touches(&self, v: u32) -> bool {
-        self.holds(v) || self.films.on(v)
+        self.holds(v) || self.films.on(v) || self.abutments.on(v)
     }
 
-    /// Adds what couplings, springs and thin membranes do to vertex `v`; `vertices` are those of the part.
+    /// Adds what couplings, springs, thin membranes and planes do to vertex `v`, on which nothing else acts that is not in these
+    /// already; `vertices` are those of the part.
     pub(super) fn act(&self, v: u32, vertices: &[[f32; 4]], g: &mut V3, h: &mut [f32; 6]) {
         let i = v as usize;
         if self.films.on(v) {
             self.films.act(v, (vertices, self.first), (g, h));
         }
+        let way = sub(xyz(vertices[i - self.first]), xyz(self.rest[i]));
         let spring = self.touches.spring[i];
         if spring > 0.0 {
-            *g = axpy(*g, spring, sub(xyz(vertices[i - self.first]), xyz(self.rest[i])));
+            *g = axpy(*g, spring, way);
             (0..3).for_each(|a| h[a] += spring);
         }
         let (first, end) = self.touches.own[i];
@@ -120,6 +124,9 @@ impl Touching<'_> {
                     }
                 }
             }
+        }
+        if self.abutments.on(v) {
+            self.abutments.act(v, way, g, h);
         }
     }
 }

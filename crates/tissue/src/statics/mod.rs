@@ -25,7 +25,7 @@ mod told;
 mod uncertain;
 mod unsymmetric;
 
-use crate::{Attachment, AttachmentKind, Model, ModelOptions};
+use crate::{AttachmentKind, Model, ModelOptions};
 use level::{How, Level};
 use monro_geometry::{Patient, TetMesh, Vector};
 use problem::{outside, validate, with_attachments};
@@ -87,11 +87,9 @@ pub fn equilibrium(
     options: &StaticOptions,
     keep_going: &mut dyn FnMut() -> bool,
 ) -> Result<StaticSolution, StaticError> {
-    let springs = |a: &&Attachment| matches!(a.kind, AttachmentKind::Spring { .. });
-    match model.attachments.iter().filter(springs).count() {
-        0 => {}
-        springs => return Err(StaticError::Springs { springs }),
-    }
+    let count = |is: fn(&AttachmentKind) -> bool| model.attachments.iter().filter(|a| is(&a.kind)).count();
+    let springs = count(|a| matches!(a, AttachmentKind::Spring { .. }));
+    can_hold(springs, count(|a| matches!(a, AttachmentKind::Abutting { .. })))?;
     let problem = &with_attachments(problem, &model.attachments);
     validate(mesh.vertices.len(), problem)?;
     outside(mesh, problem)?;
@@ -104,6 +102,15 @@ pub fn equilibrium(
         level.refine_uncertain(most, &mut how);
     }
     Ok(level.given(mesh, problem))
+}
+
+/// Refuses attachments that only steps know.
+fn can_hold(springs: usize, abutting: usize) -> Result<(), StaticError> {
+    match (springs, abutting) {
+        (0, 0) => Ok(()),
+        (0, nodes) => Err(StaticError::Abutting { nodes }),
+        (springs, _) => Err(StaticError::Springs { springs }),
+    }
 }
 
 impl Model {
@@ -119,9 +126,7 @@ impl Model {
         keep_going: &mut dyn FnMut() -> bool,
     ) -> Result<StaticSolution, StaticError> {
         validate(self.number.len(), problem)?;
-        if !self.tethers.is_empty() {
-            return Err(StaticError::Springs { springs: self.tethers.len() });
-        }
+        can_hold(self.tethers.len(), self.abutments.len())?;
         self.solve(problem, None, options, keep_going)
     }
 

@@ -131,6 +131,15 @@ pub enum StaticError {
         /// How many.
         springs: usize,
     },
+    /// Attachments lie against planes.
+    #[error(
+        "{nodes} attachment(s) lie against planes, which the equilibrium does not know; hold their vertices by supports, or take \
+         steps in time"
+    )]
+    Abutting {
+        /// How many.
+        nodes: usize,
+    },
     /// A support, an attachment or a face names a vertex that does not exist.
     #[error("vertex {vertex} does not exist: the mesh has {vertices}")]
     Vertex {
@@ -243,7 +252,7 @@ pub(super) fn with_attachments(problem: &StaticProblem, attachments: &[Attachmen
         let held = match a.kind {
             AttachmentKind::Fixed => [true; 3],
             AttachmentKind::Guided { held } => held,
-            AttachmentKind::Spring { .. } => return None,
+            AttachmentKind::Spring { .. } | AttachmentKind::Abutting { .. } => return None,
         };
         let taken = supported.get(&a.node).copied().unwrap_or_default();
         let displacement_mm = [0, 1, 2].map(|i| (held[i] && !taken[i]).then_some(0.0));

@@ -1,5 +1,6 @@
 //! The soft body, seen from outside.
 
+mod against_planes;
 mod askew;
 mod attachments;
 mod common;
