@@ -10,6 +10,7 @@ use crate::trackers::{DoctorArgs, FakeTrackerCommand, TrackArgs};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use fields::SOLVE_FIELDS;
 use monro_prepare::DEFAULT_ELEMENTS;
+use monro_session::Skull;
 pub(crate) use path::path;
 pub(crate) use simulate::SimulateArgs;
 use solver::SolverArgs;
@@ -132,6 +133,24 @@ pub(crate) enum ModeArg {
     Paper,
     /// Stiffness in kPa and Poisson's ratio.
     Physical,
+}
+
+/// What the skull does to the surface of the brain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SkullArg {
+    /// It holds it in place.
+    Held,
+    /// The brain slides along it and may leave it.
+    Slides,
+}
+
+impl From<SkullArg> for Skull {
+    fn from(arg: SkullArg) -> Self {
+        match arg {
+            SkullArg::Held => Self::Held,
+            SkullArg::Slides => Self::Slides,
+        }
+    }
 }
 
 #[derive(Debug, Args)]

@@ -46,7 +46,9 @@ fn main() {
     let sampler = DeformedSampler::new(&case.tets, &deformed).expect("a deformed mesh");
     let [width, height] = request.size;
     let pixel = |i: usize| {
-        let hu = ct.trilinear(sampler.rest_position(request.at(i % width, i / width)));
+        let p = request.at(i % width, i / width);
+        // The page shows the CT as it was where no tissue is any more.
+        let hu = ct.trilinear(sampler.rest_position(p).unwrap_or(p));
         hu.map_or(0, |hu| request.grey(hu))
     };
     let greys: Vec<u8> = (0..width * height).map(pixel).collect();

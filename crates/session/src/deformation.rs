@@ -49,6 +49,7 @@ pub(crate) fn at(p: &[f32; 4], origin: Point<Patient>) -> Point<Patient> {
 #[derive(Debug)]
 pub struct DeformedSampler {
     locator: TetLocator,
+    at_rest: TetLocator,
     rest: TetMesh,
     left_out: usize,
 }
@@ -66,7 +67,8 @@ impl DeformedSampler {
             labels: upright.iter().map(|&t| mesh.labels[t]).collect(),
         };
         let left_out = deformed.tets.len() - upright.len();
-        Ok(Self { locator: TetLocator::new(&part(deformed))?, rest: part(rest), left_out })
+        let rest = part(rest);
+        Ok(Self { locator: TetLocator::new(&part(deformed))?, at_rest: TetLocator::new(&rest)?, rest, left_out })
     }
 
     /// Inverted elements, in which positions are not looked up.
@@ -74,12 +76,15 @@ impl DeformedSampler {
         self.left_out
     }
 
-    /// Rest position of the tissue now at `p`; `p` itself outside of the mesh, where nothing moves.
-    pub fn rest_position(&self, p: Point<Patient>) -> Point<Patient> {
-        let Some(found) = self.locator.locate(p) else { return p };
+    /// Rest position of the tissue now at `p`; `p` itself outside of the mesh, where nothing moves; `None` where tissue was and is
+    /// no more.
+    pub fn rest_position(&self, p: Point<Patient>) -> Option<Point<Patient>> {
+        let Some(found) = self.locator.locate(p) else {
+            return self.at_rest.locate(p).is_none().then_some(p);
+        };
         let corners = self.rest.corners(found.tet);
         let sum = corners.iter().zip(found.weights).fold(Vector::ZERO, |s, (c, w)| s + (*c - Point::ORIGIN) * w);
-        Point::ORIGIN + sum
+        Some(Point::ORIGIN + sum)
     }
 }
 
@@ -109,10 +114,12 @@ mod tests {
         let deformed = TetMesh { vertices: rest.vertices.iter().map(|&p| bent(p)).collect(), ..rest.clone() };
         let sampler = DeformedSampler::new(&rest, &deformed).expect("sound");
         for p in [Point::new(0.3, 0.4, 0.5), Point::new(1.9, 1.1, 0.2), Point::new(1.0, 1.0, 1.0)] {
-            assert!(sampler.rest_position(bent(p)).distance(p) < 1e-9, "{p:?}");
+            assert!(sampler.rest_position(bent(p)).is_some_and(|found| found.distance(p) < 1e-9), "{p:?}");
         }
         let far = Point::new(50.0, 0.0, 0.0);
-        assert_eq!(sampler.rest_position(far), far);
+        assert_eq!(sampler.rest_position(far), Some(far));
+        // All of the block has moved away by five millimetres.
+        assert_eq!(sampler.rest_position(Point::new(1.0, 1.0, 1.0)), None);
         assert_eq!(sampler.left_out(), 0);
     }
 
@@ -124,7 +131,7 @@ mod tests {
         let sampler = DeformedSampler::new(&rest, &deformed).expect("sound");
         assert_eq!(sampler.left_out(), 1);
         let p = Point::new(1.9, 1.9, 0.2);
-        assert!(sampler.rest_position(p).distance(p) < 1e-9);
+        assert!(sampler.rest_position(p).is_some_and(|found| found.distance(p) < 1e-9));
     }
 
     #[test]

@@ -253,6 +253,7 @@ impl Frame {
 mod tests {
     use super::*;
     use crate::live::deformation::tests::case;
+    use crate::tissue_model::Skull;
     use monro_guidance::Side;
 
     fn settings() -> InsertionSettings {
@@ -292,6 +293,27 @@ mod tests {
         let pulled = frames[turns..].iter().filter_map(Frame::axial_force_mn).fold(0.0, f64::min);
         assert!(pulled < -1.0, "{pulled} mN");
         assert_eq!(last.step.inverted, 0);
+    }
+
+    /// With a surface that is held, volume that is drained can only come of tissue that is stretched and compressed: the cortex
+    /// did not sink, and most of the suction was for that.
+    #[test]
+    fn what_is_drained_is_left_under_the_skull_that_the_brain_slides_along() {
+        let drained = |skull: Skull| {
+            let frame = FrameSettings { csf: Csf::Drained { ml: 1.0 }, iterations: 40, ..FrameSettings::default() };
+            let model = ModelSettings { skull, ..settings().model };
+            let mut insertion =
+                Insertion::new(&case(), &[], &InsertionSettings { model, frame, ..settings() }).expect("an insertion");
+            let frames = insertion.before()[0];
+            let last = (0..frames).filter_map(|_| insertion.advance().expect("a frame")).last().expect("a frame");
+            let whole_ml = StructureVolumes::new(insertion.rest()).change_ml(insertion.nodes()).iter().sum::<f64>();
+            (last.step.csf_change_ml, whole_ml, last.step.csf_kpa)
+        };
+        let [(held_ml, held_whole_ml, held_kpa), (ml, whole_ml, kpa)] = [Skull::Held, Skull::Slides].map(drained);
+        assert!((held_ml + 1.0).abs() < 0.02 && (ml + 1.0).abs() < 0.02, "{held_ml} {ml}");
+        // Through the burr hole alone; all but what the suction compresses.
+        assert!(held_whole_ml > -0.3 && (whole_ml + 1.0).abs() < 0.1, "{held_whole_ml} {whole_ml}");
+        assert!(kpa < 0.0 && kpa > 0.7 * held_kpa, "{kpa} {held_kpa}");
     }
 
     #[test]

@@ -12,7 +12,7 @@ mod volumes;
 
 pub use deformation::{DeformedSampler, Follower};
 pub use insertion::{Frame, FrameSettings, Insertion, InsertionSettings, Mode};
-pub use tissue_model::{BURR_HOLE_RADIUS_MM, Materials, ModelSettings};
+pub use tissue_model::{BURR_HOLE_RADIUS_MM, HELD_BASE_MM, Materials, ModelSettings, Skull};
 pub use volumes::StructureVolumes;
 
 use monro_geometry::EmbeddingError;

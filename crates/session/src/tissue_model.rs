@@ -1,7 +1,7 @@
 //! What a case's regions are made of, and where the brain is held.
 
 use crate::SessionError;
-use monro_geometry::{Bvh, Patient, Point, Structure, TetMesh, TriangleMesh};
+use monro_geometry::{Bvh, Patient, Point, Structure, TetMesh, TriangleMesh, Vector};
 use monro_guidance::Plan;
 use monro_tissue::{Attachment, AttachmentKind, CollisionResponse, Material, Mode, ModelOptions, ThinMembrane};
 use std::collections::BTreeMap;
@@ -9,6 +9,25 @@ use std::collections::BTreeMap;
 /// Radius of the opening in skull and dura around the path, mm: a twist-drill or small burr hole (5 to 14 mm across).
 /// Inside it the surface of the brain is free.
 pub const BURR_HOLE_RADIUS_MM: f64 = 6.0;
+
+/// The lowest part of the surface, mm in height, that stays held where the skull lets the brain slide: brain stem and cord, or
+/// where the scan is cut.
+pub const HELD_BASE_MM: f64 = 15.0;
+
+/// Rate at which the film and the fine threads between skull and brain slow a sliding surface down, 1/s: a choice, so that the brain
+/// comes to rest within a second. Nobody has measured it, and at rest it bears nothing.
+const SKULL_DRAG_PER_S: f64 = 30.0;
+
+/// What the skull does to the surface of the brain outside of the burr hole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Skull {
+    /// It holds it in place: as long as the fluid around the brain is there, which leaves no gap.
+    #[default]
+    Held,
+    /// The brain slides along it and may leave it, as when fluid around it is lost; but for the lowest [`HELD_BASE_MM`], which are
+    /// held.
+    Slides,
+}
 
 /// How the regions of a case become a soft body.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,12 +38,14 @@ pub struct ModelSettings {
     pub collision: CollisionResponse,
     /// What it is made of.
     pub materials: Materials,
+    /// What the skull does to the brain.
+    pub skull: Skull,
 }
 
 impl ModelSettings {
     /// A mode with tissue that is punctured and cut, and the default materials.
     pub const fn of(mode: Mode) -> Self {
-        Self { mode, collision: CollisionResponse::Insertion, materials: Materials::HEAD }
+        Self { mode, collision: CollisionResponse::Insertion, materials: Materials::HEAD, skull: Skull::Held }
     }
 }
 
@@ -55,15 +76,16 @@ pub(crate) fn options(tets: &TetMesh, openings: &[Point<Patient>], settings: &Mo
     ModelOptions {
         mode: settings.mode,
         materials,
-        attachments: attachments(tets, openings),
+        attachments: attachments(tets, openings, settings.skull),
         collision: settings.collision,
     }
 }
 
-/// Holds the surface outside of the burr holes. Where elements are so large that no vertex lies in one, the nearest is free all
+/// Holds the surface outside of the burr holes, or lets it slide. Where elements are so large that no vertex lies in one, the nearest is free all
 /// the same: held all over, pia cannot dimple, and is punctured as soon as it is touched.
-fn attachments(tets: &TetMesh, openings: &[Point<Patient>]) -> Vec<Attachment> {
-    let mut nodes: Vec<u32> = tets.boundary(|_| true).into_iter().flatten().collect();
+fn attachments(tets: &TetMesh, openings: &[Point<Patient>], skull: Skull) -> Vec<Attachment> {
+    let triangles = tets.boundary(|_| true);
+    let mut nodes: Vec<u32> = triangles.iter().flatten().copied().collect();
     nodes.sort_unstable();
     nodes.dedup();
     let away = |n: u32, from: Point<Patient>| tets.vertices[n as usize].distance(from);
@@ -72,7 +94,18 @@ fn attachments(tets: &TetMesh, openings: &[Point<Patient>]) -> Vec<Attachment> {
     };
     let holes: Vec<_> = openings.iter().map(|&hole| (hole, radius(hole))).collect();
     nodes.retain(|&n| holes.iter().all(|&(hole, radius)| away(n, hole) > radius));
-    nodes.into_iter().map(|node| Attachment { node, kind: AttachmentKind::Fixed }).collect()
+    if skull == Skull::Held {
+        return nodes.into_iter().map(|node| Attachment { node, kind: AttachmentKind::Fixed }).collect();
+    }
+    let normals = TriangleMesh { vertices: tets.vertices.clone(), triangles }.vertex_normals();
+    let height = |n: u32| tets.vertices[n as usize].z;
+    let base = nodes.iter().map(|&n| height(n)).fold(f64::INFINITY, f64::min) + HELD_BASE_MM;
+    let kind = |node: u32| match normals[node as usize] {
+        // Where the surface has no side, nothing can slide along it.
+        outward if height(node) <= base || outward == Vector::ZERO => AttachmentKind::Fixed,
+        outward => AttachmentKind::Abutting { outward: outward.to_array(), drag_per_s: SKULL_DRAG_PER_S },
+    };
+    nodes.into_iter().map(|node| Attachment { node, kind: kind(node) }).collect()
 }
 
 /// Where the path first meets the surface of the simulated tissue, and how deep that is under the entry, mm.
@@ -100,13 +133,33 @@ mod tests {
     #[test]
     fn a_burr_hole_between_the_vertices_of_a_coarse_mesh_had_none_that_was_free() {
         let tets = tets();
-        let held = |opening| attachments(&tets, &[opening]).len();
+        let held = |opening| attachments(&tets, &[opening], Skull::Held).len();
         let mut surface: Vec<u32> = tets.boundary(|_| true).into_iter().flatten().collect();
         surface.sort_unstable();
         surface.dedup();
         // In the middle of four vertices 10 mm apart; on one of them.
         for (opening, free) in [(Point::new(35.0, 35.0, 60.0), 4), (Point::new(30.0, 30.0, 60.0), 1)] {
             assert_eq!(surface.len() - held(opening), free, "{opening:?}");
+        }
+    }
+
+    #[test]
+    fn a_brain_that_slides_is_held_at_its_base_and_lies_against_the_skull_elsewhere() {
+        let tets = tets();
+        let all = attachments(&tets, &[Point::new(30.0, 30.0, 60.0)], Skull::Slides);
+        assert_eq!(all.len(), attachments(&tets, &[Point::new(30.0, 30.0, 60.0)], Skull::Held).len());
+        for a in all {
+            let (p, middle) = (tets.vertices[a.node as usize], Point::new(30.0, 30.0, 30.0));
+            match a.kind {
+                AttachmentKind::Fixed => assert!(p.z <= HELD_BASE_MM, "{p:?}"),
+                AttachmentKind::Abutting { outward, .. } => {
+                    assert!(
+                        p.z > HELD_BASE_MM && (p - middle).dot(Vector::from_array(outward)) > 0.0,
+                        "{p:?} {outward:?}"
+                    );
+                }
+                other => panic!("{other:?}"),
+            }
         }
     }
 

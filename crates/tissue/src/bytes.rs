@@ -16,7 +16,7 @@ impl Model {
     /// Bytes that the model takes, by what they are for.
     pub fn bytes(&self) -> Vec<Held> {
         let mut out = vec![
-            ("nodes", of(&self.rest) + of(&self.mass) + of(&self.number) + of(&self.tethers) + of(&self.abutments)),
+            ("nodes", of(&self.rest) + of(&self.mass) + of(&self.number) + of(&self.tethers) + self.abutments.bytes()),
             ("elements", of(&self.tets) + of(&self.region) + of(&self.tet_number)),
             ("membranes", self.membranes.bytes()),
             ("sphere tree", self.tree.bytes()),
@@ -40,7 +40,7 @@ impl State {
 impl Stepper {
     /// Bytes of the memory to work in, by what they are for; all of it is there after a first step with a tool.
     pub fn bytes(&self) -> Vec<Held> {
-        let copies = self.backup.bytes() + of(&self.previous) + of(&self.tethers) + of(&self.loads);
+        let copies = self.backup.bytes() + of(&self.previous) + of(&self.tethers) + of(&self.loads) + of(&self.against);
         let checks = of(&self.growth) + self.crushed.bytes() + self.nodes.bytes();
         vec![
             ("copies of the state, loads", copies),

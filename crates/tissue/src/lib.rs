@@ -67,6 +67,7 @@
 //! ([`monro_geometry::Walls`] finds where tissue has passed through itself);
 //! tools are rigid and straight.
 
+mod abutments;
 mod bytes;
 mod contact;
 mod csf;

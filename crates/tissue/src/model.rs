@@ -1,5 +1,6 @@
 //! The constant part of a simulation.
 
+use crate::abutments::{Abutment, Abutments};
 use crate::cuts;
 use crate::identity;
 use crate::membrane::{self, Membranes};
@@ -9,7 +10,7 @@ use crate::physical::PhysicalModel;
 use crate::physical::elastic::Elastic;
 use crate::slabs::Slabs;
 use crate::sphere_tree::SphereTree;
-use crate::vec3::{V3, six_volume, unit, xyz};
+use crate::vec3::{six_volume, unit, xyz};
 use crate::volumes::Volumes;
 use crate::{Material, ModelError, State, validate};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
@@ -28,14 +29,6 @@ pub(crate) struct Tether {
     pub(crate) node: u32,
     /// mN/mm.
     pub(crate) stiffness: f32,
-}
-
-/// A node that lies against a plane through its rest position.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Abutment {
-    pub(crate) node: u32,
-    /// Unit normal of the plane, away from the tissue.
-    pub(crate) outward: V3,
 }
 
 /// A node of which some components do not move.
@@ -73,8 +66,8 @@ pub struct Model {
     pub(crate) regions: Vec<Region>,
     pub(crate) membranes: Membranes,
     pub(crate) tethers: Vec<Tether>,
-    /// Nodes that lie against a plane, in their order.
-    pub(crate) abutments: Vec<Abutment>,
+    /// Nodes that lie against a wall.
+    pub(crate) abutments: Abutments,
     /// Nodes of which some components do not move, in their order.
     pub(crate) guides: Vec<Guide>,
     pub(crate) tree: SphereTree,
@@ -129,6 +122,7 @@ impl Model {
         }
         let (tethers, abutments, guides) = attach(&mut rest, options, &number);
         let membranes = membrane::find(&tets, &region);
+        let abutments = Abutments::new(abutments, &membranes, rest.len());
         let tree = SphereTree::new(&rest, &tets);
         let volumes = Volumes::new(&tets, &rest);
         let fine_edge = volumes.fine_edge(FINEST);
@@ -142,7 +136,7 @@ impl Model {
             Mode::Physical(o) => {
                 let of = (&region[..], &regions[..]);
                 let mesh = (&tets[..], &membranes);
-                let model = PhysicalModel::new((&rest, &mass, &abutments), mesh, of, &slabs, o.nodal_shear);
+                let model = PhysicalModel::new((&rest, &mass), mesh, of, &slabs, o.nodal_shear);
                 Solver::Physical(Box::new(model))
             }
         };
@@ -398,10 +392,10 @@ fn attach(rest: &mut [[f32; 4]], options: &ModelOptions, number: &[u32]) -> (Vec
             AttachmentKind::Spring { stiffness_mn_per_mm } => {
                 tethers.push(Tether { node, stiffness: stiffness_mn_per_mm as f32 });
             }
-            AttachmentKind::Abutting { outward } => {
+            AttachmentKind::Abutting { outward, drag_per_s } => {
                 // Validation has made sure that it has a length.
                 let outward = unit(outward.map(|v| v as f32)).unwrap_or_default();
-                abutments.push(Abutment { node, outward });
+                abutments.push(Abutment { node, outward, drag: drag_per_s as f32 });
             }
             AttachmentKind::Guided { held } => {
                 let all = held_of.entry(node).or_default();
@@ -414,7 +408,6 @@ fn attach(rest: &mut [[f32; 4]], options: &ModelOptions, number: &[u32]) -> (Vec
     guides.iter().filter(|g| g.held == [true; 3]).for_each(|g| rest[g.node as usize][3] = 0.0);
     guides.retain(|g| rest[g.node as usize][3] > 0.0);
     abutments.retain(|a| rest[a.node as usize][3] > 0.0);
-    abutments.sort_by_key(|a| a.node);
     (tethers, abutments, guides)
 }
 

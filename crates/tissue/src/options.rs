@@ -84,10 +84,13 @@ pub enum AttachmentKind {
         stiffness_mn_per_mm: f64,
     },
     /// It lies against a rigid, frictionless plane through its rest position: it slides along it and lifts off, and never goes
-    /// beyond. A node may lie against several. Not for [`crate::equilibrium`], which refuses it.
+    /// beyond. A node may lie against several, and one that comes nearer to the rest position of another along the surface lies
+    /// against that one's, so that many make a wall that bends. Not for [`crate::equilibrium`], which refuses it.
     Abutting {
         /// Normal of the plane, away from the tissue (patient frame); of any length but 0.
         outward: [f64; 3],
+        /// Rate at which what lies between wall and node takes the node's velocity, 1/s; 0: without drag. It bears nothing at rest.
+        drag_per_s: f64,
     },
     /// Some components do not move, the others are free, as on rollers. In paper mode and for [`crate::equilibrium`]; a
     /// [`crate::Model`] in physical mode refuses it.

@@ -8,7 +8,7 @@ use monro_geometry::{Patient, Vector};
 
 impl Model {
     /// Force of the attachments on each vertex of the mesh, mN: what holds a fixed vertex against elasticity, gravity and
-    /// the fluid, what a spring pulls with, and a plane presses with; zero at free vertices. `None` in paper mode, whose forces have no unit. The
+    /// the fluid, what a spring pulls and a wall presses with; zero at free vertices. `None` in paper mode, whose forces have no unit. The
     /// energy is taken at the current positions, so the forces are those of a state at rest; viscous ones are left out, and so is what a
     /// tool presses on held vertices themselves.
     pub fn reactions(&self, state: &State, settings: &FrameSettings) -> Option<Vec<Vector<Patient>>> {
@@ -24,14 +24,9 @@ impl Model {
         let mut push = |node: u32, push: V3| (0..3).for_each(|a| force[node as usize][a] -= f64::from(push[a]));
         fluid.add_forces(self, &state.positions, &pressure, &mut push);
         fluid.add_weight(self, &state.positions, &pressure, push);
-        let mut pressed = Vec::with_capacity(self.abutments.len());
-        for a in &self.abutments {
-            // What is missing to balance a node that lies on several planes is borne by one after the other.
-            let (n, left) = (a.outward.map(f64::from), &mut force[a.node as usize]);
-            let along = (0..3).map(|i| left[i] * n[i]).sum::<f64>().min(0.0);
-            (0..3).for_each(|i| left[i] -= along * n[i]);
-            pressed.push((a.node, n.map(|n| along * n)));
-        }
+        let mut at = Vec::new();
+        self.abutments.follow(&state.positions, &self.rest, &mut at);
+        let pressed = self.abutments.pressed(&at, &force);
         let mut held: Vec<D3> = force;
         for (f, p) in held.iter_mut().zip(&self.rest) {
             if p[3] != 0.0 {

@@ -5,6 +5,7 @@
 //! state is checked at one place: if it is not finite, or elements have turned over, it is taken back and tried again with
 //! half the time step.
 
+use crate::abutments::Against;
 use crate::contact::{self, Coupling, Rule, ToolState};
 use crate::csf::FluidSpace;
 use crate::fast::{MOST_THREADS, Pool, Row, widest};
@@ -67,6 +68,8 @@ pub struct Stepper {
     fluid: FluidSpace,
     /// Weight of fluid that has come in since rest, or left, on its nodes, mN.
     pub(crate) loads: Vec<(u32, V3)>,
+    /// For each node the one whose wall it lies against.
+    pub(crate) against: Vec<u32>,
     events: Vec<Event>,
     residual: f32,
     /// Longest way of a node from rest in the state that was measured last, mm.
@@ -106,6 +109,7 @@ impl Stepper {
             descent: DescentScratch::default(),
             fluid: FluidSpace::new(model),
             loads: Vec::new(),
+            against: Vec::new(),
             events: Vec::new(),
             residual: 0.0,
             farthest: 0.0,
@@ -283,6 +287,7 @@ impl Stepper {
         }
         self.touch(model, state, tools, share);
         done(Stage::Collision);
+        model.abutments.follow(&state.positions, &model.rest, &mut self.against);
         self.previous.resize(state.positions.len(), [0.0; 4]);
         match &model.solver {
             Solver::Paper(solver) => {
@@ -293,6 +298,7 @@ impl Stepper {
         }
         let ways = (&state.positions[..], &self.previous[..]);
         self.nodes.set_velocities(ways, &mut state.velocities, dt as f32, &self.pool);
+        model.abutments.slow(&mut state.velocities, dt as f32);
         for (tool, motion) in tools.iter().enumerate() {
             let Some(rod) = pose(model, motion, share) else { continue };
             let memory = &mut state.tools[tool];
@@ -354,6 +360,7 @@ impl Stepper {
             region: &model.region,
             tethers: &model.tethers,
             couplings: &mut self.couplings,
+            against: Against { abutments: &model.abutments, at: &self.against },
         };
         let gravity = settings.gravity_mm_s2.map(|g| g as f32);
         let (iterations, predicted_space) = (settings.iterations, settings.predicted_space);
@@ -394,7 +401,7 @@ impl Stepper {
             }
             self.pull_tethers(model, &mut state.positions, dt);
             self.put_back_guided(model, &mut state.positions);
-            put_before_planes(model, &mut state.positions);
+            model.abutments.put_back(&self.against, &model.rest, &mut state.positions);
             contact::project(&mut self.couplings, &mut state.positions, dt);
             k = end;
         }
@@ -486,15 +493,6 @@ impl Stepper {
             inserted_mm: inserted,
             dimpling: memory.press.is_some(),
         }
-    }
-}
-
-/// Puts nodes that have gone beyond the planes they lie against back onto them.
-fn put_before_planes(model: &Model, positions: &mut [[f32; 4]]) {
-    for a in &model.abutments {
-        let p = &mut positions[a.node as usize];
-        let beyond = dot(a.outward, sub(xyz(*p), xyz(model.rest[a.node as usize])));
-        crate::vec3::shift(p, -beyond.max(0.0), a.outward);
     }
 }
 

@@ -74,9 +74,10 @@ pub(crate) fn options(mesh: &TetMesh, options: &ModelOptions) -> Result<(), Mode
         if let AttachmentKind::Spring { stiffness_mn_per_mm } = a.kind {
             share("stiffness of an attachment", stiffness_mn_per_mm, 0.0, 1e9, "0 to 1e9 mN/mm")?;
         }
-        if let AttachmentKind::Abutting { outward } = a.kind {
+        if let AttachmentKind::Abutting { outward, drag_per_s } = a.kind {
             let length = outward.iter().map(|v| v * v).sum::<f64>().sqrt();
             share("length of an attachment's normal", length, 1e-6, 1e6, "1e-6 to 1e6")?;
+            share("drag of an attachment", drag_per_s, 0.0, 1e6, "0 to 1e6 per second")?;
         }
         if matches!((a.kind, options.mode), (AttachmentKind::Guided { .. }, Mode::Physical(_))) {
             return Err(ModelError::Guided { attachment });

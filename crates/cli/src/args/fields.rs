@@ -14,6 +14,9 @@ In --json and summary.json:
   tip_error_mm    at the end, from the tip to the target's tissue, where that is now; tip_error_rigid_mm: to the planned
                   point, as if nothing had moved
   target_shift_mm how far the target's tissue has moved at the end; max_target_shift_mm: at most on the way
+  cortex_shift_mm, gap_ml
+                  how far the surface of the brain has moved at the end, where most, and what it has left under the skull:
+                  with --skull slides; else the surface moves in the burr hole only
   wall_shift_mm   how far the wall of the ventricles has moved at the end, where most; max_wall_shift_mm: on the way, mostly
                   just before it gives way
   withdrawal      of drawing it out (--withdraw): reliable, max_pull_mn (the largest force that lasts with which tissue
@@ -43,11 +46,12 @@ In --json and summary.json:
                   of the middle one of three frames in a row: single frames may be of a jump of the tissue
   volumes         of the brain (with the CSF around it, which is simulated as brain: more than labels and report of the
                   case say) and of each ventricle, ml: rest_ml, change_ml at the end, largest_change_ml
-  mode, speed_mm_s, diameter_mm, tip_cone_deg (null: round), gravity_m_s2, csf_pressure_mmhg, iterations,
+  mode, speed_mm_s, diameter_mm, tip_cone_deg (null: round), gravity_m_s2, csf_pressure_mmhg, skull, iterations,
   predicted_space, materials, materials_file, case, plan
                   what was asked; what is not as usual stands also on stdout and at the head of report.html
   max_whole_volume_change_percent
-                  of brain and ventricles together, which the skull holds: hardly anything, whatever moves inside
+                  of brain and ventricles together, which the skull holds (not with --skull slides): hardly anything, whatever
+                  moves inside
 In insertion.csv time_s is negative while pressure, drainage and gravity come on and other catheters go in, and the
 axial force is empty in a frame held (held is 1): nothing was felt there; it is negative where tissue holds the catheter
 back. A result that is not reliable is no failure of the command: the status is 0.";

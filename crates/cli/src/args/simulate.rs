@@ -2,7 +2,7 @@
 
 use super::fields::SIMULATE_FIELDS;
 use super::solver::SolverArgs;
-use super::{ModeArg, number};
+use super::{ModeArg, SkullArg, number};
 use crate::simulate::DIAMETER_MM;
 use clap::Args;
 use monro_tissue::TipShape;
@@ -56,6 +56,11 @@ pub(crate) struct SimulateArgs {
     /// As "0,9.81,0" or as three numbers after each other.
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
     pub(crate) gravity: Option<[f64; 3]>,
+    /// What the skull does to the surface of the brain outside of the burr hole: "held" in place, or "slides": it slides along
+    /// the skull and may leave it, for brain shift once fluid around it is lost. The lowest 15 mm stay held. Takes two to
+    /// three times as long.
+    #[arg(long, value_enum, default_value_t = SkullArg::Held)]
+    pub(crate) skull: SkullArg,
     #[command(flatten)]
     pub(crate) solver: SolverArgs,
     /// Overwrite an existing output folder.

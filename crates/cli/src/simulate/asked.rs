@@ -1,9 +1,10 @@
 //! What was asked of an insertion, so that no two results can be taken for each other: the same on stdout, in the report
 //! and in `summary.json`.
 
+use super::output::small;
 use super::{KPA_PER_MMHG, Run, beside};
 use crate::materials;
-use monro_session::InsertionSettings;
+use monro_session::{InsertionSettings, Skull};
 use monro_tissue::{Csf, FrameSettings, TipShape};
 use serde_json::{Value, json};
 
@@ -58,6 +59,13 @@ pub(super) fn extras(run: &Run) -> Vec<String> {
     if gravity != [0.0; 3] {
         out.push(format!("gravity {} m/s2 (LPS)", gravity.map(|g| format!("{g}")).join(", ")));
     }
+    if run.settings.model.skull == Skull::Slides {
+        out.push(format!(
+            "the brain slides along the skull; its surface moved by up to {} mm and left {:.1} ml under the skull",
+            small(run.cortex_mm),
+            run.gap_ml() + 0.0
+        ));
+    }
     if let Some(file) = &run.materials_file {
         let brain = run.settings.model.materials.brain;
         out.push(format!("materials of {file} (brain {} kPa, Poisson's ratio {})", brain.young_kpa, brain.poisson));
@@ -82,6 +90,7 @@ pub(super) fn json(run: &Run) -> Value {
         "diameter_mm": settings.diameter_mm,
         "tip_cone_deg": tip_degrees(settings),
         "gravity_m_s2": gravity_m_s2(run),
+        "skull": if settings.model.skull == Skull::Slides { "slides" } else { "held" },
         "iterations": settings.frame.iterations,
         "predicted_space": settings.frame.predicted_space,
         "csf_pressure_mmhg": pressure,

@@ -112,7 +112,7 @@ fn slices_section(ct: &Volume<i16>, case: &Case, done: &Run) -> Result<Section> 
         Some(end) => Some(DeformedSampler::new(&done.rest, &end.mesh)?),
         None => None,
     };
-    let deformed = |p: Point<Patient>| ct.trilinear(sampler.as_ref().map_or(p, |s| s.rest_position(p)));
+    let deformed = |p: Point<Patient>| ct.trilinear(sampler.as_ref().map_or(Some(p), |s| s.rest_position(p))?);
     let tip = done.last().map_or(case.plan.target(), |f| f.tip);
     let mut views: Vec<(String, SliceView)> =
         Orientation::ALL.map(|o| (o.name().to_owned(), SliceView::standard(o, tip, FIELD_MM, PIXELS))).to_vec();
@@ -125,7 +125,8 @@ fn slices_section(ct: &Volume<i16>, case: &Case, done: &Run) -> Result<Section> 
         figures.push(Figure::beside(&[before, after], 12.0, &format!("{name}: before and at the end")));
     }
     let text = format!(
-        "Right: the CT itself deformed with the tetrahedra. Dashed outlines are before, solid ones after. {}",
+        "Right: the CT itself deformed with the tetrahedra, black where tissue has left. Dashed outlines are before, solid ones \
+         after. {}",
         PROJECTED
     );
     Ok(Section { title: "Slices".into(), text: vec![text], figures, ..Section::default() })

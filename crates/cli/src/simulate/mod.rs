@@ -78,6 +78,7 @@ fn asked(args: &SimulateArgs) -> Result<InsertionSettings> {
         ensure!(value.is_finite() && value.abs() <= 150.0, "{name} {value}: wanted -150 to 150");
     }
     out.model = soft_body::model(args.mode, args.materials.as_deref())?;
+    out.model.skull = args.skull.into();
     if let Some(gravity) = args.gravity {
         ensure!(
             args.mode == ModeArg::Physical || gravity == [0.0; 3],

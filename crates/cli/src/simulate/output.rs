@@ -143,6 +143,8 @@ fn numbers(done: &Run) -> Value {
         "ms_per_frame": { "median": done.ms_quantile(0.5), "p99": done.ms_quantile(0.99) },
         "max_whole_volume_change_percent": done.largest(|f| f.step.volume_change.abs() * 100.0),
         "max_target_shift_mm": done.largest(|f| f.target_displacement_mm),
+        "cortex_shift_mm": done.cortex_mm,
+        "gap_ml": done.gap_ml(),
         "wall_shift_mm": done.rows.last().map(|r| r.wall_mm),
         "max_wall_shift_mm": done.largest_wall_mm(),
         format!("max_{}", done.force_name()): done.largest_force(),
@@ -155,6 +157,12 @@ impl Run {
     /// How far the wall of the ventricles moved at most on the way, mm.
     pub(super) fn largest_wall_mm(&self) -> f64 {
         self.rows.iter().map(|r| r.wall_mm).fold(0.0, f64::max)
+    }
+
+    /// What brain and ventricles together have less than at rest at the end, and the skull does not, ml: nothing but for rounding where
+    /// it holds them.
+    pub(super) fn gap_ml(&self) -> f64 {
+        self.rows.last().map_or(0.0, |r| -r.change_ml.iter().sum::<f64>())
     }
 
     /// The largest force along the shaft that lasts: of the middle one of three frames, as single ones may be of a jump.

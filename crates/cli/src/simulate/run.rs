@@ -61,6 +61,8 @@ pub(crate) struct Run {
     pub(crate) beside: Vec<Plan>,
     /// Brain surface at the end.
     pub(crate) brain: TriangleMesh,
+    /// How far the surface of the brain has moved where it has moved most, at the end, mm.
+    pub(crate) cortex_mm: f64,
     /// Ventricle surface at the end.
     pub(crate) ventricles: TriangleMesh,
     /// The settings.
@@ -174,7 +176,9 @@ pub(crate) fn insert(case: &Case, beside: &[Plan], settings: &InsertionSettings,
         [&surfaces.brain, &surfaces.ventricles].map(|s| s.points(insertion.origin()).collect::<Vec<_>>());
     let withdraw = || stretch(&mut insertion, &mut surfaces, seen, usize::MAX, console);
     let withdrawal = settings.withdraw.then(|| console.stage("withdraw", withdraw)).transpose()?;
+    let farthest = |(rest, now): (&Point<Patient>, &Point<Patient>)| rest.distance(*now);
     let mut run = Run {
+        cortex_mm: case.brain.vertices.iter().zip(&brain).map(farthest).fold(0.0, f64::max),
         rows,
         snapshots,
         withdrawal,

@@ -1,6 +1,5 @@
 //! Vertex block descent with nodal pressures, in single precision.
 
-use super::abutments::Abutments;
 use super::differences::{DifferenceRows, Differences};
 use super::drift::Drift;
 use super::elastic::Elastic;
@@ -13,11 +12,12 @@ use super::rings::{self, Part};
 use super::streams::{Streams, Visits};
 use super::sweep::{Memory, Pace, Substep as Shared, Sweep, Task};
 use super::touch::{Touches, Touching, penalty_force};
+use crate::abutments::Against;
 use crate::bytes;
 use crate::contact::Coupling;
 use crate::csf::FluidPressure;
 use crate::fast::{Plans, Pool, Row, Turn, WIDTH, widest};
-use crate::model::{Abutment, Region, Tether};
+use crate::model::{Region, Tether};
 use crate::nodes::Apart;
 use crate::rigid::Rigid;
 use crate::slabs::{self, Round, Slabs};
@@ -39,7 +39,6 @@ pub(crate) struct Descent {
     node_cuts: Vec<usize>,
     pressures: Pressures,
     films: FilmsAround,
-    abutments: Abutments,
     /// Largest coordinate at rest, mm.
     reach: f32,
     /// Mean way of the vertices in a sweep below which the tissue is calm, mm.
@@ -128,6 +127,7 @@ pub(crate) struct Body<'a> {
     pub(crate) region: &'a [u8],
     pub(crate) tethers: &'a [Tether],
     pub(crate) couplings: &'a mut [Coupling],
+    pub(crate) against: Against<'a>,
 }
 
 impl<'a> Body<'a> {
@@ -139,7 +139,8 @@ impl<'a> Body<'a> {
 impl Descent {
     pub(crate) fn new(
         elastic: &Elastic,
-        (rest, mass, abutments): (&[[f32; 4]], &[f32], &[Abutment]),
+        rest: &[[f32; 4]],
+        mass: &[f32],
         (region, regions): (&[u8], &[Region]),
         slabs: &Slabs,
     ) -> Self {
@@ -155,7 +156,6 @@ impl Descent {
             node_cuts,
             pressures: Pressures::new(elastic, region, regions),
             films: FilmsAround::new(&elastic.films, rest),
-            abutments: Abutments::new(abutments, rest.len()),
             reach: rest.iter().flat_map(|p| &p[..3]).fold(0f32, |m, v| m.max(v.abs())),
             calm_mm: CALM * mean_edge(&elastic.volume),
             calm_beyond: calm_beyond(free_vertices),
@@ -183,7 +183,6 @@ impl Descent {
             ("averaged shear", self.far.bytes()),
             ("pressures", self.pressures.bytes()),
             ("thin membranes", self.films.bytes()),
-            ("planes that vertices lie against", self.abutments.bytes()),
         ]
     }
 
@@ -207,7 +206,7 @@ impl Descent {
             }
             k = end;
         }
-        let alone = body.couplings.is_empty() && body.tethers.is_empty() && !self.abutments.any();
+        let alone = body.couplings.is_empty() && body.tethers.is_empty() && !body.against.abutments.any();
         if alone && self.free_vertices == body.positions.len() {
             keep_momentum(body.positions, &scratch.target);
             body.volumes.measure(body.positions, body.growth, pool);
@@ -251,7 +250,7 @@ impl Descent {
     fn choose(&self, body: &Body<'_>, scratch: &mut DescentScratch, (anew, predicted_space): (bool, bool)) {
         let DescentScratch { memory, touches, near, calm, active_nodes, .. } = scratch;
         let (couplings, rest) = (&*body.couplings, body.rest);
-        let touching = Touching { touches, films: &self.films, abutments: &self.abutments, couplings, rest, first: 0 };
+        let touching = Touching { touches, films: &self.films, against: body.against, couplings, rest, first: 0 };
         let mean = region::mean_way(memory, self.free_vertices);
         if anew {
             *calm = (mean < self.calm_mm).then_some(self.calm_beyond);
@@ -319,7 +318,7 @@ impl Descent {
         far.resize(body.rest.len(), [0.0; 4]);
         self.pass(
             &mut body.rest.to_vec(),
-            (body.rest, &[]),
+            (body.rest, &[], body.against),
             scratch,
             Passes::once(Purpose::Balance(body.region), damping),
             pool,
@@ -328,7 +327,7 @@ impl Descent {
 
     /// Notes what resists motion from the positions on, and all else that stays as it is.
     fn note(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, damping: f32, pool: &Pool) {
-        let around = (body.rest, &*body.couplings);
+        let around = (body.rest, &*body.couplings, body.against);
         self.pass(body.positions, around, scratch, Passes::once(Purpose::Note(body.region), damping), pool);
     }
 
@@ -350,14 +349,14 @@ impl Descent {
             inertia: 1.0 / (step.dt * step.dt),
             pace: &pace,
         };
-        self.pass(body.positions, (body.rest, body.couplings), scratch, passes, pool);
+        self.pass(body.positions, (body.rest, body.couplings, body.against), scratch, passes, pool);
     }
 
-    /// Passes over the free vertices, with the vertices at rest and what touches them.
+    /// Passes over the free vertices, with the vertices at rest, what touches them and what they lie against.
     fn pass(
         &self,
         positions: &mut [[f32; 4]],
-        (rest, couplings): (&[[f32; 4]], &[Coupling]),
+        (rest, couplings, against): (&[[f32; 4]], &[Coupling], Against<'_>),
         scratch: &mut DescentScratch,
         Passes { purpose, count, damping, inertia, pace }: Passes<'_>,
         pool: &Pool,
@@ -368,13 +367,13 @@ impl Descent {
             Purpose::Note(region) => Task::Note((&still.damped, region)),
             Purpose::Balance(region) => Task::Balance((&still.damped, region)),
         };
-        let (films, abutments) = (&self.films, &self.abutments);
+        let films = &self.films;
         let [even, odd] = memory;
         let rounds = [&self.rounds[0].0, &self.rounds[1].0];
         let how = (&self.plans, rounds.map(|r| &r.cuts[..]));
         pool.sweeps(how, count, positions, [even, odd], &|Turn { sweep, round, part: i }, vertices, memory| {
             let own = rounds[round].cuts[i]..rounds[round].cuts[i + 1];
-            let touching = Touching { touches, films, abutments, couplings, rest, first: own.start };
+            let touching = Touching { touches, films, against, couplings, rest, first: own.start };
             let (target, far) = (&target[own.clone()], &far[own]);
             let stream = streams.part(&self.visits, round * self.rounds[0].1.len() + i);
             let substep = Shared { stream, target, far, damping, inertia, pace: pace(sweep), touching };
@@ -478,6 +477,7 @@ mod tests {
             region: &model.region,
             tethers: &[],
             couplings: &mut [],
+            against: Against { abutments: &model.abutments, at: &[] },
         };
         let step = Substep { dt: 0.01, iterations: 10, gravity: [0.0; 3], predicted_space: false };
         descent.begin(&mut body, &mut scratch, step, &pool);
@@ -490,9 +490,9 @@ mod tests {
             let way = if few(v as u32) { 0.4 } else { drift };
             (0..3).for_each(|a| body.positions[v][a] += way * (0.7 + 0.3 * ((v * (a + 2)) as f32).sin()));
         }
-        let (films, abutments) = (&descent.films, &descent.abutments);
+        let (films, against) = (&descent.films, body.against);
         let touching =
-            Touching { touches: &scratch.touches, films, abutments, couplings: &[], rest: &model.rest, first: 0 };
+            Touching { touches: &scratch.touches, films, against, couplings: &[], rest: &model.rest, first: 0 };
         descent.choose_near(&mut scratch.near, (&scratch.memory, touching), body.tissue(), Some(0.1));
         if let Some(when) = when {
             descent.press(&mut body, &mut scratch, when, &pool);

@@ -7,7 +7,6 @@
 //! make that crawl; it is carried by a nodal pressure instead, updated between sweeps (Uzawa; more often near what moves
 //! fast, [`near`]) and kept from step to step, whose fixed point is the same equilibrium.
 
-mod abutments;
 mod around;
 pub(crate) mod descent;
 mod differences;
@@ -27,7 +26,7 @@ mod sweep;
 mod touch;
 
 use crate::membrane::Membranes;
-use crate::model::{Abutment, Region};
+use crate::model::Region;
 use crate::slabs::Slabs;
 use descent::Descent;
 use elastic::Elastic;
@@ -42,14 +41,14 @@ pub(crate) struct PhysicalModel {
 
 impl PhysicalModel {
     pub(crate) fn new(
-        (rest, mass, abutments): (&[[f32; 4]], &[f32], &[Abutment]),
+        (rest, mass): (&[[f32; 4]], &[f32]),
         (tets, membranes): (&[[u32; 4]], &Membranes),
         (region, regions): (&[u8], &[Region]),
         slabs: &Slabs,
         nodal_shear: f64,
     ) -> Self {
         let elastic = Elastic::new(rest, (tets, membranes), (region, regions), nodal_shear);
-        let descent = Descent::new(&elastic, (rest, mass, abutments), (region, regions), slabs);
+        let descent = Descent::new(&elastic, rest, mass, (region, regions), slabs);
         Self { descent, nodal_shear }
     }
 }

@@ -1,8 +1,8 @@
 //! What couplings, springs, thin membranes and planes do to single vertices.
 
-use super::abutments::Abutments;
 use super::film::FilmsAround;
 use super::rings::Batch;
+use crate::abutments::Against;
 use crate::contact::{Coupling, Rule};
 use crate::marks::Marks;
 use crate::model::Tether;
@@ -58,7 +58,7 @@ impl Touches {
 pub(super) struct Touching<'a> {
     pub(super) touches: &'a Touches,
     pub(super) films: &'a FilmsAround,
-    pub(super) abutments: &'a Abutments,
+    pub(super) against: Against<'a>,
     pub(super) couplings: &'a [Coupling],
     /// All vertices at rest.
     pub(super) rest: &'a [[f32; 4]],
@@ -80,14 +80,14 @@ impl Touching<'_> {
     /// Whether anything acts on a vertex of the batch.
     #[inline(always)]
     pub(super) fn any(&self, batch: &Batch) -> bool {
-        let somewhere = self.touches.any() || self.films.any() || self.abutments.any();
+        let somewhere = self.touches.any() || self.films.any() || self.against.abutments.any();
         somewhere && batch.vertices[..batch.count].iter().any(|&v| self.touches(v))
     }
 
     /// Whether anything acts on a vertex.
     #[inline(always)]
     pub(super) fn touches(&self, v: u32) -> bool {
-        self.holds(v) || self.films.on(v) || self.abutments.on(v)
+        self.holds(v) || self.films.on(v) || self.against.abutments.on(v)
     }
 
     /// Adds what couplings, springs, thin membranes and planes do to vertex `v`, on which nothing else acts that is not in these
@@ -97,10 +97,10 @@ impl Touching<'_> {
         if self.films.on(v) {
             self.films.act(v, (vertices, self.first), (g, h));
         }
-        let way = sub(xyz(vertices[i - self.first]), xyz(self.rest[i]));
+        let own = xyz(vertices[i - self.first]);
         let spring = self.touches.spring[i];
         if spring > 0.0 {
-            *g = axpy(*g, spring, way);
+            *g = axpy(*g, spring, sub(own, xyz(self.rest[i])));
             (0..3).for_each(|a| h[a] += spring);
         }
         let (first, end) = self.touches.own[i];
@@ -125,8 +125,8 @@ impl Touching<'_> {
                 }
             }
         }
-        if self.abutments.on(v) {
-            self.abutments.act(v, way, g, h);
+        if self.against.abutments.on(v) {
+            self.against.act(v, (own, self.rest), g, h);
         }
     }
 }

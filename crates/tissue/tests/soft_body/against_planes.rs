@@ -19,8 +19,10 @@ fn against(mesh: &TetMesh, mut o: ModelOptions, outward: &[[f64; 3]]) -> ModelOp
     for &n in outward {
         let side = |p: [f64; 3], a: usize| n[a] != 0.0 && p[a] == if n[a] > 0.0 { CELLS[a] as f64 * SIZE } else { 0.0 };
         let on = nodes(mesh, |p| (0..3).any(|a| side(p.to_array(), a)));
-        o.attachments
-            .extend(on.into_iter().map(|node| Attachment { node, kind: AttachmentKind::Abutting { outward: n } }));
+        o.attachments.extend(
+            on.into_iter()
+                .map(|node| Attachment { node, kind: AttachmentKind::Abutting { outward: n, drag_per_s: 0.0 } }),
+        );
     }
     o
 }
@@ -155,7 +157,7 @@ fn what_lies_against_planes_rests_to_the_last_bit() {
 fn planes_without_a_direction_and_equilibria_are_refused() {
     let (mesh, fixed) = (column(), options(physical(), &[]));
     for outward in [[0.0; 3], [f64::NAN, 0.0, 1.0]] {
-        let kind = AttachmentKind::Abutting { outward };
+        let kind = AttachmentKind::Abutting { outward, drag_per_s: 0.0 };
         let o = ModelOptions { attachments: vec![Attachment { node: 3, kind }], ..fixed.clone() };
         assert!(matches!(Model::new(&mesh, &o), Err(ModelError::Option { .. })), "{outward:?}");
     }
