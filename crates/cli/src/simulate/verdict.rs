@@ -8,6 +8,7 @@ use super::{KPA_PER_MMHG, Run, beside, coarse, crossed, misplaced, restless, wal
 use crate::soft_body;
 use monro_cli::report::{Finding, Severity};
 use monro_geometry::Structure;
+use monro_session::Skull;
 use monro_tissue::Csf;
 use serde_json::{Value, json};
 
@@ -167,7 +168,11 @@ fn doubts(run: &Run) -> Vec<String> {
     out.extend(beside::coarse(run));
     out.extend(walls::hasty(run));
     out.extend(gone_around(run));
-    out.extend(restless::remark(run, &run.rows, "a wall is folded around the tip"));
+    let why = match run.settings.model.skull {
+        Skull::Held => "a wall is folded around the tip",
+        Skull::Slides => "a wall is folded around the tip or the brain still slides",
+    };
+    out.extend(restless::remark(run, &run.rows, why));
     out.extend(Trouble::of(&run.rows).doubts(run, so(run.reliable())));
     out.extend(crossed::on_the_way(&run.snapshots, so(run.reliable())));
     if run.reliable() {
