@@ -160,7 +160,7 @@ pub enum SeriesProblem {
         limit_mm: f64,
     },
     /// Two different images at one place.
-    #[error("{} and {} are different images at the same position; choose one acquisition", files[0], files[1])]
+    #[error("{} and {} are different images at the same position; move one of them away, and all others of its acquisition", files[0], files[1])]
     Conflict {
         /// Names of the files.
         files: [String; 2],
@@ -290,7 +290,8 @@ pub enum ScanError {
     },
     /// No cross-section is as large as that of a head.
     #[error(
-        "not a head: its largest cross-section has {area_cm2:.0} cm2 of tissue, a head has at least {needed_cm2:.0} cm2"
+        "not a head: its largest cross-section has {area_cm2:.0} cm2 of tissue, a head has at least {needed_cm2:.0} cm2; \
+         where -1024 was added to values that were HU already, add 1024"
     )]
     ThinSection {
         /// Tissue in the fullest plane across the foot-to-head axis, cm2.

@@ -18,6 +18,7 @@ mod flat;
 mod hash;
 mod hu;
 mod padding;
+mod planes;
 mod raster;
 mod resample;
 mod shelf;
@@ -52,6 +53,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Scan, ScanError> {
     };
     if !options.any_size {
         scan.warnings.extend(filled::emptied(&mut scan.volume));
+        scan.warnings.extend(planes::told(&scan.volume));
         let profiles = check::profiles(&scan.volume);
         check::extent_check(&scan.volume, &profiles)?;
         check::intercept_check(&scan.volume)?;

@@ -65,13 +65,14 @@ impl Header {
     /// When the bytes cannot hold the voxels.
     pub fn with_data(self, bytes: &[u8]) -> Result<Raster<'_>, Problem> {
         let need = self.layout.grid.len() * self.layout.element.size();
+        // As MetaIO has it: bytes of the file before the data, also where these are in the header's own file.
         let start = match (&self.data_file, self.skip) {
-            (None, _) => self.end,
-            (Some(_), Some(skip)) => usize::try_from(skip).unwrap_or(usize::MAX),
-            (Some(_), None) => bytes.len().saturating_sub(need),
+            (None, Some(0)) => self.end,
+            (_, Some(skip)) => usize::try_from(skip).unwrap_or(usize::MAX),
+            (_, None) => bytes.len().saturating_sub(need),
         };
         let mut raster = Raster::new(self.layout, bytes.get(start..).unwrap_or_default(), self.packing)?;
-        raster.warnings = self.warnings;
+        raster.warnings.extend(self.warnings);
         Ok(raster)
     }
 }

@@ -111,8 +111,15 @@ impl<'a> Raster<'a> {
         stored: u64,
         packing: Packing,
     ) -> Result<Self, Problem> {
-        let raster = Self { layout, warnings: Vec::new(), body, packing };
+        let mut raster = Self { layout, warnings: Vec::new(), body, packing };
         raster.check_promise(stored)?;
+        if packing == Packing::Raw && stored > raster.bytes() {
+            raster.warnings.push(format!(
+                "{} bytes lie behind the voxels that the header promises: they are left out; the dimensions may be wrong, or the \
+                 data begin further on",
+                stored - raster.bytes()
+            ));
+        }
         Ok(raster)
     }
 

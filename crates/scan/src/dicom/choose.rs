@@ -3,8 +3,17 @@
 use super::folder::Survey;
 use super::series::Series;
 use crate::error::ScanError;
+use crate::resample::Stack;
 use crate::{ReadOptions, check};
+use monro_geometry::{Patient, Point};
 use std::path::Path;
+
+/// A head is taller than this, mm: a shorter series may be a part of one.
+const HEAD_MM: f64 = 130.0;
+/// Beyond the series that is taken another one goes on by at least this, mm.
+const BEYOND_MM: f64 = 15.0;
+/// Slices of one examination lie above each other to this, mm.
+const ASIDE_MM: f64 = 40.0;
 
 /// So many of the series passed over are named.
 const NAMED: usize = 5;
@@ -131,7 +140,11 @@ pub(crate) fn choose(
     }
     if let (Some(n), reason) = best(&series) {
         let alone = o.series_uid.is_some() || series.iter().filter(|s| s.refusal.is_none()).count() == 1;
-        return Ok((series.swap_remove(n), (!alone).then_some(reason)));
+        let rest = series.iter().enumerate().filter(|&(i, s)| i != n && s.refusal.is_none());
+        let goes_on: Vec<String> = rest.filter_map(|(_, other)| goes_on(&series[n], other)).collect();
+        let mut chosen = series.swap_remove(n);
+        chosen.warnings.extend(goes_on);
+        return Ok((chosen, (!alone).then_some(reason)));
     }
     if series.len() == 1 {
         let s = series.swap_remove(0);
@@ -142,6 +155,28 @@ pub(crate) fn choose(
     }
     let reason = |s: &Series| s.refusal.as_ref().map(|r| format!("{}: {r}", s.id));
     Err(ScanError::NoUsableSeries { folder: path.to_path_buf(), reasons: series.iter().filter_map(reason).collect() })
+}
+
+/// That another series shows what lies beyond one that is too short for a head.
+fn goes_on(chosen: &Series, other: &Series) -> Option<String> {
+    let (own, beyond) = (chosen.stack.as_ref()?, other.stack.as_ref()?);
+    let normal = own.u.cross(own.v).normalized()?;
+    let (first, last) = (*own.origins.first()?, *own.origins.last()?);
+    let along = |p: Point<Patient>| (p - first).dot(normal);
+    let middle = |s: &Stack, origin| origin + s.u * (0.5 * s.size[0] as f64) + s.v * (0.5 * s.size[1] as f64);
+    let high = along(last);
+    let [from, to] = [*beyond.origins.first()?, *beyond.origins.last()?].map(along);
+    let parallel = beyond.u.cross(beyond.v).normalized()?.dot(normal).abs() > 0.99;
+    let way = middle(beyond, *beyond.origins.first()?) - middle(own, first);
+    let aside = (way - normal * way.dot(normal)).norm();
+    let more = (-from.min(to)).max(from.max(to) - high);
+    (parallel && high < HEAD_MM && aside < ASIDE_MM && more > BEYOND_MM).then(|| {
+        format!(
+            "series {} is {high:.0} mm high, which is less than a head, and series {} goes on for {more:.0} mm beyond it: the head \
+             may be in two parts, of which one is used; join them, or take a series that shows all of it",
+            chosen.id, other.id
+        )
+    })
 }
 
 #[cfg(test)]

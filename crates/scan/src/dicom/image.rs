@@ -35,6 +35,8 @@ pub(crate) struct Image {
     pub(crate) acquisition: Option<i64>,
     /// All words of the image type.
     pub(crate) kind: String,
+    /// Whether it is a picture of a screen or the like (secondary capture).
+    pub(crate) captured: bool,
     pub(crate) about: About,
     /// Columns and rows.
     pub(crate) size: [usize; 2],
@@ -185,6 +187,7 @@ fn image(
         localizer: a.image_type().iter().any(|t| t.eq_ignore_ascii_case("LOCALIZER")),
         acquisition: a.whole(tags::ACQUISITION_NUMBER),
         kind: a.image_type().join(" "),
+        captured: text(tags::SOP_CLASS_UID).starts_with(uids::SECONDARY_CAPTURE_IMAGE_STORAGE),
         about: about(a),
         size,
         cut_short: cut_short(outline, &stored, size[0] * size[1] * frames),

@@ -65,7 +65,9 @@ fn belongs(a: &Image, b: &Image) -> bool {
         Unit::Map(kind) => Some(kind.clone()),
         _ => None,
     };
-    let same = |i: &Image| (i.size, i.localizer, i.projection, grey(i), i.about.kernel.clone(), i.modality.clone());
+    // Siemens adds a number to the kernel that may change within a head.
+    let kernel = |i: &Image| i.about.kernel.as_ref().map(|k| k.split('\\').next().unwrap_or_default().to_owned());
+    let same = |i: &Image| (i.size, i.localizer, i.projection, grey(i), kernel(i), i.modality.clone(), i.captured);
     a.series_uid == b.series_uid && parallel && same(a) == same(b) && map(a) == map(b)
 }
 

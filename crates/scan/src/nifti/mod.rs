@@ -56,7 +56,7 @@ pub fn decode(bytes: &[u8]) -> Result<Raster<'_>, Problem> {
     }
     let before = if packing == Packing::Raw { HEADER as u64 + skip } else { 0 };
     let mut raster = Raster::from_stream(layout, stream, bytes.len() as u64 - before, packing)?;
-    raster.warnings = warnings;
+    raster.warnings.extend(warnings);
     Ok(raster)
 }
 
@@ -216,7 +216,12 @@ impl<'a> Fields<'a> {
             };
             warnings.push(format!("the sform (code {}) is that of a template's space; {used}", self.short(254)));
         }
-        match (has_s && !(template && has_q), has_q) {
+        let stretched = has_s && self.stretched();
+        let empty = has_s && self.sform().0.rows.as_flattened().iter().all(|&v| v == 0.0);
+        if !template && (stretched || empty) {
+            warnings.push(self.doubt((stretched, has_q)));
+        }
+        match (has_s && !((template || stretched || empty) && has_q), has_q) {
             (false, false) => Err(Problem::NoOrientation("sform_code and qform_code are both 0".into())),
             (false, true) => Ok(lps(self.qform(0.0))),
             (true, q) => {
@@ -227,6 +232,30 @@ impl<'a> Fields<'a> {
                 Ok(s)
             }
         }
+    }
+
+    /// Whether the sform makes voxels larger or smaller than the header says they are along two axes or three, as one does that
+    /// was fitted to another head. Along a single one it may be that of a tilted gantry.
+    fn stretched(&self) -> bool {
+        let (m, _) = self.sform();
+        let long = |c: usize| (0..3).map(|r| m.rows[r][c] * m.rows[r][c]).sum::<f64>().sqrt();
+        let size = |c: usize| self.pixdim(c + 1).abs();
+        let told = (0..3).all(|c| size(c) > 0.0 && long(c) > 0.0);
+        told && (0..3).filter(|&c| (long(c) - size(c)).abs() > STRETCH * size(c)).count() > 1
+    }
+
+    fn doubt(&self, (stretched, has_q): (bool, bool)) -> String {
+        let [x, y, z] = [1, 2, 3].map(|a| self.pixdim(a).abs());
+        let what = match stretched {
+            true => format!(
+                "the sform stretches voxels of {x:.3} x {y:.3} x {z:.3} mm (pixdim) by more than {:.0} %, as one fitted to \
+                 another head",
+                100.0 * STRETCH
+            ),
+            false => "the sform is empty".into(),
+        };
+        let used = if has_q { "the qform is used" } else { "there is no qform, so it is used; distances may be wrong" };
+        format!("{what}; {used}")
     }
 
     /// Warns when sform and all readings of the qform put a corner of the volume at different places.
@@ -258,6 +287,9 @@ impl<'a> Fields<'a> {
         Ok((Layout { grid, element, endian: self.endian, slope, intercept }, warnings))
     }
 }
+
+/// By which share of its size an sform may change a voxel.
+const STRETCH: f64 = 0.01;
 
 /// Codes of an sform that leads into the space of a template.
 const TALAIRACH: i16 = 3;

@@ -180,3 +180,42 @@ fn a_folder_of_links_to_folders_was_said_to_hold_no_file() {
     assert_eq!(scan.volume.grid().dims(), [5, 4, 10]);
     assert!(!scan.warnings.iter().any(|w| w.contains("left out")), "{:?}", scan.warnings);
 }
+
+#[test]
+fn half_of_a_head_was_taken_and_the_other_half_not_named() {
+    let f = folder();
+    acquire(f.path(), 1, 0.0, 2.0, 25);
+    for file in acquire(f.path(), 2, 50.0, 2.0, 24) {
+        edit(&file, tags::SERIES_INSTANCE_UID, VR::UI, "1.2.3.4");
+    }
+    let told =
+        |dir: &Path| read(dir, &any_size()).expect("a scan").warnings.into_iter().find(|w| w.contains("goes on"));
+    let said = told(f.path()).expect("a remark");
+    assert!(said.contains("is 48 mm high") && said.contains("for 48 mm beyond"), "{said}");
+    // A thicker copy of the same place goes on for nothing.
+    let f = folder();
+    acquire(f.path(), 1, 0.0, 2.0, 25);
+    for file in acquire(f.path(), 2, 0.0, 4.0, 13) {
+        edit(&file, tags::SERIES_INSTANCE_UID, VR::UI, "1.2.3.4");
+    }
+    assert_eq!(told(f.path()), None);
+}
+
+#[test]
+fn a_second_number_of_the_kernel_split_a_head_in_two() {
+    let f = folder();
+    for (n, file) in acquire(f.path(), 1, 0.0, 2.0, 24).iter().enumerate() {
+        edit(file, tags::CONVOLUTION_KERNEL, VR::SH, if n < 11 { "H31s\\3" } else { "H31s\\2" });
+    }
+    assert_eq!(found(f.path()).0, [24]);
+}
+
+#[test]
+fn a_picture_of_a_screen_refused_the_series_that_it_was_filed_with() {
+    let f = folder();
+    let files = acquire(f.path(), 1, 0.0, 2.0, 24);
+    edit(&files[7], tags::SOP_CLASS_UID, VR::UI, "1.2.840.10008.5.1.4.1.1.7");
+    edit(&files[7], tags::IMAGE_POSITION_PATIENT, VR::DS, "");
+    assert_eq!(found(f.path()).0, [23, 1]);
+    assert_eq!(read(f.path(), &any_size()).expect("a scan").volume.grid().dims()[2], 24);
+}

@@ -4,7 +4,7 @@ use crate::common::{corner_distance, grid, sampled};
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
-use monro_scan::{nifti, nrrd};
+use monro_scan::{metaimage, nifti, nrrd};
 use proptest::prelude::*;
 use std::io::{Read, Write};
 
@@ -103,4 +103,63 @@ fn bytes_to_skip_of_compressed_nrrd_were_skipped_before_decompression() {
     let back = nrrd::decode_header(&bytes).and_then(|h| h.with_data(&bytes)).and_then(|r| r.into_hu()).expect("read").0;
     let expected: Vec<i16> = volume.data().iter().map(|&v| v.max(-1024)).collect();
     assert_eq!(back.data(), &expected[..]);
+}
+
+/// The sform of a file times a factor, and its code.
+fn with_sform(bytes: &[u8], times: [f32; 3], code: i16) -> Vec<u8> {
+    let mut out = bytes.to_vec();
+    for at in (280..328).step_by(4).filter(|at| (at - 280) % 16 != 12) {
+        let v = f32::from_le_bytes(out[at..at + 4].try_into().expect("four"));
+        out[at..at + 4].copy_from_slice(&(times[(at - 280) % 16 / 4] * v).to_le_bytes());
+    }
+    out[254..256].copy_from_slice(&code.to_le_bytes());
+    out
+}
+
+#[test]
+fn an_sform_that_stretches_a_head_or_is_empty_was_taken_before_a_good_qform() {
+    let placed = grid([9, 8, 7], [1.0, 1.0, 2.0], [0.1, 0.2, 0.3], [4.0, 5.0, 6.0], false);
+    let own = unpacked(&nifti::encode_i16(&sampled(placed)));
+    for (times, words) in
+        [([1.15, 1.1, 1.2], "stretches voxels of 1.000 x 1.000 x 2.000 mm"), ([0.0; 3], "sform is empty")]
+    {
+        let mut bytes = with_sform(&own, times, 2);
+        let raster = nifti::decode(&bytes).expect("placed");
+        let said = raster.warnings.concat();
+        assert!(said.contains(words) && said.contains("the qform is used"), "{said}");
+        assert!(corner_distance(raster.into_hu().expect("values").0.grid(), &placed) < 4e-4);
+        // Without a qform it is used and told, or refused.
+        bytes[252..254].copy_from_slice(&0i16.to_le_bytes());
+        let alone = nifti::decode(&bytes).map(|r| r.warnings.concat());
+        assert!(alone.as_ref().map_or(times[0] == 0.0, |w| w.contains("distances may be wrong")), "{alone:?}");
+    }
+    // A tilted gantry makes one column longer.
+    let tilted = with_sform(&own, [1.0, 1.0, 1.03], 1);
+    let said = nifti::decode(&tilted).expect("placed").warnings.concat();
+    assert!(said.contains("the sform is used"), "{said}");
+}
+
+#[test]
+fn bytes_before_the_voxels_of_a_metaimage_were_read_as_voxels_and_those_behind_not_told() {
+    let head = |more: &str| {
+        format!(
+            "ObjectType = Image\nNDims = 3\nDimSize = 3 2 2\nElementSpacing = 1 1 1\nTransformMatrix = 1 0 0 0 1 0 0 0 1\n{more}ElementType = MET_SHORT\n\
+             ElementDataFile = LOCAL\n"
+        )
+    };
+    let voxels: Vec<u8> = (0..12i16).flat_map(i16::to_le_bytes).collect();
+    let read = |bytes: &[u8]| {
+        let raster = metaimage::decode_header(bytes).and_then(|h| h.with_data(bytes)).expect("read");
+        let said = raster.warnings.concat();
+        (raster.into_hu().expect("values").0.into_data(), said)
+    };
+    let wanted: Vec<i16> = (0..12).collect();
+    let last = read(&[head("HeaderSize = -1\n").as_bytes(), &[7; 40], &voxels].concat());
+    assert_eq!(last.0, wanted);
+    let size = |n: usize| head(&format!("HeaderSize = {n:04}\n"));
+    let begin = size(0).len() + 40;
+    assert_eq!(read(&[size(begin).as_bytes(), &[7; 40], &voxels].concat()).0, wanted);
+    let (values, said) = read(&[head("").as_bytes(), &voxels, &[1; 10]].concat());
+    assert_eq!(values, wanted);
+    assert!(said.contains("10 bytes lie behind the voxels"), "{said}");
 }
