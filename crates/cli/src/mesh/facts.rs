@@ -71,7 +71,7 @@ pub(super) fn shapes_json(s: &ShapeSummary) -> Value {
 /// Counts and shapes of tetrahedra.
 pub(super) fn shapes_words([elements, vertices]: [usize; 2], s: &ShapeSummary) -> String {
     format!(
-        "{elements} tetrahedra, {vertices} vertices, dihedral angles {:.1} to {:.1} degrees (first percentile {:.1}), radius ratio at least {:.2}",
+        "{elements} tetrahedra, {vertices} vertices, dihedral angles {:.1} to {:.1} degrees (first percentile of the smallest in each {:.1}), radius ratio at least {:.2}",
         s.dihedral_min, s.dihedral_max, s.dihedral_p1, s.radius_ratio_min
     )
 }

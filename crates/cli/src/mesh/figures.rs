@@ -27,7 +27,7 @@ impl MeshSection<'_> {
     pub(crate) fn section(&self) -> Section {
         let mesh = self.report;
         let text = format!(
-            "{} elements, {} vertices; dihedral angles {:.1} to {:.1} degrees (first percentile {:.1}), radius ratio at least {:.2}; mean edge {:.2} mm within 2 mm of {}{}.",
+            "{} elements, {} vertices; dihedral angles {:.1} to {:.1} degrees (first percentile of the smallest in each {:.1}), radius ratio at least {:.2}; mean edge {:.2} mm within 2 mm of {}{}.",
             mesh.elements,
             mesh.vertices,
             mesh.dihedral_min,

@@ -17,6 +17,15 @@ const NEARLY_INCOMPRESSIBLE: f64 = 0.45;
 /// Volumes over those at rest that such elements do not get to: where answers are right, the worst have 0.83 and 1.2.
 const VOLUMES: Range<f64> = 0.5..2.0;
 
+/// Share of the forces that may be out of balance where something can be told of the elements at all: before, they lie as it
+/// came.
+const BALANCED: f64 = 0.1;
+
+/// Whether the state is near enough to an equilibrium to tell of its elements.
+pub(super) fn is_near(solved: &StaticSolution) -> bool {
+    solved.residual < BALANCED
+}
+
 /// Remarks on the limits of a solution.
 pub(super) fn all(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
     let mut out: Vec<String> = solved.overlaps.iter().flat_map(|o| overlap(scene, o)).collect();
@@ -25,7 +34,7 @@ pub(super) fn all(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
     out.extend(points(scene, solved));
     out.extend(changing(solved));
     out.extend(thin::remarks(&scene.mesh, &scene.materials, solved.tets));
-    out.extend(swollen(scene, solved));
+    out.extend(swollen(scene, solved).filter(|_| is_near(solved)));
     out
 }
 
@@ -131,8 +140,13 @@ fn coarse(c: &Coarse) -> String {
 /// Point supports that bear something on a mesh finer than the one they were given on.
 fn points(scene: &Scene, solved: &StaticSolution) -> Option<String> {
     let least = BEARS * solved.at_work_mn();
-    let bears = |n: &&u32| solved.reaction[**n as usize].norm() > least;
-    let bearing: Vec<u32> = solved.points.iter().filter(bears).copied().collect();
+    // What a face bears that the vertex is also of is not the point's.
+    let alone = |n: u32, held: [bool; 3]| {
+        let force = solved.reaction[n as usize].to_array();
+        (0..3).filter(|&a| held[a]).map(|a| force[a] * force[a]).sum::<f64>().sqrt()
+    };
+    let bears = |&&(n, held): &&(u32, [bool; 3])| alone(n, held) > least;
+    let bearing: Vec<u32> = solved.points.iter().filter(bears).map(|p| p.0).collect();
     let first = bearing.first().filter(|_| solved.tets > scene.mesh.tets.len())?;
     Some(format!(
         "{} vertices are held by themselves (the first is {first}), with no held edge or face around them, and bear load: \

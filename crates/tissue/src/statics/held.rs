@@ -39,14 +39,14 @@ pub(super) fn inherited(supports: &[Support], before: &Before<'_>, cuts: &Cuts) 
     new.into_iter().map(support).collect()
 }
 
-/// Vertices that are held by themselves in some component, with no held edge around them.
-pub(super) fn points(supports: &[Support], before: &Before<'_>) -> Vec<u32> {
-    let mut out = BTreeSet::new();
+/// Vertices that are held by themselves in some component, with no held edge around them, and these components.
+pub(super) fn points(supports: &[Support], before: &Before<'_>) -> Vec<(u32, [bool; 3])> {
+    let mut out = BTreeMap::<u32, [bool; 3]>::new();
     for axis in 0..3 {
         let held = before.held_edges(&before.sets(supports, axis));
         let joined: BTreeSet<u32> = held.into_iter().flat_map(|(e, _, _)| e).collect();
         let alone = supports.iter().filter(|s| s.displacement_mm[axis].is_some() && !joined.contains(&s.node));
-        out.extend(alone.map(|s| s.node));
+        alone.for_each(|s| out.entry(s.node).or_default()[axis] = true);
     }
     out.into_iter().collect()
 }
@@ -206,5 +206,19 @@ mod tests {
                 assert_eq!(way, if line(p) { [Some(1.0); 3] } else { [None; 3] }, "at {p:?}");
             }
         }
+    }
+
+    /// What the bottom bears was taken for load on the points that only keep the body from sliding.
+    #[test]
+    fn points_on_a_held_face_are_points_only_along_it() {
+        let mesh = block([2; 3], 10.0);
+        let bottom = |(n, p): (usize, &Point<Patient>)| {
+            (p.z == 0.0).then_some(Support { node: n as u32, set: 0, displacement_mm: [None, None, Some(0.0)] })
+        };
+        let mut supports: Vec<Support> = mesh.vertices.iter().enumerate().filter_map(bottom).collect();
+        supports.push(Support { node: 0, set: 1, displacement_mm: [Some(0.0), Some(0.0), None] });
+        supports.push(Support { node: 2, set: 2, displacement_mm: [None, Some(0.0), None] });
+        let refined = Refined::new(&mesh, &StaticProblem { supports, ..StaticProblem::default() });
+        assert_eq!(refined.points(), [(0, [true, true, false]), (2, [false, true, false])]);
     }
 }

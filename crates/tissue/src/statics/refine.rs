@@ -124,7 +124,7 @@ impl Refined {
     }
 
     /// Vertices that are held by themselves: no finer mesh can tell what is meant around them.
-    pub(super) fn points(&self) -> Vec<u32> {
+    pub(super) fn points(&self) -> Vec<(u32, [bool; 3])> {
         let Fine { points, tets, labels, .. } = &self.fine;
         held::points(&self.problem.supports, &Before { points, tets, labels, outer: &outer_faces(&self.fine) })
     }

@@ -54,9 +54,10 @@ pub struct StaticSolution {
     pub unborne: f64,
     /// Tools whose elements were not made as small as they should be.
     pub coarse: Vec<Coarse>,
-    /// Vertices of the given mesh that are held by themselves, with no held edge or face around them: where the mesh was
-    /// refined, what holds them is a point, and has no force of its own that does not depend on the mesh.
-    pub points: Vec<u32>,
+    /// Vertices of the given mesh that are held by themselves in some components, with no held edge or face around them, and these
+    /// components: where the mesh was refined, what holds them is a point, and has no force of its own that does not depend on
+    /// the mesh.
+    pub points: Vec<(u32, [bool; 3])>,
     /// Newton steps taken.
     pub steps: u32,
     /// Products with the Hessian.
