@@ -40,6 +40,16 @@ pub enum Problem {
         /// Bytes found.
         found: u64,
     },
+    /// A compressed file too short for what it is to hold, however well it is packed.
+    #[error(
+        "is cut short: the header promises {expected} bytes of voxels, which no {stored} compressed bytes can hold; copy it again"
+    )]
+    TooShort {
+        /// Bytes promised.
+        expected: u64,
+        /// Bytes of the file.
+        stored: u64,
+    },
     /// A compressed stream without its end.
     #[error("is cut short: its compressed pixel data end early; copy it again")]
     EndsEarly,
@@ -147,7 +157,7 @@ pub enum SeriesProblem {
     /// Too much of the head is missing.
     #[error(
         "slices {} and {} are {found_mm:.1} mm apart along their normal, expected {expected_mm:.3}; \
-         a gap of more than {limit_mm:.1} mm is not filled in", after + 1, after + 2
+         a gap of more than {limit_mm:.1} mm is not filled in{stray}", after + 1, after + 2
     )]
     Gap {
         /// Index of the slice below the gap, from 0.
@@ -158,6 +168,8 @@ pub enum SeriesProblem {
         expected_mm: f64,
         /// Widest gap that is filled in, mm.
         limit_mm: f64,
+        /// What to do where few slices lie beyond it.
+        stray: String,
     },
     /// Two different images at one place.
     #[error("{} and {} are different images at the same position; move one of them away, and all others of its acquisition", files[0], files[1])]

@@ -140,11 +140,12 @@ impl<'a> Raster<'a> {
     /// Refuses before anything is allocated a header that promises more voxels than its file can hold.
     fn check_promise(&self, stored: u64) -> Result<(), Problem> {
         let expected = self.bytes();
-        let possible = if self.packing == Packing::Raw { stored } else { stored.saturating_mul(DEFLATE_LIMIT) };
-        if expected > possible {
-            return Err(Problem::Truncated { expected, found: possible });
+        match self.packing {
+            Packing::Raw if expected > stored => Err(Problem::Truncated { expected, found: stored }),
+            Packing::Raw => Ok(()),
+            _ if expected > stored.saturating_mul(DEFLATE_LIMIT) => Err(Problem::TooShort { expected, stored }),
+            _ => Ok(()),
         }
-        Ok(())
     }
 
     /// Bytes of all voxels, decompressed.

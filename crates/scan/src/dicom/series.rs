@@ -18,6 +18,9 @@ pub(super) const FEWEST: usize = 3;
 /// A gap is refused when it is both this many median steps and this many mm wide.
 pub(super) const WIDEST_STEPS: f64 = 3.0;
 const WIDEST_MM: f64 = 10.0;
+/// So many slices beyond a gap may have gone astray.
+const STRAYS: usize = 2;
+
 /// Parallel slices of one series, in order along their normal.
 #[derive(Debug)]
 pub(crate) struct Series {
@@ -220,7 +223,8 @@ impl Series {
         let (steps, median) = self.steps();
         let limit_mm = (WIDEST_STEPS * median).max(WIDEST_MM);
         if let Some(after) = steps.iter().position(|&s| s > limit_mm) {
-            return Err(SeriesProblem::Gap { after, found_mm: steps[after], expected_mm: median, limit_mm });
+            let (found_mm, stray) = (steps[after], self.beyond(after));
+            return Err(SeriesProblem::Gap { after, found_mm, expected_mm: median, limit_mm, stray });
         }
         let wide = |&n: &usize| steps[n] > 1.5 * median;
         let many = (0..steps.len()).filter(wide).count();
@@ -234,6 +238,18 @@ impl Series {
         let gap = |&n: &usize| steps[n] > 1.5 * beside(&steps, n) || !varies && wide(&n);
         self.warn_of_gaps((0..steps.len()).filter(gap).map(|n| (n, steps[n], beside(&steps, n).min(median))).collect());
         Ok(())
+    }
+
+    /// What to do with the slices on one side of a gap, where these are a few of many.
+    fn beyond(&self, after: usize) -> String {
+        let (below, above) = self.images.split_at(after + 1);
+        let few = if below.len() < above.len() { below } else { above };
+        match few {
+            [first, ..] if few.len() <= STRAYS && self.images.len() > 10 * few.len() => {
+                format!("; {} slice(s) beyond it may be of another scan: move {} away", few.len(), name(&first.file))
+            }
+            _ => String::new(),
+        }
     }
 
     /// Names the first gaps: the slice before, the step and the one expected there, mm.

@@ -219,3 +219,13 @@ fn a_picture_of_a_screen_refused_the_series_that_it_was_filed_with() {
     assert_eq!(found(f.path()).0, [23, 1]);
     assert_eq!(read(f.path(), &any_size()).expect("a scan").volume.grid().dims()[2], 24);
 }
+
+#[test]
+fn a_slice_astray_refused_a_head_and_was_not_named() {
+    let f = folder();
+    let files = acquire(f.path(), 1, 0.0, 2.0, 40);
+    edit(&files[39], tags::IMAGE_POSITION_PATIENT, VR::DS, "0\\0\\150");
+    let error = read(f.path(), &any_size()).expect_err("a gap").to_string();
+    assert!(error.contains("72.0 mm apart") || error.contains("74.0 mm apart"), "{error}");
+    assert!(error.contains("1 slice(s) beyond it") && error.contains("move 0040.dcm away"), "{error}");
+}
