@@ -2,7 +2,7 @@
 
 use super::limits;
 use super::scene::Scene;
-use monro_geometry::{Bvh, Patient, TetMesh, TriangleMesh, Vector};
+use monro_geometry::{Bvh, Patient, Point, TetMesh, TriangleMesh, Vector};
 use monro_tissue::{SphereContact, StaticSolution, Stop, Unfinished};
 use serde_json::{Value, json};
 
@@ -17,6 +17,7 @@ pub(super) fn remarks(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
     out.extend(unfinished(solved));
     out.extend(rubbed(scene, solved));
     out.extend(turned(scene, solved).filter(|_| limits::is_near(solved)));
+    out.extend(turned_over(&scene.mesh, &solved.displacement).filter(|_| limits::is_near(solved)));
     out.extend(limits::all(scene, solved));
     if !scene.problem.contacts.is_empty() && solved.share >= 1.0 {
         let surfaces = [surface(&scene.mesh, None), surface(&scene.mesh, Some(&solved.displacement))];
@@ -164,6 +165,24 @@ fn turned(scene: &Scene, solved: &StaticSolution) -> Option<String> {
     ))
 }
 
+/// That the whole body has turned over: an equilibrium, but hardly the one that was meant, as of a column that hangs from the rollers
+/// it stood on. The mean cosine between where vertices lie from the middle before and after is `(1 + 2 cos a) / 3` for a ball
+/// that has turned by `a`.
+fn turned_over(mesh: &TetMesh, displacement: &[Vector<Patient>]) -> Option<String> {
+    let now = moved(mesh, displacement);
+    let arms = |mesh: &TetMesh| {
+        let sum = mesh.vertices.iter().fold(Vector::ZERO, |s, p| s + (*p - Point::ORIGIN));
+        let middle = Point::ORIGIN + sum * (1.0 / mesh.vertices.len() as f64);
+        mesh.vertices.iter().map(|p| (*p - middle).normalized().unwrap_or(Vector::ZERO)).collect::<Vec<_>>()
+    };
+    let sum: f64 = arms(mesh).iter().zip(arms(&now)).map(|(before, after)| before.dot(after)).sum();
+    (sum < 0.0).then(|| {
+        "the body as a whole has turned over, by more than a right angle: this may be an equilibrium, but on the way to it the \
+         body left its place; hold it against that, or look at a smaller share of the load"
+            .into()
+    })
+}
+
 /// Elements of the mesh as given that a displacement (mm) leaves turned inside out or without volume.
 pub(super) fn turned_given(mesh: &TetMesh, displacement: &[Vector<Patient>]) -> Vec<usize> {
     let moved = moved(mesh, displacement);
@@ -222,4 +241,23 @@ fn sphere(
             c.radius_mm
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// It stood on rollers, hung from them in the end, and was converged without a remark.
+    #[test]
+    fn a_column_that_turned_over_was_an_answer_like_any_other() {
+        let corners = [[0.0; 3], [20.0, 0.0, 0.0], [0.0, 20.0, 0.0], [0.0, 0.0, 100.0]];
+        let mesh =
+            TetMesh { vertices: corners.map(Point::from_array).to_vec(), tets: vec![[0, 1, 2, 3]], labels: vec![1] };
+        let told = |to: fn(Point<Patient>) -> Point<Patient>| {
+            turned_over(&mesh, &mesh.vertices.iter().map(|&p| to(p) - p).collect::<Vec<_>>())
+        };
+        assert_eq!(told(|p| Point::new(p.x + 300.0, 1.5 * p.y, 0.6 * p.z)), None);
+        assert_eq!(told(|p| Point::new(p.x, p.z, -p.y)), None);
+        assert!(told(|p| Point::new(p.x, -p.y, -p.z)).is_some_and(|said| said.contains("turned over")));
+    }
 }
