@@ -122,7 +122,7 @@ impl Model {
         }
         let (tethers, abutments, guides) = attach(&mut rest, options, &number);
         let membranes = membrane::find(&tets, &region);
-        let abutments = Abutments::new(abutments, &membranes, rest.len());
+        let abutments = Abutments::new(abutments, &membranes, &rest);
         let tree = SphereTree::new(&rest, &tets);
         let volumes = Volumes::new(&tets, &rest);
         let fine_edge = volumes.fine_edge(FINEST);

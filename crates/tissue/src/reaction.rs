@@ -26,7 +26,7 @@ impl Model {
         fluid.add_weight(self, &state.positions, &pressure, push);
         let mut at = Vec::new();
         self.abutments.follow(&state.positions, &self.rest, &mut at);
-        let pressed = self.abutments.pressed(&at, &force);
+        let pressed = self.abutments.pressed(&at, &self.rest, &force);
         let mut held: Vec<D3> = force;
         for (f, p) in held.iter_mut().zip(&self.rest) {
             if p[3] != 0.0 {

@@ -5,7 +5,7 @@
 //! state is checked at one place: if it is not finite, or elements have turned over, it is taken back and tried again with
 //! half the time step.
 
-use crate::abutments::Against;
+use crate::abutments::{Against, Place};
 use crate::contact::{self, Coupling, Rule, ToolState};
 use crate::csf::FluidSpace;
 use crate::fast::{MOST_THREADS, Pool, Row, widest};
@@ -68,8 +68,8 @@ pub struct Stepper {
     fluid: FluidSpace,
     /// Weight of fluid that has come in since rest, or left, on its nodes, mN.
     pub(crate) loads: Vec<(u32, V3)>,
-    /// For each node the one whose wall it lies against.
-    pub(crate) against: Vec<u32>,
+    /// For each node the place of the wall that it lies against.
+    pub(crate) against: Vec<Place>,
     events: Vec<Event>,
     residual: f32,
     /// Longest way of a node from rest in the state that was measured last, mm.

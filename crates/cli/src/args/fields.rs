@@ -15,8 +15,8 @@ In --json and summary.json:
                   point, as if nothing had moved
   target_shift_mm how far the target's tissue has moved at the end; max_target_shift_mm: at most on the way
   cortex_shift_mm, gap_ml
-                  how far the surface of the brain has moved at the end, where most, and what it has left under the skull:
-                  with --skull slides; else the surface moves in the burr hole only
+                  how far the outer surface of the tissue has moved at the end, where most, and what it has left under the
+                  skull: with --skull slides; else the surface moves in the burr hole only
   wall_shift_mm   how far the wall of the ventricles has moved at the end, where most; max_wall_shift_mm: on the way, mostly
                   just before it gives way
   withdrawal      of drawing it out (--withdraw): reliable, max_pull_mn (the largest force that lasts with which tissue

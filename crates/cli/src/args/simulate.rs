@@ -57,8 +57,8 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "X,Y,Z", value_parser = triple, allow_hyphen_values = true)]
     pub(crate) gravity: Option<[f64; 3]>,
     /// What the skull does to the surface of the brain outside of the burr hole: "held" in place, or "slides": it slides along
-    /// the skull and may leave it, for brain shift once fluid around it is lost. The lowest 15 mm stay held. Takes two to
-    /// three times as long.
+    /// the skull and may leave it, for brain shift once fluid around it is lost. The lowest 15 mm stay held. Takes
+    /// about twice as long.
     #[arg(long, value_enum, default_value_t = SkullArg::Held)]
     pub(crate) skull: SkullArg,
     #[command(flatten)]

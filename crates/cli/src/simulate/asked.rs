@@ -61,9 +61,10 @@ pub(super) fn extras(run: &Run) -> Vec<String> {
     }
     if run.settings.model.skull == Skull::Slides {
         out.push(format!(
-            "the brain slides along the skull; its surface moved by up to {} mm and left {:.1} ml under the skull",
+            "the brain slides along the skull; its surface moved by up to {} mm and left {:.1} ml under the skull: {}",
             small(run.cortex_mm),
-            run.gap_ml() + 0.0
+            run.gap_ml() + 0.0,
+            run.losses().join(", ")
         ));
     }
     if let Some(file) = &run.materials_file {

@@ -13,7 +13,7 @@ use monro_cli::picture::{
 use monro_cli::report::{Finding, Histogram, KeyNumber, LinePlot, ReportInput, Section, Series, Severity, report_html};
 use monro_geometry::{Patient, Point, Structure, Volume};
 use monro_scan::ReadOptions;
-use monro_session::{DeformedSampler, Frame};
+use monro_session::{DeformedSampler, Frame, Skull};
 use std::iter;
 use std::path::Path;
 
@@ -74,6 +74,10 @@ fn key_numbers(done: &Run) -> Vec<KeyNumber> {
         KeyNumber::new("Frame", format!("{:.2}", done.ms_quantile(0.5)), "ms")
             .noted(format!("median; 99 % below {:.2} ms", done.ms_quantile(0.99))),
     ];
+    out.extend((done.settings.model.skull == Skull::Slides).then(|| {
+        KeyNumber::new("Surface of the brain moved up to", small(done.cortex_mm), "mm")
+            .noted(format!("at the end; {:.1} ml are left under the skull", done.gap_ml() + 0.0))
+    }));
     out.extend(pull);
     out
 }
@@ -138,6 +142,9 @@ fn slice(case: &Case, done: &Run, view: SliceView, sampler: &Sampler<'_>, after:
     let mut overlays = vec![surface(&case.skin, Stroke::solid(Colour::GREY, 1.0), "skin")];
     if after {
         overlays.push(surface(&case.ventricles, Stroke::dashed(Colour::SKY, 1.0), "ventricles before"));
+        if done.settings.model.skull == Skull::Slides {
+            overlays.push(surface(&case.brain, Stroke::dashed(Colour::YELLOW, 1.0), "brain before"));
+        }
         overlays.push(surface(&done.brain, Stroke::solid(Colour::YELLOW, 1.0), "brain"));
         overlays.push(surface(&done.ventricles, Stroke::solid(Colour::SKY, 1.4), "ventricles after"));
         let tip = done.last().map_or(plan.target(), |f| f.tip);
@@ -217,7 +224,10 @@ fn plots_section(done: &Run) -> Section {
         plot(FORCE, force_unit, vec![line("axial force", &force)]),
         plot("Volume of brain and ventricles against rest.", "ml", volumes(done)),
         plot(
-            "Volume of all together (the skull holds it, so it hardly changes).",
+            match done.settings.model.skull {
+                Skull::Held => "Volume of all together (the skull holds it, so it hardly changes).",
+                Skull::Slides => "Volume of all together: what is missing is left under the skull.",
+            },
             "%",
             vec![line("volume", &|f| f.step.volume_change * 100.0)],
         ),

@@ -165,6 +165,13 @@ impl Run {
         self.rows.last().map_or(0.0, |r| -r.change_ml.iter().sum::<f64>())
     }
 
+    /// What each structure has less than at rest at the end, in words.
+    pub(super) fn losses(&self) -> Vec<String> {
+        let Some(last) = self.rows.last() else { return Vec::new() };
+        let of = |(s, ml): (&Structure, &f64)| format!("{:.1} of {}", 0.0 - ml, s.words());
+        self.volumes.structures().iter().zip(&last.change_ml).map(of).collect()
+    }
+
     /// The largest force along the shaft that lasts: of the middle one of three frames, as single ones may be of a jump.
     pub(super) fn largest_force(&self) -> f64 {
         let forces: Vec<f64> = self.rows.iter().map(|r| r.frame.axial_force_mn().unwrap_or(0.0)).collect();

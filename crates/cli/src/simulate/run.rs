@@ -61,7 +61,7 @@ pub(crate) struct Run {
     pub(crate) beside: Vec<Plan>,
     /// Brain surface at the end.
     pub(crate) brain: TriangleMesh,
-    /// How far the surface of the brain has moved where it has moved most, at the end, mm.
+    /// How far the outer surface of the tissue has moved where it has moved most, at the end, mm.
     pub(crate) cortex_mm: f64,
     /// Ventricle surface at the end.
     pub(crate) ventricles: TriangleMesh,
@@ -176,9 +176,8 @@ pub(crate) fn insert(case: &Case, beside: &[Plan], settings: &InsertionSettings,
         [&surfaces.brain, &surfaces.ventricles].map(|s| s.points(insertion.origin()).collect::<Vec<_>>());
     let withdraw = || stretch(&mut insertion, &mut surfaces, seen, usize::MAX, console);
     let withdrawal = settings.withdraw.then(|| console.stage("withdraw", withdraw)).transpose()?;
-    let farthest = |(rest, now): (&Point<Patient>, &Point<Patient>)| rest.distance(*now);
     let mut run = Run {
-        cortex_mm: case.brain.vertices.iter().zip(&brain).map(farthest).fold(0.0, f64::max),
+        cortex_mm: snapshots.last().map_or(0.0, |end| surface_mm(insertion.rest(), &end.mesh)),
         rows,
         snapshots,
         withdrawal,
@@ -195,6 +194,12 @@ pub(crate) fn insert(case: &Case, beside: &[Plan], settings: &InsertionSettings,
     };
     console.stage("check walls", || check_walls(&mut run));
     Ok(run)
+}
+
+/// How far the outer surface has moved where it has moved most, mm.
+fn surface_mm(rest: &TetMesh, now: &TetMesh) -> f64 {
+    let outer = rest.boundary(|_| true).into_iter().flatten().map(|v| v as usize);
+    outer.map(|v| rest.vertices[v].distance(now.vertices[v])).fold(0.0, f64::max)
 }
 
 /// Where walls pass through each other in the meshes.

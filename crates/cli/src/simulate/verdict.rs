@@ -21,6 +21,10 @@ const MOST_MISSING: f64 = 0.1;
 const LEAST_MISSING_ML: f64 = 0.05;
 /// Share of its volume that tissue may change by before that is told: hardly any really leaves it.
 const MOST_SQUEEZED: f64 = 0.02;
+/// Share of their volume by which ventricles may change unasked before that is told.
+const MOST_EMPTIED: f64 = 0.1;
+/// Pressures in the ventricles that do not compress tissue to speak of, mmHg.
+const FEW_MMHG: f64 = 10.0;
 
 /// From so many iterations on, more of them are not the first remedy.
 const ENOUGH: u32 = 5;
@@ -179,6 +183,7 @@ fn doubts(run: &Run) -> Vec<String> {
         out.extend(Crushed::of(run, &run.snapshots).into_iter().flat_map(|c| c.doubts(run)));
     }
     out.extend(squeezed(run));
+    out.extend(emptied(run));
     out.extend(soft_body::remarks(&run.settings.model));
     out
 }
@@ -207,7 +212,25 @@ fn gone_around(run: &Run) -> Option<String> {
     })
 }
 
-/// The skull gives nothing, so what a ventricle gains the tissue loses, by being compressed.
+/// Ventricles that lost or gained fluid though nobody asked for that: nothing but `--drain-ml` keeps it.
+fn emptied(run: &Run) -> Option<String> {
+    if run.settings.frame.csf != Csf::AtRest {
+        return None;
+    }
+    let sum = |of: &[f64]| -> f64 {
+        let all = run.volumes.structures().iter().zip(of);
+        all.filter(|(s, _)| s.is_ventricle()).map(|(_, ml)| ml).sum()
+    };
+    let (change, rest) = (sum(&run.rows.last()?.change_ml), sum(run.volumes.rest_ml()));
+    (change.abs() > MOST_EMPTIED * rest).then(|| {
+        format!(
+            "The ventricles changed by {change:.1} of {rest:.1} ml, which nobody asked for: their pressure is kept, not their volume. \
+             With --drain-ml 0 it is their volume."
+        )
+    })
+}
+
+/// A skull that holds the brain gives nothing, so what a ventricle gains the tissue loses, by being compressed.
 fn squeezed(run: &Run) -> Option<String> {
     let brain = run.volumes.structures().iter().position(|s| *s == Structure::Brain)?;
     let change = run.rows.last()?.change_ml[brain];
@@ -215,6 +238,16 @@ fn squeezed(run: &Run) -> Option<String> {
     let why = if run.has_units() {
         let pressure = run.last().map_or(0.0, |f| f.step.csf_kpa / KPA_PER_MMHG);
         let poisson = run.settings.model.materials.brain.poisson;
+        let heavy = run.settings.frame.gravity_mm_s2 != [0.0; 3];
+        if heavy && pressure.abs() < FEW_MMHG {
+            return told(
+                share,
+                change,
+                &format!(
+                    ": with a Poisson's ratio of {poisson} its own weight compresses it, real tissue hardly; 0.499 does less."
+                ),
+            );
+        }
         format!(
             " at {pressure:.1} mmHg: with a Poisson's ratio of {poisson} it gives way to pressure, real tissue hardly does. Measured \
              differences of pressure between ventricles and the surface of the brain are a few mmHg."
@@ -222,6 +255,10 @@ fn squeezed(run: &Run) -> Option<String> {
     } else {
         ": paper mode keeps volumes by constraints, as well as its iterations come.".into()
     };
+    told(share, change, &why)
+}
+
+fn told(share: f64, change: f64, why: &str) -> Option<String> {
     (share.abs() > MOST_SQUEEZED).then(|| {
         format!(
             "The brain's own tissue (with the CSF around it, which is simulated as brain) changed by {change:.1} ml ({:.1} %){why}",
