@@ -84,8 +84,8 @@ pub enum AttachmentKind {
         stiffness_mn_per_mm: f64,
     },
     /// It lies against a rigid, frictionless plane through its rest position: it slides along it and lifts off, and never goes
-    /// beyond. A node may lie against several, and one that comes nearer to the rest position of another along the surface lies
-    /// against that one's, so that many make a wall that bends. Not for [`crate::equilibrium`], which refuses it.
+    /// beyond. A node may lie against several. Many on one surface make a wall that bends smoothly between them, and along which
+    /// each of them slides. Not for [`crate::equilibrium`], which refuses it.
     Abutting {
         /// Normal of the plane, away from the tissue (patient frame); of any length but 0.
         outward: [f64; 3],
