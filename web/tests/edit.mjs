@@ -229,6 +229,8 @@ const tests = {
     }
     await until("a wire", async () => (await describe()).wire !== null);
     await p.mouse.wheel(0, 100);
+    // The wheel may be heard after the key: then Enter closes the wire on its own slice.
+    await until("another slice", async () => !(await p.locator("#axial output").textContent()).includes(` ${S.index + 1} /`));
     await p.keyboard.press("Enter");
     await until("the way to it", async () => /open wire is on this slice/.test(await p.locator("#message").textContent()));
     assert.equal(await steps(), 3);
