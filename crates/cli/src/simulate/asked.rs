@@ -1,7 +1,7 @@
 //! What was asked of an insertion, so that no two results can be taken for each other: the same on stdout, in the report
 //! and in `summary.json`.
 
-use super::output::small;
+use super::output::{small, tenths};
 use super::{KPA_PER_MMHG, Run, beside};
 use crate::materials;
 use monro_session::{InsertionSettings, Skull};
@@ -46,9 +46,7 @@ pub(super) fn extras(run: &Run) -> Vec<String> {
             out.push(format!("infused {ml:.1} of {:.1} ml, {mmhg:+.1} mmHg", -asked));
         }
         Csf::Drained { ml: asked } => {
-            // No minus before a zero.
-            let reached = (-10.0 * ml).round() / 10.0 + 0.0;
-            out.push(format!("drained {reached:.1} of {asked:.1} ml, {mmhg:+.1} mmHg"));
+            out.push(format!("drained {} of {asked:.1} ml, {mmhg:+.1} mmHg", tenths(-ml)));
         }
         Csf::Pressure { kpa } => out.push(format!(
             "pressure of the CSF {:+.1} mmHg, with which the ventricles changed by {ml:+.1} ml",
@@ -61,9 +59,9 @@ pub(super) fn extras(run: &Run) -> Vec<String> {
     }
     if run.settings.model.skull == Skull::Slides {
         out.push(format!(
-            "the brain slides along the skull; its surface moved by up to {} mm and left {:.1} ml under the skull: {}",
+            "the brain slides along the skull; its surface moved by up to {} mm and left {} ml under the skull: {}",
             small(run.cortex_mm),
-            run.gap_ml() + 0.0,
+            tenths(run.gap_ml()),
             run.losses().join(", ")
         ));
     }

@@ -1,6 +1,6 @@
 //! The report of an insertion: before and after in slices, the head, and plots over time.
 
-use super::output::small;
+use super::output::{small, tenths};
 use super::run::Snapshot;
 use super::{Run, asked, withdrawal};
 use crate::NOTICE;
@@ -76,7 +76,7 @@ fn key_numbers(done: &Run) -> Vec<KeyNumber> {
     ];
     out.extend((done.settings.model.skull == Skull::Slides).then(|| {
         KeyNumber::new("Surface of the brain moved up to", small(done.cortex_mm), "mm")
-            .noted(format!("at the end; {:.1} ml are left under the skull", done.gap_ml() + 0.0))
+            .noted(format!("at the end; {} ml are left under the skull", tenths(done.gap_ml())))
     }));
     out.extend(pull);
     out

@@ -168,7 +168,7 @@ impl Run {
     /// What each structure has less than at rest at the end, in words.
     pub(super) fn losses(&self) -> Vec<String> {
         let Some(last) = self.rows.last() else { return Vec::new() };
-        let of = |(s, ml): (&Structure, &f64)| format!("{:.1} of {}", 0.0 - ml, s.words());
+        let of = |(s, ml): (&Structure, &f64)| format!("{} of {}", tenths(-ml), s.words());
         self.volumes.structures().iter().zip(&last.change_ml).map(of).collect()
     }
 
@@ -276,9 +276,19 @@ pub(super) fn small(value: f64) -> String {
     if value.abs() < 0.95 { format!("{value:.2}") } else { format!("{value:.1}") }
 }
 
+/// A number with one decimal, and no minus before a zero.
+pub(super) fn tenths(value: f64) -> String {
+    format!("{:.1}", (10.0 * value).round() / 10.0 + 0.0)
+}
+
 #[cfg(test)]
 mod tests {
-    use super::largest_that_lasts;
+    use super::{largest_that_lasts, tenths};
+
+    #[test]
+    fn nothing_has_no_sign() {
+        assert_eq!([-0.04, 0.04, -0.0, -12.34].map(tenths), ["0.0", "0.0", "0.0", "-12.3"]);
+    }
 
     #[test]
     fn a_force_of_a_single_frame_was_the_largest() {
