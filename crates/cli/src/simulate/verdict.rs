@@ -217,11 +217,7 @@ fn emptied(run: &Run) -> Option<String> {
     if run.settings.frame.csf != Csf::AtRest {
         return None;
     }
-    let sum = |of: &[f64]| -> f64 {
-        let all = run.volumes.structures().iter().zip(of);
-        all.filter(|(s, _)| s.is_ventricle()).map(|(_, ml)| ml).sum()
-    };
-    let (change, rest) = (sum(&run.rows.last()?.change_ml), sum(run.volumes.rest_ml()));
+    let (change, rest) = (run.last()?.step.csf_change_ml, run.volumes.ventricles_ml());
     (change.abs() > MOST_EMPTIED * rest).then(|| {
         format!(
             "The ventricles changed by {change:.1} of {rest:.1} ml, which nobody asked for: their pressure is kept, not their volume. \
