@@ -55,6 +55,25 @@ fn entry(text: &str, key: &str) -> Point<Patient> {
     Point::new(-v[0], -v[1], v[2])
 }
 
+/// Falx and tentorium of the size of anatomy (some 50 to 60 cm2 each), inside the skull, clear of the ventricles, the falx in the midplane.
+fn check_septa(found: &Segmentation) {
+    let septa = landmarks::septa(found).expect("septa");
+    let cm2 = |t: usize| {
+        let [a, b, c] = septa.corners(t);
+        (b - a).cross(c - a).norm() / 200.0
+    };
+    let in_midplane = |t: &usize| septa.corners(*t).iter().all(|p| found.midsagittal.signed_distance(*p).abs() < 1e-6);
+    let (falx, tentorium): (Vec<usize>, Vec<usize>) = (0..septa.triangles.len()).partition(in_midplane);
+    let [falx, tentorium] = [falx, tentorium].map(|part| part.into_iter().map(cm2).sum::<f64>());
+    assert!((35.0..85.0).contains(&falx) && (35.0..85.0).contains(&tentorium), "{falx} {tentorium}");
+    // Not outside of the head, where a speck of bone or lime does no harm; nowhere in a ventricle.
+    let within = |p: &&Point<Patient>| found.labels.nearest(**p).is_some_and(|l| (3..5).contains(&l));
+    let share = septa.vertices.iter().filter(within).count() as f64 / septa.vertices.len() as f64;
+    assert!(share > 0.98, "{share}");
+    let wet = septa.vertices.iter().filter(|p| found.labels.nearest(**p).is_some_and(|l| l >= 5)).count();
+    assert_eq!(wet, 0);
+}
+
 /// Foramina within 6 mm and Kocher's points within 12 mm of the data set's estimates.
 fn check_landmarks(ct: &Volume<i16>, found: &Segmentation, folder: &str) {
     let text = std::fs::read_to_string(data(folder).expect("data").join("landmarks.json")).expect("landmarks");
@@ -90,6 +109,7 @@ fn the_2mm_head_agrees_with_its_reference_and_the_cyst_stays_out() {
         .fold([0.0, 0.0, f64::INFINITY], |best, p| if p[2] < best[2] { p } else { best });
     assert!(z > -561.0, "{z}");
     check_landmarks(&ct, &found, "head-ct-2mm");
+    check_septa(&found);
 }
 
 #[test]
@@ -104,6 +124,7 @@ fn the_thin_head_agrees_with_its_reference_and_its_cuts_are_told() {
     calibrated(&found, &reference, &[(5, 1), (6, 2)]);
     assert!(found.findings.iter().any(|f| f.contains("vertex cut")), "{:?}", found.findings);
     check_landmarks(&ct, &found, "head-ct-thin");
+    check_septa(&found);
 }
 
 #[test]
@@ -119,6 +140,40 @@ fn the_tilted_turned_head_gives_a_sane_model() {
     assert!((25.0..50.0).contains(&ml(5)) && (25.0..50.0).contains(&ml(6)), "{} {}", ml(5), ml(6));
     assert!((2.0..9.0).contains(&ml(7)) && ml(4) > 1000.0);
     check_landmarks(&ct, &found, "head-ct-dicom-tilt");
+    check_septa(&found);
+}
+
+/// How far falx and tentorium lie from where the reference labels of the template have one hemisphere or the cerebellum on one side
+/// and another on the other, mm: on average and at most.
+fn septa_to_borders(found: &Segmentation, reference: &Volume<u16>) -> [f64; 2] {
+    let part = |label: u16| match label {
+        38..=41 | 71..=73 => 1,
+        // Cortex and white matter: even numbers on the right from 100 on, odd ones before.
+        42 | 44 => 2,
+        43 | 45 => 3,
+        100.. => 2 + label % 2,
+        _ => 0,
+    };
+    let grid = reference.grid();
+    let at = |v: [usize; 3]| part(reference.data()[grid.index(v[0], v[1], v[2])]);
+    let centre = |[i, j, k]: [usize; 3]| grid.centre(i, j, k);
+    let mut borders = Vec::new();
+    for v in (0..grid.len()).map(|n| grid.voxel(n)).filter(|v| at(*v) > 0) {
+        for a in 0..3 {
+            // Up to 10 mm of fluid that has no label may lie between.
+            let along = (v[a] + 1..(v[a] + 6).min(grid.dims()[a])).map(|i| {
+                let mut next = v;
+                next[a] = i;
+                next
+            });
+            let next = along.into_iter().find(|next| at(*next) > 0).filter(|next| at(*next) != at(v));
+            borders.extend(next.map(|next| centre(v).lerp(centre(next), 0.5)));
+        }
+    }
+    let septa = landmarks::septa(found).expect("septa");
+    let off = |p: &Point<Patient>| borders.iter().map(|b| b.distance(*p)).fold(f64::INFINITY, f64::min);
+    let all: Vec<f64> = septa.vertices.iter().map(off).collect();
+    [all.iter().sum::<f64>() / all.len() as f64, all.iter().copied().fold(0.0, f64::max)]
 }
 
 #[test]
@@ -131,6 +186,9 @@ fn the_masked_template_has_no_skin_and_says_so() {
     let score = dice(&found, &reference, lateral, |r| r == 51 || r == 52);
     assert!(score >= 0.85, "{score}");
     calibrated(&found, &reference, &[(5, 52), (6, 51), (7, 4)]);
+    check_septa(&found);
+    let [mean, most] = septa_to_borders(&found, &reference);
+    assert!(mean < 2.0 && most < 10.0, "{mean} {most}");
     // Zeros around it are air since they are told as filled in; a voxel of blurred bone was its skin then.
     let none = landmarks::find(&ct, &found).expect_err("no skin");
     assert!(matches!(none, LandmarkError::BareSkull { thickness_mm } if thickness_mm < 3.0), "{none}");
@@ -146,6 +204,7 @@ fn a_phantom_is_found_again() {
         assert!(score >= least, "structure {s}: {score}");
     }
     calibrated(&found, &truth, &[(5, 5), (6, 6), (7, 7)]);
+    check_septa(&found);
     let marks = landmarks::find(&made.ct, &found).expect("landmarks");
     for (name, p, q, limit) in [
         ("nasion", marks.nasion, made.landmarks.nasion, 4.0),

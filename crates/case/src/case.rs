@@ -15,8 +15,8 @@ use thiserror::Error;
 
 /// Files that must be there.
 const REQUIRED: [&str; 5] = ["skin.ply", "brain.ply", "ventricles.ply", "tets.vtu", "plan.mrk.json"];
-/// Files that may be left out, to share a model without its images.
-const OPTIONAL: [&str; 3] = ["ct.nii.gz", "labels.nii.gz", "landmarks.mrk.json"];
+/// Files that may be left out, to share a model without its images, or that a case made earlier has not.
+const OPTIONAL: [&str; 4] = ["ct.nii.gz", "labels.nii.gz", "landmarks.mrk.json", "septa.ply"];
 
 /// A case as what a command writes: what `--force` may replace.
 pub const CASE: OutputKind = OutputKind {
@@ -32,6 +32,7 @@ pub const CASE: OutputKind = OutputKind {
         "ct.nii.gz",
         "labels.nii.gz",
         "landmarks.mrk.json",
+        "septa.ply",
         "report.html",
     ],
     parts: &[],
@@ -131,6 +132,8 @@ pub struct Case {
     pub brain: TriangleMesh,
     /// Surface of the ventricles.
     pub ventricles: TriangleMesh,
+    /// Falx and tentorium as one open surface, if the case has them.
+    pub septa: Option<TriangleMesh>,
     /// Simulation mesh with the labels of `geometry::Structure`.
     pub tets: TetMesh,
 }
@@ -160,6 +163,7 @@ impl Case {
         if !self.landmarks.is_empty() {
             files.push(("landmarks.mrk.json", markups::encode(Kind::Fiducial, &self.landmarks).into_bytes()));
         }
+        files.extend(self.septa.as_ref().map(|septa| ("septa.ply", ply::encode(septa, None))));
         files.extend(images.ct.map(|b| ("ct.nii.gz", b)));
         files.extend(images.labels.map(|b| ("labels.nii.gz", b)));
         let mut manifest = self.manifest.clone();
@@ -200,6 +204,7 @@ impl Case {
             skin: surface("skin.ply")?,
             brain: surface("brain.ply")?,
             ventricles: surface("ventricles.ply")?,
+            septa: files.contains_key("septa.ply").then(|| surface("septa.ply")).transpose()?,
             tets: vtu::decode(get("tets.vtu")?)?.to_mesh()?,
             manifest,
         })

@@ -10,7 +10,6 @@ use crate::trackers::{DoctorArgs, FakeTrackerCommand, TrackArgs};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use fields::SOLVE_FIELDS;
 use monro_prepare::DEFAULT_ELEMENTS;
-use monro_session::Skull;
 pub(crate) use path::path;
 pub(crate) use simulate::SimulateArgs;
 use solver::SolverArgs;
@@ -142,15 +141,6 @@ pub(crate) enum SkullArg {
     Held,
     /// The brain slides along it and may leave it.
     Slides,
-}
-
-impl From<SkullArg> for Skull {
-    fn from(arg: SkullArg) -> Self {
-        match arg {
-            SkullArg::Held => Self::Held,
-            SkullArg::Slides => Self::Slides,
-        }
-    }
 }
 
 #[derive(Debug, Args)]

@@ -59,6 +59,7 @@ pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<P
         skin: surfaces.skin.mesh,
         brain: surfaces.brain.mesh,
         ventricles: surfaces.ventricles.mesh,
+        septa: planned.septa,
         tets,
     };
     Ok(Prepared { scan, segmentation, case, mesh, volumes_ml })

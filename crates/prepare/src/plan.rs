@@ -27,6 +27,8 @@ pub(crate) struct Planned {
     pub(crate) skull_angle_deg: Option<f64>,
     /// All landmarks found.
     pub(crate) landmarks: Vec<NamedPoint>,
+    /// Falx and tentorium.
+    pub(crate) septa: Option<TriangleMesh>,
     /// Remarks on the landmarks.
     pub(crate) findings: Vec<String>,
 }
@@ -70,7 +72,12 @@ pub(crate) fn plan(
             Vec::new()
         }
     };
-    Ok(Planned { plan, skull_angle_deg, landmarks, findings })
+    let septa = landmarks::septa(segmentation).ok().filter(|septa| !septa.triangles.is_empty());
+    if septa.is_none() {
+        findings
+            .push("the labels show too little of the inside of the skull to say where falx and tentorium are".into());
+    }
+    Ok(Planned { plan, skull_angle_deg, landmarks, septa, findings })
 }
 
 fn automatic(marks: &Landmarks, side: Side) -> Result<Plan, PrepareError> {

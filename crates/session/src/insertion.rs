@@ -102,7 +102,7 @@ impl Insertion {
         }
         let openings = openings(case, beside)?;
         stand_apart(&case.plan, beside, settings.diameter_mm)?;
-        let model = Model::new(&case.tets, &tissue_model::options(&case.tets, &openings, &settings.model))?;
+        let model = Model::new(&case.tets, &tissue_model::options(case, &openings, &settings.model))?;
         Ok(Self {
             state: model.rest_state(),
             stepper: Stepper::new(&model),
@@ -254,6 +254,7 @@ mod tests {
     use super::*;
     use crate::live::deformation::tests::case;
     use crate::tissue_model::Skull;
+    use monro_geometry::TriangleMesh;
     use monro_guidance::Side;
 
     fn settings() -> InsertionSettings {
@@ -309,11 +310,42 @@ mod tests {
             let whole_ml = StructureVolumes::new(insertion.rest()).change_ml(insertion.nodes()).iter().sum::<f64>();
             (last.step.csf_change_ml, whole_ml, last.step.csf_kpa)
         };
-        let [(held_ml, held_whole_ml, held_kpa), (ml, whole_ml, kpa)] = [Skull::Held, Skull::Slides].map(drained);
+        let [(held_ml, held_whole_ml, held_kpa), (ml, whole_ml, kpa)] =
+            [Skull::Held, Skull::Slides { septa: true }].map(drained);
         assert!((held_ml + 1.0).abs() < 0.02 && (ml + 1.0).abs() < 0.02, "{held_ml} {ml}");
         // Through the burr hole alone; all but what the suction compresses.
         assert!(held_whole_ml > -0.3 && (whole_ml + 1.0).abs() < 0.1, "{held_whole_ml} {whole_ml}");
         assert!(kpa < 0.0 && kpa > 0.7 * held_kpa, "{kpa} {held_kpa}");
+    }
+
+    /// A brain on its side, with a falx: what lay above it hung on what lay below.
+    #[test]
+    fn neither_side_goes_through_a_falx_and_both_slide_along_it() {
+        let mut case = case();
+        let corners = [[-1.0, -1.0], [61.0, -1.0], [61.0, 61.0], [-1.0, 61.0]];
+        let vertices = corners.map(|[y, z]| Point::new(37.0, y, z)).to_vec();
+        case.septa = Some(TriangleMesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] });
+        let moved = |septa: bool, gravity_mm_s2: [f64; 3]| {
+            let frame = FrameSettings { gravity_mm_s2, iterations: 20, ..FrameSettings::default() };
+            let model = ModelSettings { skull: Skull::Slides { septa }, ..settings().model };
+            let mut insertion =
+                Insertion::new(&case, &[], &InsertionSettings { model, frame, ..settings() }).expect("an insertion");
+            for _ in 0..insertion.before()[0] {
+                insertion.advance().expect("a frame");
+            }
+            let rest = insertion.rest().vertices.clone();
+            let origin = insertion.origin();
+            let way = |n: usize| at(&insertion.nodes()[n], origin) - rest[n];
+            // In the middle of the sheet's nodes, beside the ventricle.
+            let node = rest.iter().position(|p| *p == Point::new(40.0, 10.0, 30.0)).expect("a node");
+            way(node).to_array()
+        };
+        let across = [9810.0, 0.0, 0.0];
+        let (through, held) = (moved(false, across), moved(true, across));
+        assert!(through[0] > 0.1 && held[0].abs() < 1e-3, "{through:?} {held:?}");
+        let along = [0.0, 9810.0, 0.0];
+        let (alone, beside) = (moved(false, along), moved(true, along));
+        assert!(alone[1] > 0.1 && beside[1] > 0.7 * alone[1], "{alone:?} {beside:?}");
     }
 
     #[test]

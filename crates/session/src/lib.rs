@@ -7,6 +7,7 @@ mod deformation;
 mod insertion;
 pub mod live;
 mod schedule;
+mod septa;
 mod tissue_model;
 mod volumes;
 

@@ -1,6 +1,7 @@
 //! What a case's regions are made of, and where the brain is held.
 
-use crate::SessionError;
+use crate::{SessionError, septa};
+use monro_case::Case;
 use monro_geometry::{Bvh, Patient, Point, Structure, TetMesh, TriangleMesh, Vector};
 use monro_guidance::Plan;
 use monro_tissue::{Attachment, AttachmentKind, CollisionResponse, Material, Mode, ModelOptions, ThinMembrane};
@@ -26,7 +27,17 @@ pub enum Skull {
     Held,
     /// The brain slides along it and may leave it, as when fluid around it is lost; but for the lowest [`HELD_BASE_MM`], which are
     /// held.
-    Slides,
+    Slides {
+        /// Whether it slides along falx and tentorium, too, where the case has them, and never goes through these.
+        septa: bool,
+    },
+}
+
+impl Skull {
+    /// Whether the brain slides along it.
+    pub const fn slides(self) -> bool {
+        matches!(self, Self::Slides { .. })
+    }
 }
 
 /// How the regions of a case become a soft body.
@@ -67,7 +78,7 @@ impl Materials {
 }
 
 /// Options of the soft body for a case: brain tissue, fluid ventricles, the skull side held except in the burr hole.
-pub(crate) fn options(tets: &TetMesh, openings: &[Point<Patient>], settings: &ModelSettings) -> ModelOptions {
+pub(crate) fn options(case: &Case, openings: &[Point<Patient>], settings: &ModelSettings) -> ModelOptions {
     let label = |s: Structure| u16::from(s.label());
     let mut materials = BTreeMap::from([(label(Structure::Brain), settings.materials.brain)]);
     for s in Structure::ALL.into_iter().filter(|s| s.is_ventricle()) {
@@ -76,14 +87,14 @@ pub(crate) fn options(tets: &TetMesh, openings: &[Point<Patient>], settings: &Mo
     ModelOptions {
         mode: settings.mode,
         materials,
-        attachments: attachments(tets, openings, settings.skull),
+        attachments: attachments(case, openings, settings.skull),
         collision: settings.collision,
     }
 }
 
 /// Holds the surface outside of the burr holes, or lets it slide. Where elements are so large that no vertex lies in one, the nearest is free all
 /// the same: held all over, pia cannot dimple, and is punctured as soon as it is touched.
-fn attachments(tets: &TetMesh, openings: &[Point<Patient>], skull: Skull) -> Vec<Attachment> {
+fn attachments(Case { tets, septa, .. }: &Case, openings: &[Point<Patient>], skull: Skull) -> Vec<Attachment> {
     let triangles = tets.boundary(|_| true);
     let mut nodes: Vec<u32> = triangles.iter().flatten().copied().collect();
     nodes.sort_unstable();
@@ -94,9 +105,9 @@ fn attachments(tets: &TetMesh, openings: &[Point<Patient>], skull: Skull) -> Vec
     };
     let holes: Vec<_> = openings.iter().map(|&hole| (hole, radius(hole))).collect();
     nodes.retain(|&n| holes.iter().all(|&(hole, radius)| away(n, hole) > radius));
-    if skull == Skull::Held {
+    let Skull::Slides { septa: with_septa } = skull else {
         return nodes.into_iter().map(|node| Attachment { node, kind: AttachmentKind::Fixed }).collect();
-    }
+    };
     let normals = TriangleMesh { vertices: tets.vertices.clone(), triangles }.vertex_normals();
     let height = |n: u32| tets.vertices[n as usize].z;
     let base = nodes.iter().map(|&n| height(n)).fold(f64::INFINITY, f64::min) + HELD_BASE_MM;
@@ -105,7 +116,21 @@ fn attachments(tets: &TetMesh, openings: &[Point<Patient>], skull: Skull) -> Vec
         outward if height(node) <= base || outward == Vector::ZERO => AttachmentKind::Fixed,
         outward => AttachmentKind::Abutting { outward: outward.to_array(), drag_per_s: SKULL_DRAG_PER_S },
     };
-    nodes.into_iter().map(|node| Attachment { node, kind: kind(node) }).collect()
+    let mut out: Vec<Attachment> = nodes.into_iter().map(|node| Attachment { node, kind: kind(node) }).collect();
+    if let Some(septa) = septa.as_ref().filter(|_| with_septa) {
+        let free = inner_brain(tets);
+        out.extend(septa::walls(tets, septa, |v| free[v as usize], SKULL_DRAG_PER_S));
+    }
+    out
+}
+
+/// Whether a vertex lies in brain with nothing else around it.
+fn inner_brain(tets: &TetMesh) -> Vec<bool> {
+    let mut out = vec![true; tets.vertices.len()];
+    let others = tets.tets.iter().zip(&tets.labels).filter(|(_, l)| **l != u16::from(Structure::Brain.label()));
+    let beside = others.flat_map(|(t, _)| *t);
+    tets.boundary(|_| true).into_iter().flatten().chain(beside).for_each(|v| out[v as usize] = false);
+    out
 }
 
 /// Where the path first meets the surface of the simulated tissue, and how deep that is under the entry, mm.
@@ -127,13 +152,14 @@ pub(crate) fn opening(tets: &TetMesh, plan: &Plan) -> Result<(Point<Patient>, f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::live::deformation::tests::{case, tets};
+    use crate::live::deformation::tests::case;
     use monro_guidance::Side;
 
     #[test]
     fn a_burr_hole_between_the_vertices_of_a_coarse_mesh_had_none_that_was_free() {
-        let tets = tets();
-        let held = |opening| attachments(&tets, &[opening], Skull::Held).len();
+        let case = case();
+        let tets = &case.tets;
+        let held = |opening| attachments(&case, &[opening], Skull::Held).len();
         let mut surface: Vec<u32> = tets.boundary(|_| true).into_iter().flatten().collect();
         surface.sort_unstable();
         surface.dedup();
@@ -145,9 +171,11 @@ mod tests {
 
     #[test]
     fn a_brain_that_slides_is_held_at_its_base_and_lies_against_the_skull_elsewhere() {
-        let tets = tets();
-        let all = attachments(&tets, &[Point::new(30.0, 30.0, 60.0)], Skull::Slides);
-        assert_eq!(all.len(), attachments(&tets, &[Point::new(30.0, 30.0, 60.0)], Skull::Held).len());
+        let case = case();
+        let tets = &case.tets;
+        let slides = Skull::Slides { septa: true };
+        let all = attachments(&case, &[Point::new(30.0, 30.0, 60.0)], slides);
+        assert_eq!(all.len(), attachments(&case, &[Point::new(30.0, 30.0, 60.0)], Skull::Held).len());
         for a in all {
             let (p, middle) = (tets.vertices[a.node as usize], Point::new(30.0, 30.0, 30.0));
             match a.kind {

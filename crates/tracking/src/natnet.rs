@@ -19,7 +19,8 @@ const TICK: Duration = Duration::from_millis(20);
 
 /// Datagrams that wait at most: ten seconds of a quick camera system.
 const MOST_WAITING: usize = 4096;
-/// A sender of frames that has been silent for this long may be replaced by another, ns.
+/// A sender of frames that has been silent for this long may be replaced by another on its machine, and a server that was asked and is
+/// silent from the beginning by another machine, ns.
 const SILENCE: u64 = 1_000_000_000;
 /// Foreign senders that are remembered at most.
 const MOST_STRANGERS: usize = 4;
@@ -36,6 +37,8 @@ pub(crate) struct NatNetSource {
     server: SocketAddr,
     address: NatNetAddress,
     interface: Ipv4Addr,
+    /// When it was opened, ns.
+    opened: u64,
     data: Option<(Ipv4Addr, u16)>,
     arrivals: Receiver<Arrived>,
     sender: SyncSender<Arrived>,
@@ -74,6 +77,7 @@ impl NatNetSource {
             server,
             address: address.clone(),
             interface,
+            opened: clock.nanos(),
             data: None,
             arrivals,
             sender,
@@ -120,8 +124,8 @@ impl NatNetSource {
         (ours != theirs).then_some([ours, theirs])
     }
 
-    /// Whether a datagram is to be heard. Several servers may send to one group and port: frames are taken from one sender,
-    /// if possible from the very server that was asked; answers from the machine that was asked, or, where another has
+    /// Whether a datagram is to be heard. Several servers may send to one group and port: frames are taken from one machine,
+    /// that which was asked, or where it says nothing at all the first other one; answers from the machine that was asked, or, where another has
     /// answered in its place (it has several addresses), from that.
     fn is_heard(&mut self, since: u64, from: SocketAddr, bytes: &[u8]) -> bool {
         if !split(bytes).is_ok_and(|(header, _)| header.id == MessageId::Frame) {
@@ -132,17 +136,27 @@ impl NatNetSource {
             self.note_stranger(from);
             return false;
         }
-        let nearness = |a: SocketAddr| (a.ip() == self.server.ip(), a == self.server);
-        match self.streamer {
-            Some((s, last)) if s != from && since.saturating_sub(last) < SILENCE && nearness(from) <= nearness(s) => {
-                self.note_stranger(from);
-                false
+        let heard = match self.streamer {
+            Some((s, last)) => {
+                let again = s.ip() == from.ip() && since.saturating_sub(last) >= SILENCE;
+                s == from || again || self.nearness(from) > self.nearness(s)
             }
-            _ => {
-                self.streamer = Some((from, since));
-                true
+            // One that nobody asked stands in for a server that has not said a word for a while.
+            None => {
+                from.ip() == self.server.ip()
+                    || self.answers_from != Some(self.server.ip()) && since.saturating_sub(self.opened) >= SILENCE
             }
+        };
+        match heard {
+            true => self.streamer = Some((from, since)),
+            false => self.note_stranger(from),
         }
+        heard
+    }
+
+    /// How much an address is that of the server that was asked: its machine, then its port.
+    fn nearness(&self, a: SocketAddr) -> (bool, bool) {
+        (a.ip() == self.server.ip(), a == self.server)
     }
 
     /// That frames are old when they arrive, by the clock of the cameras or, where that is not known, by what they lag.
@@ -214,7 +228,8 @@ impl Source for NatNetSource {
         if well && let Some(late) = self.late() {
             return Health::ill(late);
         }
-        let words = match found {
+        let silent = matches!(found, Diagnosis::NoData { .. });
+        let mut words = match found {
             Diagnosis::NoServer { .. } => format!("{}: {found}", self.server),
             Diagnosis::NoData { multicast: Some(true), .. } if self.address.unicast => {
                 format!("{found}; this client was told to use unicast (?unicast=1)")
@@ -227,6 +242,12 @@ impl Source for NatNetSource {
             },
             found => found.to_string(),
         };
+        if let Some(other) = self.strangers.iter().find(|s| silent && s.ip() != self.server.ip()) {
+            let (other, asked) = (other.ip(), self.server.ip());
+            words += &format!(
+                "; {other} sends frames, which are left out since {asked} was asked: give natnet://{other} if they are meant"
+            );
+        }
         Health { well, words }
     }
 
@@ -336,13 +357,30 @@ mod tests {
         let (frame, other) = ([7, 0, 0, 0], [8, 0, 0, 0]);
         let mut heard =
             |ms: u64, from: &str, bytes: &[u8]| source.is_heard(ms * 1_000_000, from.parse().expect("address"), bytes);
-        assert!(heard(0, "10.0.0.2:1511", &frame) && !heard(8, "10.0.0.3:1511", &frame));
-        assert!(heard(9, "10.0.0.3:1511", &other), "only frames are of one sender");
-        assert!(heard(16, "127.0.0.1:4000", &frame), "the server's own machine");
-        assert!(!heard(24, "10.0.0.2:1511", &frame) && !heard(25, "127.0.0.1:5000", &frame));
-        assert!(heard(32, "127.0.0.1:1510", &frame) && !heard(40, "127.0.0.1:4000", &frame));
-        assert!(heard(1100, "127.0.0.1:4000", &frame), "one that has fallen silent may be replaced");
+        assert!(!heard(0, "10.0.0.2:1511", &frame) && !heard(8, "10.0.0.3:1511", &frame), "who was asked comes first");
+        assert!(heard(1200, "10.0.0.2:1511", &frame) && !heard(1208, "10.0.0.3:1511", &frame));
+        assert!(heard(1209, "10.0.0.3:1511", &other), "only frames are of one sender");
+        assert!(heard(1216, "127.0.0.1:4000", &frame), "the server's own machine");
+        assert!(!heard(1224, "10.0.0.2:1511", &frame) && !heard(1225, "127.0.0.1:5000", &frame));
+        assert!(heard(1232, "127.0.0.1:1510", &frame) && !heard(1240, "127.0.0.1:4000", &frame));
+        assert!(heard(2300, "127.0.0.1:4000", &frame), "one that has fallen silent may be replaced");
         assert!(source.facts().iter().any(|f| f.contains("10.0.0.3:1511")), "{:?}", source.facts());
+    }
+
+    /// Two camera systems on one network, of which the one that was asked is paused: the other one's poses were shown as its.
+    #[test]
+    fn frames_of_another_machine_were_taken_once_the_server_that_was_asked_was_silent() {
+        let Ok(TrackerUrl::NatNet(address)) = "natnet://127.0.0.1:9?unicast=1".parse() else { panic!("an address") };
+        let (frame, info) = ([7, 0, 0, 0], [1, 0, 0, 0]);
+        for first in [frame, info] {
+            let mut source = NatNetSource::open(&address, Clock::new(), None).expect("sockets");
+            let mut heard =
+                |s: u64, from: &str, bytes: &[u8]| source.is_heard(s * SILENCE, from.parse().expect("address"), bytes);
+            assert!(heard(0, "127.0.0.1:9", &first));
+            assert!((1..90).all(|s| !heard(s, "10.0.0.3:1511", &frame)));
+            assert!(heard(90, "127.0.0.1:9", &frame) && !heard(95, "10.0.0.3:1511", &frame));
+            assert!(source.facts().iter().any(|f| f.contains("10.0.0.3:1511")), "{:?}", source.facts());
+        }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Anatomical landmarks for planning: nasion, Kocher's points and the foramina of Monro.
+//! Anatomical landmarks for planning: nasion, Kocher's points and the foramina of Monro; falx and tentorium.
 //!
 //! All come from the labels, so that labels corrected by hand move them; the scan only refines the skin between voxels.
 
@@ -6,10 +6,12 @@ mod error;
 mod face;
 mod foramina;
 mod profile;
+mod septa;
 mod surroundings;
 mod vault;
 
 pub use error::LandmarkError;
+pub use septa::septa;
 
 use crate::segment::Segmentation;
 use monro_geometry::{Patient, Point, Vector, Volume};

@@ -33,6 +33,7 @@ pub(crate) fn case() -> Case {
         skin: surface(),
         brain: surface(),
         ventricles: surface(),
+        septa: Some(surface()),
         tets,
     }
 }

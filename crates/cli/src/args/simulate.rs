@@ -61,6 +61,10 @@ pub(crate) struct SimulateArgs {
     /// about twice as long.
     #[arg(long, value_enum, default_value_t = SkullArg::Held)]
     pub(crate) skull: SkullArg,
+    /// With --skull slides: leave out falx and tentorium, which else part the brain where the case has them. They are about where an
+    /// average head has them (see the case's report), rigid, and tissue slides along both sides.
+    #[arg(long)]
+    pub(crate) no_septa: bool,
     #[command(flatten)]
     pub(crate) solver: SolverArgs,
     /// Overwrite an existing output folder.

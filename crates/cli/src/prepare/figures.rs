@@ -93,6 +93,11 @@ fn labelled_slice(prepared: &Prepared, view: SliceView, window: Window, title: &
         stroke: Stroke::dashed(Colour::PLAN, 1.6),
         name: "plan",
     });
+    overlays.extend(prepared.case.septa.iter().map(|mesh| Overlay::Surface {
+        mesh,
+        stroke: Stroke::dashed(Colour::ORANGE, 1.2),
+        name: "falx and tentorium, of an average head",
+    }));
     overlays.push(Overlay::Mark { at: plan.target(), colour: Colour::PLAN, name: "target" });
     let sample = sampler(&prepared.scan.volume);
     let caption = String::new();

@@ -4,7 +4,7 @@
 use super::output::{small, tenths};
 use super::{KPA_PER_MMHG, Run, beside};
 use crate::materials;
-use monro_session::{InsertionSettings, Skull};
+use monro_session::InsertionSettings;
 use monro_tissue::{Csf, FrameSettings, TipShape};
 use serde_json::{Value, json};
 
@@ -57,9 +57,10 @@ pub(super) fn extras(run: &Run) -> Vec<String> {
     if gravity != [0.0; 3] {
         out.push(format!("gravity {} m/s2 (LPS)", gravity.map(|g| format!("{g}")).join(", ")));
     }
-    if run.settings.model.skull == Skull::Slides {
+    if run.settings.model.skull.slides() {
         out.push(format!(
-            "the brain slides along the skull; its surface moved by up to {} mm and left {} ml under the skull: {}",
+            "the brain slides along the skull{}; its surface moved by up to {} mm and left {} ml under the skull: {}",
+            if run.has_septa() { ", falx and tentorium" } else { "" },
             small(run.cortex_mm),
             tenths(run.gap_ml()),
             run.losses().join(", ")
@@ -89,7 +90,8 @@ pub(super) fn json(run: &Run) -> Value {
         "diameter_mm": settings.diameter_mm,
         "tip_cone_deg": tip_degrees(settings),
         "gravity_m_s2": gravity_m_s2(run),
-        "skull": if settings.model.skull == Skull::Slides { "slides" } else { "held" },
+        "skull": if settings.model.skull.slides() { "slides" } else { "held" },
+        "septa": run.has_septa(),
         "iterations": settings.frame.iterations,
         "predicted_space": settings.frame.predicted_space,
         "csf_pressure_mmhg": pressure,

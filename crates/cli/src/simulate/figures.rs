@@ -74,7 +74,7 @@ fn key_numbers(done: &Run) -> Vec<KeyNumber> {
         KeyNumber::new("Frame", format!("{:.2}", done.ms_quantile(0.5)), "ms")
             .noted(format!("median; 99 % below {:.2} ms", done.ms_quantile(0.99))),
     ];
-    out.extend((done.settings.model.skull == Skull::Slides).then(|| {
+    out.extend((done.settings.model.skull.slides()).then(|| {
         KeyNumber::new("Surface of the brain moved up to", small(done.cortex_mm), "mm")
             .noted(format!("at the end; {} ml are left under the skull", tenths(done.gap_ml())))
     }));
@@ -142,7 +142,7 @@ fn slice(case: &Case, done: &Run, view: SliceView, sampler: &Sampler<'_>, after:
     let mut overlays = vec![surface(&case.skin, Stroke::solid(Colour::GREY, 1.0), "skin")];
     if after {
         overlays.push(surface(&case.ventricles, Stroke::dashed(Colour::SKY, 1.0), "ventricles before"));
-        if done.settings.model.skull == Skull::Slides {
+        if done.settings.model.skull.slides() {
             overlays.push(surface(&case.brain, Stroke::dashed(Colour::YELLOW, 1.0), "brain before"));
         }
         overlays.push(surface(&done.brain, Stroke::solid(Colour::YELLOW, 1.0), "brain"));
@@ -162,6 +162,12 @@ fn slice(case: &Case, done: &Run, view: SliceView, sampler: &Sampler<'_>, after:
         let stroke = Stroke::dashed(Colour::PLAN, 1.6);
         overlays.push(Overlay::Path { from: plan.entry(), to: plan.target(), stroke, name: "plan" });
     }
+    overlays.extend(
+        case.septa
+            .iter()
+            .filter(|_| done.has_septa())
+            .map(|septa| surface(septa, Stroke::solid(Colour::ORANGE, 1.4), "falx and tentorium")),
+    );
     overlays.push(Overlay::Mark { at: plan.target(), colour: Colour::PLAN, name: "planned target" });
     let (title, caption) = (title.to_owned(), String::new());
     Ok(slice_figure(&SliceRequest { view, sampler, window: Window::BRAIN, overlays, title, caption })?)
@@ -226,7 +232,7 @@ fn plots_section(done: &Run) -> Section {
         plot(
             match done.settings.model.skull {
                 Skull::Held => "Volume of all together (the skull holds it, so it hardly changes).",
-                Skull::Slides => "Volume of all together: what is missing is left under the skull.",
+                Skull::Slides { .. } => "Volume of all together: what is missing is left under the skull.",
             },
             "%",
             vec![line("volume", &|f| f.step.volume_change * 100.0)],

@@ -14,13 +14,13 @@ mod verdict;
 mod walls;
 mod withdrawal;
 
-use crate::args::{ModeArg, SimulateArgs};
+use crate::args::{ModeArg, SimulateArgs, SkullArg};
 use crate::console::Console;
 use crate::interrupt::Guard;
 use crate::soft_body;
 use anyhow::{Result, ensure};
 use monro_case::{Case, Staging};
-use monro_session::InsertionSettings;
+use monro_session::{InsertionSettings, Skull};
 use monro_tissue::{Csf, FrameSettings, TipShape};
 use std::path::Path;
 
@@ -78,7 +78,14 @@ fn asked(args: &SimulateArgs) -> Result<InsertionSettings> {
         ensure!(value.is_finite() && value.abs() <= 150.0, "{name} {value}: wanted -150 to 150");
     }
     out.model = soft_body::model(args.mode, args.materials.as_deref())?;
-    out.model.skull = args.skull.into();
+    out.model.skull = match args.skull {
+        SkullArg::Held => Skull::Held,
+        SkullArg::Slides => Skull::Slides { septa: !args.no_septa },
+    };
+    ensure!(
+        out.model.skull.slides() || !args.no_septa,
+        "--no-septa belongs to --skull slides: falx and tentorium have no part in a brain that is held at the skull"
+    );
     if let Some(gravity) = args.gravity {
         ensure!(
             args.mode == ModeArg::Physical || gravity == [0.0; 3],

@@ -7,7 +7,7 @@ use monro_case::Case;
 use monro_cli::report::quantile;
 use monro_geometry::{PassedThrough, Patient, Point, TetMesh, TriangleMesh, Walls};
 use monro_guidance::Plan;
-use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode, StructureVolumes};
+use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode, Skull, StructureVolumes};
 use std::time::Instant;
 
 /// Deformed meshes written along the way, besides the last.
@@ -65,6 +65,8 @@ pub(crate) struct Run {
     pub(crate) cortex_mm: f64,
     /// Ventricle surface at the end.
     pub(crate) ventricles: TriangleMesh,
+    /// Whether the case has falx and tentorium.
+    pub(crate) case_has_septa: bool,
     /// The settings.
     pub(crate) settings: InsertionSettings,
     /// The file that its materials come from, where one was given.
@@ -108,6 +110,11 @@ impl Run {
     /// Whether forces are in mN: only in physical mode.
     pub(crate) fn has_units(&self) -> bool {
         matches!(self.settings.model.mode, Mode::Physical(_))
+    }
+
+    /// Whether falx and tentorium part the brain.
+    pub(crate) const fn has_septa(&self) -> bool {
+        self.case_has_septa && matches!(self.settings.model.skull, Skull::Slides { septa: true })
     }
 
     /// All frames, with those of the withdrawal.
@@ -184,6 +191,7 @@ pub(crate) fn insert(case: &Case, beside: &[Plan], settings: &InsertionSettings,
         beside: beside.to_vec(),
         brain: TriangleMesh { vertices: brain, triangles: case.brain.triangles.clone() },
         ventricles: TriangleMesh { vertices: ventricles, triangles: case.ventricles.triangles.clone() },
+        case_has_septa: case.septa.is_some(),
         settings: *settings,
         materials_file: None,
         of_case: case.manifest.findings.clone(),

@@ -174,7 +174,7 @@ fn doubts(run: &Run) -> Vec<String> {
     out.extend(gone_around(run));
     let why = match run.settings.model.skull {
         Skull::Held => "a wall is folded around the tip",
-        Skull::Slides => "a wall is folded around the tip or the brain still slides",
+        Skull::Slides { .. } => "a wall is folded around the tip or the brain still slides",
     };
     out.extend(restless::remark(run, &run.rows, why));
     out.extend(Trouble::of(&run.rows).doubts(run, so(run.reliable())));
@@ -182,10 +182,21 @@ fn doubts(run: &Run) -> Vec<String> {
     if run.reliable() {
         out.extend(Crushed::of(run, &run.snapshots).into_iter().flat_map(|c| c.doubts(run)));
     }
+    out.extend(unparted(run));
     out.extend(squeezed(run));
     out.extend(emptied(run));
     out.extend(soft_body::remarks(&run.settings.model));
     out
+}
+
+/// A brain that slides and is not parted by falx and tentorium, though it was to be.
+fn unparted(run: &Run) -> Option<String> {
+    let wanted = matches!(run.settings.model.skull, Skull::Slides { septa: true });
+    (wanted && !run.case_has_septa).then(|| {
+        "The case has no falx and tentorium, so nothing but tissue keeps one hemisphere from the other and both from the cerebellum: \
+         the brain shifts further than it would. \"monro prepare\" makes cases that have them."
+            .into()
+    })
 }
 
 /// Walls that the tip was found behind without having pressed on them as much as they bear.

@@ -141,6 +141,7 @@ pub fn case() -> Case {
         skin,
         ventricles: tets.surface(|l| l != 4),
         brain: surface,
+        septa: None,
         tets,
     }
 }

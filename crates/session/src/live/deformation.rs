@@ -85,7 +85,7 @@ impl Deformation {
     /// A mesh that cannot be simulated, a path beside the brain.
     pub fn new(case: &Case, settings: &ModelSettings, frame: FrameSettings) -> Result<Self, SessionError> {
         let (opening, _) = tissue_model::opening(&case.tets, &case.plan)?;
-        let model = Model::new(&case.tets, &tissue_model::options(&case.tets, &[opening], settings))?;
+        let model = Model::new(&case.tets, &tissue_model::options(case, &[opening], settings))?;
         let state = model.rest_state();
         Ok(Self {
             stepper: Stepper::new(&model),
@@ -264,7 +264,7 @@ pub(crate) mod tests {
         let surface = TriangleMesh::default;
         let plan = Plan::new(Side::Right, Point::new(31.0, 29.0, 80.0), Point::new(31.0, 29.0, 27.0)).expect("plan");
         let (skin, brain, ventricles) = (surface(), surface(), surface());
-        Case { manifest, plan, landmarks: Vec::new(), skin, brain, ventricles, tets: tets() }
+        Case { manifest, plan, landmarks: Vec::new(), skin, brain, ventricles, septa: None, tets: tets() }
     }
 
     fn deformation() -> Deformation {
