@@ -46,8 +46,8 @@ In --json and summary.json:
                   of the middle one of three frames in a row: single frames may be of a jump of the tissue
   volumes         of the brain (with the CSF around it, which is simulated as brain: more than labels and report of the
                   case say) and of each ventricle, ml: rest_ml, change_ml at the end, largest_change_ml
-  mode, speed_mm_s, diameter_mm, tip_cone_deg (null: round), gravity_m_s2, csf_pressure_mmhg, skull, iterations,
-  predicted_space, materials, materials_file, case, plan
+  mode, speed_mm_s, diameter_mm, tip_cone_deg (null: round), gravity_m_s2, csf_pressure_mmhg, skull, septa (falx and
+  tentorium part the brain), iterations, predicted_space, materials, materials_file, case, plan
                   what was asked; what is not as usual stands also on stdout and at the head of report.html
   max_whole_volume_change_percent
                   of brain and ventricles together, which the skull holds (not with --skull slides): hardly anything, whatever
