@@ -106,6 +106,7 @@ pub use options::{
     Attachment, AttachmentKind, CollisionResponse, Csf, DihedralScope, FrameSettings, Mode, ModelOptions, PaperOptions,
     PhysicalOptions,
 };
+pub use physical::elastic::NO_VOLUME;
 pub use report::{Event, StepReport, ToolReport};
 pub use state::State;
 pub use statics::{

@@ -4,7 +4,7 @@ use super::outcome::moved;
 use super::scene::Scene;
 use super::thin;
 use core::ops::Range;
-use monro_tissue::{Coarse, Overlap, StaticSolution};
+use monro_tissue::{Coarse, NO_VOLUME, Overlap, StaticSolution};
 
 /// A point support that bears less than this share of all reactions only keeps the body in its place.
 const BEARS: f64 = 1e-3;
@@ -67,7 +67,7 @@ fn swollen(scene: &Scene, solved: &StaticSolution) -> Option<String> {
     let stiff = |t: &usize| scene.materials[&scene.mesh.labels[*t]].poisson >= NEARLY_INCOMPRESSIBLE;
     let volumes = (0..now.tets.len()).filter(stiff).map(|t| (t, now.volume(t) / scene.mesh.volume(t)));
     // What is turned inside out is told as such.
-    let odd: Vec<(usize, f64)> = volumes.filter(|(_, v)| *v > 0.0 && !VOLUMES.contains(v)).collect();
+    let odd: Vec<(usize, f64)> = volumes.filter(|(_, v)| *v > NO_VOLUME && !VOLUMES.contains(v)).collect();
     let (first, volume) = odd.first()?;
     Some(format!(
         "{} elements have less than half or more than twice of their volume, the first, tetrahedron {first}, {:.0} % of it, \

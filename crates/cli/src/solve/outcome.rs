@@ -3,7 +3,7 @@
 use super::limits;
 use super::scene::Scene;
 use monro_geometry::{Bvh, Patient, Point, TetMesh, TriangleMesh, Vector};
-use monro_tissue::{SphereContact, StaticSolution, Stop, Unfinished};
+use monro_tissue::{NO_VOLUME, SphereContact, StaticSolution, Stop, Unfinished};
 use serde_json::{Value, json};
 
 /// A rod that is moved by so many of its radii may turn elements beside it over, however fine they are: in trials by 1.3 and 1.6 it
@@ -186,7 +186,7 @@ fn turned_over(mesh: &TetMesh, displacement: &[Vector<Patient>]) -> Option<Strin
 /// Elements of the mesh as given that a displacement (mm) leaves turned inside out or without volume.
 pub(super) fn turned_given(mesh: &TetMesh, displacement: &[Vector<Patient>]) -> Vec<usize> {
     let moved = moved(mesh, displacement);
-    (0..moved.tets.len()).filter(|&t| moved.volume(t) <= 0.0).collect()
+    (0..moved.tets.len()).filter(|&t| moved.volume(t) <= NO_VOLUME * mesh.volume(t)).collect()
 }
 
 pub(super) fn moved(mesh: &TetMesh, displacement: &[Vector<Patient>]) -> TetMesh {

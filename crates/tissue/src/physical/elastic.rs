@@ -91,6 +91,9 @@ pub(crate) fn dot(a: D3, b: D3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+/// An element with less than this share of its volume at rest has none: what is left may be rounding.
+pub const NO_VOLUME: f64 = 1e-6;
+
 /// Signed volume and its gradient by the four corners.
 pub(crate) fn volume_gradient(p: [D3; 4]) -> Shape {
     let (a, b, c) = (sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0]));
@@ -210,8 +213,8 @@ impl Elastic {
 
     /// Elements that have no volume left.
     pub(crate) fn turned<'a>(&'a self, x: &'a [D3]) -> impl Iterator<Item = u32> + 'a {
-        let flat = |t: &[u32; 4]| volume_gradient(t.map(|n| x[n as usize])).0 <= 0.0;
-        self.tets.iter().zip(0..).filter(move |(t, _)| flat(t)).map(|(_, i)| i)
+        let flat = |t: &[u32; 4], rest: f64| volume_gradient(t.map(|n| x[n as usize])).0 <= NO_VOLUME * rest;
+        self.tets.iter().zip(&self.volume).zip(0..).filter(move |((t, v), _)| flat(t, **v)).map(|(_, i)| i)
     }
 
     /// The part of the body, by volume at rest, that from one state to another has turned by more than a quarter or lost or
