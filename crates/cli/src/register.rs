@@ -45,8 +45,13 @@ impl Found {
         self.surface.as_ref().map_or(self.landmarks.to_from, |s| s.refined.patient_from)
     }
 
+    /// The expected error at a place. Where much of a trace had to be left out, what was kept may be off the skin, too, so that no less
+    /// is believed than by the landmarks alone.
     fn tre(&self, at: Point<Patient>) -> Covariance<Patient> {
-        self.surface.as_ref().map_or_else(|| self.landmarks.tre(at), |s| s.agreement.widened(s.refined.tre(at), at))
+        let by_landmarks = self.landmarks.tre(at);
+        let Some(s) = &self.surface else { return by_landmarks };
+        let by_skin = s.agreement.widened(s.refined.tre(at), at);
+        if s.lost_many() && by_landmarks.rms() > by_skin.rms() { by_landmarks } else { by_skin }
     }
 }
 
@@ -62,7 +67,7 @@ impl OnSkin {
         (r.offset.abs() > least && r.offset.abs() > sigmas * r.offset_sigma).then_some(r.offset)
     }
 
-    fn words(&self, target: Point<Patient>) -> String {
+    fn words(&self) -> String {
         let mut out = format!("Skin: {} of {} traced points used.\n", self.used, self.refined.residuals.len());
         if let Some(offset) = self.offset() {
             let side = if offset > 0.0 { "outside" } else { "inside" };
@@ -71,14 +76,22 @@ impl OnSkin {
                 offset.abs()
             );
         }
-        if self.lost_many() {
-            out += "Many traced points lie off the skin: trace again, for the error may be larger than said.\n";
-        }
-        if self.agreement.is_doubtful() {
-            out +=
-                &format!("{}; the expected error includes this. Touch and trace again.\n", self.disagreement(target));
-        }
         out
+    }
+
+    /// What makes it worth less.
+    fn remarks(&self, target: Point<Patient>) -> Vec<String> {
+        let (used, all) = (self.used, self.refined.residuals.len());
+        let lost = self.lost_many().then(|| {
+            format!(
+                "{} of {all} traced points lie off the skin, so some of the {used} others may, too: the expected error is no less \
+                 than by the landmarks alone; trace again",
+                all - used
+            )
+        });
+        let disagree =
+            || format!("{}; the expected error includes this: touch and trace again", self.disagreement(target));
+        lost.into_iter().chain(self.agreement.is_doubtful().then(disagree)).collect()
     }
 
     fn disagreement(&self, target: Point<Patient>) -> String {
@@ -126,7 +139,7 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
     let exchanged = if found.surface.is_none() { namings() } else { Vec::new() };
     let check = args.check.as_deref().map(|c| check(c, args, &marked, (&found, &exchanged))).transpose()?;
     let pose = found.patient_from_reference();
-    let remarks = remarks(&found, exchanged.first());
+    let remarks = remarks(&found, exchanged.first(), target);
     remarks.iter().for_each(|remark| console.warn(remark));
     // All that a live session takes, and nothing else: it refuses what it does not know.
     let session_event = json!({
@@ -140,7 +153,7 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
         "predicted_tre_entry_mm": found.tre(entry).rms(),
         "landmarks": residuals(&found), "remarks": remarks, "surface": found.surface.as_ref().map(|s| s.json(target)), "check": check,
     });
-    console.result(&result, &words(&result, &found, target));
+    console.result(&result, &words(&result, &found));
     match result["check"]["holds"] == false {
         true => bail!("the check does not hold: register again"),
         false => Ok(()),
@@ -148,7 +161,7 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
 }
 
 /// What is expected at the target, what does not fit, and the pose.
-fn words(result: &Value, found: &Found, target: Point<Patient>) -> String {
+fn words(result: &Value, found: &Found) -> String {
     let number = |key: &str| result[key].as_f64().unwrap_or(f64::NAN);
     let mut out = format!(
         "Expected error (RMS): {:.2} mm at the target (95 % below {:.2} mm), {:.2} mm at the entry.\n",
@@ -165,7 +178,7 @@ fn words(result: &Value, found: &Found, target: Point<Patient>) -> String {
         let kept = if found.surface.is_some() { "; it was left out beside the skin" } else { "" };
         out += &format!("'{}' does not fit: touch it again or leave it out{kept}.\n", r.name);
     }
-    out += &found.surface.as_ref().map_or_else(String::new, |s| s.words(target));
+    out += &found.surface.as_ref().map_or_else(String::new, OnSkin::words);
     if let (Some(name), Some(distance)) = (result["check"]["name"].as_str(), result["check"]["distance_mm"].as_f64()) {
         let limit = result["check"]["limit_mm"].as_f64().unwrap_or(f64::NAN);
         let verdict = if result["check"]["holds"] == true { "holds" } else { "does not hold: register again" };
@@ -182,14 +195,15 @@ fn words(result: &Value, found: &Found, target: Point<Patient>) -> String {
 /// A naming of the landmarks that fits about as well.
 type Exchanged = Ambiguity<Patient, Tool>;
 
-/// What of the landmarks is doubtful where no skin was traced, which tells.
-fn remarks(found: &Found, exchanged: Option<&Exchanged>) -> Vec<String> {
+/// What of the trace is doubtful, or of the landmarks where no skin was traced, which tells.
+fn remarks(found: &Found, exchanged: Option<&Exchanged>, target: Point<Patient>) -> Vec<String> {
     let is_few = found.landmarks.residuals.len() == 3 && found.surface.is_none() && exchanged.is_none();
     let exchanged = exchanged.map(|a| format!("{a} (--check)"));
     let few = is_few.then(|| {
         "three landmarks nearly always fit, mirrored ones and those of another frame too: touch a fourth, or check at another one (--check)".to_owned()
     });
-    exchanged.into_iter().chain(few).collect()
+    let of_skin = found.surface.iter().flat_map(|s| s.remarks(target));
+    exchanged.into_iter().chain(few).chain(of_skin).collect()
 }
 
 /// A line for each landmark, that under the final pose first where that is another.

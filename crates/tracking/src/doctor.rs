@@ -125,6 +125,7 @@ pub(crate) const fn advice(why: Missing) -> &'static str {
         }
         Missing::TooFar => "let the server send metres by NatNet, millimetres by OpenIGTLink",
         Missing::NoOrientation => "let the server send its orientation, too",
+        Missing::Misfit => "define the rigid body anew; are markers bent, or taken for one another?",
         Missing::Ambiguous => "which of the two is the tool? Rename one",
         _ => "is it in the cameras' view?",
     }

@@ -21,6 +21,7 @@ mod scene;
 mod sim;
 mod source;
 mod still;
+mod to_and_fro;
 mod told;
 mod unusable;
 mod url;

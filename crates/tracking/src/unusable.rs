@@ -17,7 +17,9 @@ impl Unusable {
     pub fn take(&mut self, batch: &Batch) {
         for pose in &batch.poses {
             match pose.quality {
-                Quality::Missing(why @ (Missing::NotRigid | Missing::NoOrientation | Missing::TooFar)) => {
+                Quality::Missing(
+                    why @ (Missing::NotRigid | Missing::NoOrientation | Missing::Misfit | Missing::TooFar),
+                ) => {
                     if self.0.len() < MOST || self.0.contains_key(&pose.name) {
                         self.0.insert(pose.name.clone(), why);
                     }

@@ -29,6 +29,8 @@ pub enum Missing {
     NotRigid,
     /// A place is sent, but no orientation.
     NoOrientation,
+    /// What was measured does not fit the tool.
+    Misfit,
     /// Several are sent for one tool.
     Ambiguous,
     /// The last pose is sent once more, with the time at which it was measured.
@@ -37,6 +39,9 @@ pub enum Missing {
 
 /// Nothing is tracked further away than this, mm: what says so is garbled.
 const FURTHEST_MM: f64 = 1e6;
+/// A tool whose markers lie further than this from where its definition has them, on average, has no pose, mm: good ones are some tenths
+/// off.
+const MOST_ERROR_MM: f64 = 5.0;
 
 impl Missing {
     /// For messages and JSON.
@@ -48,6 +53,7 @@ impl Missing {
             Self::NotSent => "nothing sent",
             Self::NotRigid => "not a rigid motion",
             Self::NoOrientation => "no orientation",
+            Self::Misfit => "its markers are more than 5 mm off",
             Self::Repeated => "the same pose of the same time again",
             Self::Ambiguous => "sent by two sources",
         }
@@ -82,6 +88,9 @@ impl TimedPose {
     ) -> Self {
         let (quality, tracker_from_tool) = match pose {
             Ok((rigid, _)) if rigid.translation().norm() > FURTHEST_MM => (Quality::Missing(Missing::TooFar), None),
+            Ok((_, Some(error))) if !(0.0..=MOST_ERROR_MM).contains(&error) => {
+                (Quality::Missing(Missing::Misfit), None)
+            }
             Ok((rigid, error)) => (Quality::Tracked { error }, Some(rigid)),
             Err(reason) => (Quality::Missing(reason), None),
         };
@@ -103,5 +112,17 @@ mod tests {
         };
         assert_eq!(at(1e33).quality, Quality::Missing(Missing::TooFar));
         assert!(at(1e33).tracker_from_tool.is_none() && at(-9e5).tracker_from_tool.is_some());
+    }
+
+    /// Poses of bodies whose markers were 30 to 50 mm off were shown, and calibrated with, as good ones.
+    #[test]
+    fn a_body_that_does_not_fit_its_markers_has_no_pose() {
+        let with = |error| TimedPose::new("tool", None, 0.0, Ok((Rigid::IDENTITY, error))).quality;
+        for error in [None, Some(0.0), Some(0.4), Some(4.9)] {
+            assert_eq!(with(error), Quality::Tracked { error });
+        }
+        for error in [5.1, 30.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(with(Some(error)), Quality::Missing(Missing::Misfit), "{error}");
+        }
     }
 }

@@ -182,7 +182,8 @@ pub(super) fn crossing_words(crossing: &SelfCrossing) -> String {
 /// Says what elements in others, or a surface through itself, come from.
 pub(super) fn overlap_words(overlap: &impl fmt::Display) -> String {
     format!(
-        "{overlap}; walls that face each other across a narrow gap pass through each other there, or more labels meet than \
-         elements of this size can keep apart: ask for more elements, or widen or close the gap in the labels"
+        "{overlap}; walls that face each other across a narrow gap pass through each other there, labels meet along an edge of voxels \
+         alone, or more labels meet than elements of this size can keep apart: ask for more elements, widen or close the gap in \
+         the labels, and join or part voxels that share only an edge or a corner"
     )
 }

@@ -48,8 +48,29 @@ fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
     what_was_asked_was_in_no_result(&case, dir.path());
     walls_were_passed_and_nothing_was_drained_without_a_word(&case, dir.path());
     a_catheter_comes_out_from_beside_another(&case, &done, dir.path());
+    falx_and_tentorium_part_a_brain_that_slides(&case, dir.path());
     registrations_by_wrong_tables_and_marks(&case, dir.path());
     damaged_case(&case, dir.path());
+}
+
+/// A head on its side; a case without them is told.
+fn falx_and_tentorium_part_a_brain_that_slides(case: &Path, dir: &Path) {
+    let run = |case: &Path, more: &[&str]| {
+        let out = dir.join("slid");
+        let asked = ["--skull", "slides", "--gravity", "9.81,0,0", "--drain-ml", "2", "--speed", "80", "--force"];
+        json(&[&["simulate", text(case), "--out", text(&out)][..], &asked, more].concat())
+    };
+    let [parted, alone] = [run(case, &[]), run(case, &["--no-septa"])];
+    assert_eq!((&parted["septa"], &alone["septa"]), (&true.into(), &false.into()), "{parted}");
+    let sunk = |done: &Value| done["cortex_shift_mm"].as_f64().expect("mm");
+    assert!(sunk(&parted) > 0.5 && sunk(&parted) < 0.95 * sunk(&alone), "{} {}", sunk(&parted), sunk(&alone));
+    let said = |done: &Value| done["remarks"].to_string().contains("no falx and tentorium");
+    fs::rename(case.join("septa.ply"), dir.join("septa.ply")).expect("move");
+    let without = run(case, &[]);
+    assert!(said(&without) && !said(&parted) && !said(&alone) && without["septa"] == false, "{without}");
+    fs::rename(dir.join("septa.ply"), case.join("septa.ply")).expect("move");
+    let refused = refusal(&["simulate", text(case), "--out", text(&dir.join("held")), "--no-septa"]);
+    assert!(refused.contains("--skull slides"), "{refused}");
 }
 
 fn forces_have_a_unit_in_physical_mode_only(case: &Path, physical: &Value, dir: &Path) {
@@ -184,6 +205,7 @@ fn registrations_by_wrong_tables_and_marks(case: &Path, dir: &Path) {
     let check = format!("{},{},{},{}", fourth.label, fourth.position.x, fourth.position.y, fourth.position.z);
     let checked = json(&[&register[..], &["--check", &check]].concat());
     assert_eq!(checked["check"]["holds"], true, "{checked}");
+    a_trace_of_which_much_lies_off_the_skin_promised_more_than_the_landmarks(case, dir, &register);
     // Nasion and both of Kocher's points, left for right.
     let [nasion, left, right] = ["nasion", "Kocher left", "Kocher right"]
         .map(|label| points.iter().find(|p| p.label == label).expect("a landmark").clone());
@@ -214,6 +236,33 @@ fn registrations_by_wrong_tables_and_marks(case: &Path, dir: &Path) {
     fs::write(&marked, marks.replace(second, &points[0].label)).expect("write");
     let said = String::from_utf8_lossy(&monro(&register).stderr).into_owned();
     assert!(said.contains("is marked twice"), "{said}");
+}
+
+/// The error that was stated went into the session without a word.
+fn a_trace_of_which_much_lies_off_the_skin_promised_more_than_the_landmarks(
+    case: &Path,
+    dir: &Path,
+    register: &[&str],
+) {
+    let skin = monro_case::ply::decode(&fs::read(case.join("skin.ply")).expect("skin")).expect("skin");
+    let top = skin.vertices.iter().map(|p| p.z).fold(f64::NEG_INFINITY, f64::max);
+    let upper: Vec<_> = skin.vertices.iter().filter(|p| p.z > top - 90.0).collect();
+    let trace = dir.join("trace.txt");
+    let predicted = |lifted: bool| {
+        let every = upper.len() / 90;
+        let line = |(i, p): (usize, &&monro_geometry::Point<monro_geometry::Patient>)| {
+            let up = if lifted && i % 3 == 0 { 10.0 + i as f64 / 10.0 } else { 0.0 };
+            format!("{} {} {}\n", p.x, p.y, p.z + up)
+        };
+        fs::write(&trace, upper.iter().step_by(every).enumerate().map(line).collect::<String>()).expect("write");
+        json(&[register, &["--surface", text(&trace)]].concat())
+    };
+    let tre = |found: &Value| found["predicted_tre_mm"].as_f64().expect("mm");
+    let (alone, well, odd) = (json(register), predicted(false), predicted(true));
+    assert!(tre(&well) < 0.7 * tre(&alone) && well["surface"]["doubtful"] == false, "{well}");
+    assert!(tre(&odd) >= tre(&alone) && odd["surface"]["doubtful"] == true, "{odd} {alone}");
+    assert_eq!(odd["session_event"]["predicted_tre_mm"], odd["predicted_tre_mm"]);
+    assert!(odd["remarks"].to_string().contains("traced points lie off the skin"), "{odd}");
 }
 
 /// The one line that says how it went, beside what was warned of.

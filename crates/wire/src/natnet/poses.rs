@@ -4,6 +4,9 @@ use super::frame::{Frame, RigidBody};
 use crate::{Missing, TimedPose};
 use monro_geometry::{Rigid, Tool, Tracker, Vector};
 
+/// A quaternion that is longer or shorter than 1 by more than this is garbled.
+const UNIT: f32 = 0.01;
+
 /// Motive's "Up Axis" setting. It is not told on the wire and must be configured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum UpAxis {
@@ -36,8 +39,12 @@ impl UpAxis {
         }
     }
 
-    /// A streamed pose (metres) in the tracker frame (millimetres, z up).
+    /// A streamed pose (metres) in the tracker frame (millimetres, z up); none where the quaternion is no rotation.
     pub(super) fn pose(self, position: [f32; 3], [x, y, z, w]: [f32; 4]) -> Option<Rigid<Tracker, Tool>> {
+        let length = [x, y, z, w].iter().map(|v| v * v).sum::<f32>().sqrt();
+        if !(1.0 - UNIT..=1.0 + UNIT).contains(&length) {
+            return None;
+        }
         let mm = Vector::from_array(position.map(|v| f64::from(v) * 1000.0));
         let streamed = Rigid::<Tracker, Tool>::from_quaternion([w, x, y, z].map(f64::from), mm)?;
         Some(self.tracker_from_streamed().after(&streamed))
@@ -101,5 +108,18 @@ impl Frame {
             Some(f) => Some(s.transmitted.checked_sub(s.mid_exposure)? as f64 / f as f64),
             None => (s.latency > 0.0).then(|| s.latency.into()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// OpenIGTLink refused what NatNet took for a rotation, by its direction.
+    #[test]
+    fn a_quaternion_that_is_no_rotation_is_no_pose() {
+        let of = |length: f32| UpAxis::Y.pose([0.1, 0.2, 0.3], [0.0, 0.6 * length, 0.0, 0.8 * length]);
+        assert!([1.0, -1.0, 1.0 + 1e-4, 0.995].iter().all(|l| of(*l).is_some()));
+        assert!([0.001, 0.9, 1.1, -3.0, 100.0, 0.0, f32::NAN, f32::INFINITY].iter().all(|l| of(*l).is_none()));
     }
 }
