@@ -57,7 +57,8 @@ fn is_twice<'a>(names: impl Iterator<Item = &'a str>, name: &str) -> bool {
     names.filter(|n| n.eq_ignore_ascii_case(name)).count() > 1
 }
 
-/// Marks of one's own that lie far off the skin of the case, in words, the furthest first.
+/// Marks that lie far off the skin of the case, in words, the furthest first: of another scan, or within the head, as the foramina of
+/// Monro among the case's own.
 ///
 /// # Errors
 /// Most are so far off that they are of another scan or frame.
@@ -66,16 +67,16 @@ pub(super) fn off_skin(
     case: &Case,
     landmarks: &[Landmark<Patient, Tool>],
 ) -> Result<Option<String>> {
-    if args.marked.is_none() {
-        return Ok(None);
-    }
     let skin = Bvh::new(&case.skin);
     let distance = |l: &Landmark<Patient, Tool>| skin.nearest(l.marked).map_or(0.0, |n| n.distance);
     let mut off: Vec<(f64, &str)> = landmarks.iter().map(|l| (distance(l), l.name.as_str())).collect();
     off.sort_by(|a, b| b.0.total_cmp(&a.0));
     let told: Vec<String> =
         off.iter().filter(|o| o.0 > TOLD_MM).map(|(d, name)| format!("'{name}' by {d:.0} mm")).collect();
-    let way_out = "were they set in this scan, in mm, LPS or with their coordinateSystem?";
+    let way_out = match args.marked {
+        Some(_) => "were they set in this scan, in mm, LPS or with their coordinateSystem?",
+        None => "nothing can touch them there; leave them out",
+    };
     match off.get(off.len() / 2) {
         _ if told.is_empty() => Ok(None),
         Some(middle) if middle.0 > MOST_MM => {

@@ -205,6 +205,12 @@ fn registrations_by_wrong_tables_and_marks(case: &Path, dir: &Path) {
     let check = format!("{},{},{},{}", fourth.label, fourth.position.x, fourth.position.y, fourth.position.z);
     let checked = json(&[&register[..], &["--check", &check]].concat());
     assert_eq!(checked["check"]["holds"], true, "{checked}");
+    // The foramina of Monro are landmarks of a case, too.
+    let inner = points.iter().filter(|p| p.label.starts_with("Monro"));
+    fs::write(&table, points.iter().take(3).chain(inner).map(row).collect::<String>()).expect("write");
+    let said = String::from_utf8_lossy(&monro(&register[..4]).stderr).into_owned();
+    assert!(said.contains("'Monro left' by") && said.contains("nothing can touch them"), "{said}");
+    fs::write(&table, points.iter().take(3).map(row).collect::<String>()).expect("write");
     a_trace_of_which_much_lies_off_the_skin_promised_more_than_the_landmarks(case, dir, &register);
     // Nasion and both of Kocher's points, left for right.
     let [nasion, left, right] = ["nasion", "Kocher left", "Kocher right"]
