@@ -118,21 +118,35 @@ enum EventRequest {
     Stopped,
 }
 
+/// What a tool, the way from a reference body to a scan's origin, and an error of a registration can be, mm: what is beyond is in another
+/// unit, or garbled.
+const LONGEST_TOOL_MM: f64 = 2000.0;
+const FURTHEST_REFERENCE_MM: f64 = 10_000.0;
+const MOST_TRE_MM: f64 = 100.0;
+
+/// Whether a place lies so near to its origin, mm.
+fn is_near(p: [f64; 3], mm: f64) -> bool {
+    p.iter().map(|v| v * v).sum::<f64>().sqrt() <= mm
+}
+
 impl EventRequest {
     fn event(&self) -> Result<SessionEvent, &'static str> {
         let plain = match *self {
             Self::Calibrated { tip_mm, axis, .. } => {
                 let calibration = Calibration { tip: Point::from_array(tip_mm), axis: Vector::from_array(axis) };
-                if !calibration.tip.is_finite() || calibration.axis.normalized().is_none() {
-                    return Err("the tip must be finite and the axis must have a direction");
+                if !is_near(tip_mm, LONGEST_TOOL_MM) || calibration.axis.normalized().is_none() {
+                    return Err("the tip must lie within 2 m of its body (mm) and the axis must have a direction");
                 }
                 return Ok(SessionEvent::Calibrated(calibration));
             }
             Self::Registered { quaternion_wxyz, translation_mm, predicted_tre_mm } => {
                 let rigid = Rigid::from_quaternion(quaternion_wxyz, Vector::from_array(translation_mm));
                 let patient_from_reference = rigid.ok_or("the quaternion has no length, or a number is not finite")?;
-                if predicted_tre_mm.is_some_and(|t| !(t.is_finite() && t >= 0.0)) {
-                    return Err("predicted_tre_mm must be a distance");
+                if !is_near(translation_mm, FURTHEST_REFERENCE_MM) {
+                    return Err("the translation must be within 10 m (mm)");
+                }
+                if predicted_tre_mm.is_some_and(|t| !(0.0..=MOST_TRE_MM).contains(&t)) {
+                    return Err("predicted_tre_mm must be a distance of 0 to 100 mm");
                 }
                 return Ok(SessionEvent::Registered(Registration { patient_from_reference, predicted_tre_mm }));
             }

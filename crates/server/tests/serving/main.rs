@@ -109,6 +109,11 @@ async fn the_procedure_follows_its_phases_and_refuses_with_a_way_out() {
         (r#"{"event":"flown"}"#, 422),
         (r#"{"event":"registered","quaternion_wxyz":[0,0,0,0],"translation_mm":[0,0,0]}"#, 422),
         (r#"{"event":"calibrated","tip_mm":[0,0,0],"axis":[0,0,0]}"#, 422),
+        // Ten kilometres, and an error of as many.
+        (r#"{"event":"calibrated","tip_mm":[0,0,1e7],"axis":[0,0,1]}"#, 422),
+        (r#"{"event":"registered","quaternion_wxyz":[1,0,0,0],"translation_mm":[1e9,0,0]}"#, 422),
+        (r#"{"event":"registered","quaternion_wxyz":[1,0,0,0],"translation_mm":[0,0,0],"predicted_tre_mm":1e7}"#, 422),
+        (r#"{"event":"registered","quaternion_wxyz":[1,0,0,0],"translation_mm":[0,0,0],"predicted_tre_mm":-1}"#, 422),
     ] {
         assert_eq!(served.post("/api/session", bad).await.0, wanted, "{bad}");
     }
