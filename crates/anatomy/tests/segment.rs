@@ -57,20 +57,17 @@ fn entry(text: &str, key: &str) -> Point<Patient> {
 
 /// Falx and tentorium of the size of anatomy (some 50 to 60 cm2 each), inside the skull, clear of the ventricles, the falx in the midplane.
 fn check_septa(found: &Segmentation) {
-    let septa = landmarks::septa(found).expect("septa");
-    let cm2 = |t: usize| {
-        let [a, b, c] = septa.corners(t);
-        (b - a).cross(c - a).norm() / 200.0
-    };
-    let in_midplane = |t: &usize| septa.corners(*t).iter().all(|p| found.midsagittal.signed_distance(*p).abs() < 1e-6);
-    let (falx, tentorium): (Vec<usize>, Vec<usize>) = (0..septa.triangles.len()).partition(in_midplane);
-    let [falx, tentorium] = [falx, tentorium].map(|part| part.into_iter().map(cm2).sum::<f64>());
-    assert!((35.0..85.0).contains(&falx) && (35.0..85.0).contains(&tentorium), "{falx} {tentorium}");
+    let [falx, tentorium] = landmarks::septa(found).expect("septa");
+    let cm2 = [&falx, &tentorium].map(|sheet| sheet.area() / 100.0);
+    assert!(cm2.iter().all(|a| (35.0..85.0).contains(a)), "{cm2:?}");
+    assert!(falx.vertices.iter().all(|p| found.midsagittal.signed_distance(*p).abs() < 1e-6));
     // Not outside of the head, where a speck of bone or lime does no harm; nowhere in a ventricle.
     let within = |p: &&Point<Patient>| found.labels.nearest(**p).is_some_and(|l| (3..5).contains(&l));
-    let share = septa.vertices.iter().filter(within).count() as f64 / septa.vertices.len() as f64;
-    assert!(share > 0.98, "{share}");
-    let wet = septa.vertices.iter().filter(|p| found.labels.nearest(**p).is_some_and(|l| l >= 5)).count();
+    for sheet in [&falx, &tentorium] {
+        let share = sheet.vertices.iter().filter(within).count() as f64 / sheet.vertices.len() as f64;
+        assert!(share > 0.98, "{share}");
+    }
+    let wet = falx.vertices.iter().filter(|p| found.labels.nearest(**p).is_some_and(|l| l >= 5)).count();
     assert_eq!(wet, 0);
 }
 
@@ -170,9 +167,9 @@ fn septa_to_borders(found: &Segmentation, reference: &Volume<u16>) -> [f64; 2] {
             borders.extend(next.map(|next| centre(v).lerp(centre(next), 0.5)));
         }
     }
-    let septa = landmarks::septa(found).expect("septa");
+    let [falx, tentorium] = landmarks::septa(found).expect("septa");
     let off = |p: &Point<Patient>| borders.iter().map(|b| b.distance(*p)).fold(f64::INFINITY, f64::min);
-    let all: Vec<f64> = septa.vertices.iter().map(off).collect();
+    let all: Vec<f64> = falx.vertices.iter().chain(&tentorium.vertices).map(off).collect();
     [all.iter().sum::<f64>() / all.len() as f64, all.iter().copied().fold(0.0, f64::max)]
 }
 
@@ -188,10 +185,30 @@ fn the_masked_template_has_no_skin_and_says_so() {
     calibrated(&found, &reference, &[(5, 52), (6, 51), (7, 4)]);
     check_septa(&found);
     let [mean, most] = septa_to_borders(&found, &reference);
-    assert!(mean < 2.0 && most < 10.0, "{mean} {most}");
+    assert!(mean < 2.5 && most < 10.0, "{mean} {most}");
+    ventricles_that_grow_turned_the_tentorium(&found);
     // Zeros around it are air since they are told as filled in; a voxel of blurred bone was its skin then.
     let none = landmarks::find(&ct, &found).expect_err("no skin");
     assert!(matches!(none, LandmarkError::BareSkull { thickness_mm } if thickness_mm < 3.0), "{none}");
+}
+
+/// They say how the head is nodded first: 6 mm larger ones turned it by up to 15 degrees, and the tentorium with it.
+fn ventricles_that_grow_turned_the_tentorium(found: &Segmentation) {
+    let mut large = found.clone();
+    let dims = found.labels.grid().dims();
+    let steps = [1, dims[0], dims[0] * dims[1]];
+    for _ in 0..3 {
+        let before = large.labels.data().to_vec();
+        for (n, label) in large.labels.data_mut().iter_mut().enumerate().filter(|(_, l)| **l == 4) {
+            let beside = steps.iter().flat_map(|s| [n.checked_sub(*s), Some(n + s)]).flatten();
+            let wet = beside.filter_map(|m| before.get(m).copied()).find(|l| lateral(*l));
+            *label = wet.unwrap_or(*label);
+        }
+    }
+    let [before, after] = [found, &large].map(|s| landmarks::septa(s).expect("septa")[1].vertices.clone());
+    let off = |p: &Point<Patient>| before.iter().map(|b| b.distance(*p)).fold(f64::INFINITY, f64::min);
+    let mean = after.iter().map(off).sum::<f64>() / after.len() as f64;
+    assert!(mean < 4.0, "{mean}");
 }
 
 #[test]

@@ -18,6 +18,9 @@ const BESIDE_MM: f64 = 0.25;
 /// A target in no ventricle further than this from the foramen is remarked upon: of one nearer, labels and landmark decide.
 const FAR_FROM_MONRO_MM: f64 = 8.0;
 
+/// A falx or tentorium of less than this is a scrap of one: both have some 50 cm2.
+const LEAST_SEPTUM_CM2: f64 = 20.0;
+
 /// The path, its angle to the skull, and the landmarks it came from.
 #[derive(Debug)]
 pub(crate) struct Planned {
@@ -72,12 +75,35 @@ pub(crate) fn plan(
             Vec::new()
         }
     };
-    let septa = landmarks::septa(segmentation).ok().filter(|septa| !septa.triangles.is_empty());
-    if septa.is_none() {
-        findings
-            .push("the labels show too little of the inside of the skull to say where falx and tentorium are".into());
-    }
+    let septa = septa(segmentation, &plan, &mut findings);
     Ok(Planned { plan, skull_angle_deg, landmarks, septa, findings })
+}
+
+/// Falx and tentorium as one surface, as far as the labels show where they are; with what is to be said of them.
+fn septa(segmentation: &Segmentation, plan: &Plan, findings: &mut Vec<String>) -> Option<TriangleMesh> {
+    let found = landmarks::septa(segmentation).unwrap_or_default();
+    let mut all = TriangleMesh::default();
+    for (name, sheet) in ["falx", "tentorium"].into_iter().zip(found) {
+        let cm2 = sheet.area().abs() / 100.0;
+        if cm2 < LEAST_SEPTUM_CM2 {
+            findings.push(format!(
+                "the labels show too little of the inside of the skull to say where the {name} is ({cm2:.0} cm2 of some 50): the \
+                 case has none"
+            ));
+            continue;
+        }
+        if let Some(hit) = Bvh::new(&sheet).ray(plan.entry(), plan.direction()).filter(|hit| hit.t < plan.length()) {
+            findings.push(format!(
+                "the path goes through the {name}, where an average head has it, {:.0} mm deep: that is dura, and no simulation \
+                 here meets it; look at the pictures",
+                hit.t
+            ));
+        }
+        let first = all.vertices.len() as u32;
+        all.triangles.extend(sheet.triangles.iter().map(|t| t.map(|v| v + first)));
+        all.vertices.extend(sheet.vertices);
+    }
+    (!all.triangles.is_empty()).then_some(all)
 }
 
 fn automatic(marks: &Landmarks, side: Side) -> Result<Plan, PrepareError> {

@@ -2,9 +2,9 @@
 //!
 //! A plain CT shows them in places only, so nothing is sought there: the free edge of the falx and the height of the tentorium are
 //! those of a template averaged from 130 heads (between the labels of its two hemispheres, and of its cerebellum and what lies above;
-//! Muschelli, "A publicly available, high resolution, unbiased CT brain template", 2020), carried over by the foramina of Monro and
-//! the midplane and stretched to the room in the skull, in each direction by itself. They end where the labels have no more brain or
-//! fluid, and keep away from the ventricles.
+//! Muschelli, "A publicly available, high resolution, unbiased CT brain template", 2020), carried over by the foramina of Monro,
+//! the midplane and the outline of the skull in it, and stretched to the room in the skull, in each direction by itself. They end where
+//! the labels have no more brain or fluid, and the falx keeps away from the ventricles.
 
 use super::LandmarkError;
 use super::surroundings::Surroundings;
@@ -15,6 +15,25 @@ use monro_geometry::{Patient, Plane, Point, Structure, TriangleMesh, Vector};
 const TEMPLATE: [f64; 4] = [63.2, 67.5, 97.5, 65.5];
 /// A direction stretches by at most this times more or less than the middle one: where the scan is cut the room is not known.
 const UNEVEN: f64 = 1.15;
+
+/// The room beside the midplane from the foramina on, over its median: from 40 degrees below straight ahead over the top to 20 below
+/// straight back, each 5 degrees; the mean of three heads (which differ from it by 1 degree at most, and by 2 % of the median).
+const OUTLINE: [f64; 49] = [
+    0.82, 0.88, 0.94, 0.97, 0.98, 0.99, 0.99, 0.99, 1.01, 0.98, 0.98, 0.97, 0.96, 0.94, 0.92, 0.92, 0.92, 0.90, 0.89,
+    0.89, 0.89, 0.87, 0.88, 0.90, 0.91, 0.94, 0.96, 0.97, 1.00, 1.03, 1.06, 1.09, 1.12, 1.14, 1.16, 1.19, 1.20, 1.22,
+    1.25, 1.27, 1.31, 1.34, 1.38, 1.41, 1.42, 1.40, 1.38, 1.37, 1.42,
+];
+const OUTLINE_FROM: f64 = -40.0;
+const OUTLINE_STEP: f64 = 5.0;
+/// The head is nodded by so many degrees at most against what its ventricles say (large ones are up to 15 off).
+const MOST_NOD: f64 = 25.0;
+/// Standard deviations: of the outline between heads, over its median, with so many neighbouring directions alike, and of what
+/// ventricles say of the nod, degrees.
+const OFF: f64 = 0.03;
+const ALIKE: f64 = 6.0;
+const NOD: f64 = 8.0;
+/// Directions in which the outline is off by more than this share of its median (the scan is cut there) count as if by this.
+const MOST_OFF: f64 = 0.12;
 
 /// The free edge of the falx, from the crista galli over the corpus callosum to where it meets the tentorium: mm posterior and superior
 /// of the foramina.
@@ -74,20 +93,19 @@ const SPECK: f64 = 4.0;
 /// Beyond this nothing is sought, mm.
 const FAR: f64 = 140.0;
 
-/// Falx and tentorium of a segmented head as one open surface, LPS mm, about where an average head has them; without triangles where
-/// the labels show too little of the inside of the skull.
+/// The falx and the tentorium of a segmented head as open surfaces, LPS mm, about where an average head has them; without triangles
+/// where the labels show nothing of the inside of the skull there.
 ///
 /// # Errors
 /// [`LandmarkError::NoBearings`]: no brain or no lateral ventricle in the labels.
-pub fn septa(segmentation: &Segmentation) -> Result<TriangleMesh, LandmarkError> {
+pub fn septa(segmentation: &Segmentation) -> Result<[TriangleMesh; 2], LandmarkError> {
     let surroundings = Surroundings::new(&segmentation.labels, segmentation.midsagittal)?;
     let room = Room::new(&surroundings);
-    let mut out = TriangleMesh { vertices: Vec::new(), triangles: Vec::new() };
     let [aside, front, back, _] = room.stretch;
     let [front, back] = [front * FREE_EDGE[0][0], back * TEMPLATE[2]];
-    room.sheet(&mut out, [front, back], |b| room.falx(b));
-    room.sheet(&mut out, [-aside * TEMPLATE[0], aside * TEMPLATE[0]], |l| room.tentorium(l));
-    Ok(out)
+    let falx = room.sheet([front, back], |b| room.falx(b));
+    let tentorium = room.sheet([-aside * TEMPLATE[0], aside * TEMPLATE[0]], |l| room.tentorium(l));
+    Ok([falx, tentorium])
 }
 
 /// The inside of the skull, measured from the middle of the foramina in the midplane: mm lateral (to the left), posterior, superior.
@@ -108,6 +126,8 @@ impl<'a> Room<'a> {
         let [back, up] = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|m| surroundings.pose.direction(m));
         let axes = [normal, back, up];
         let mut room = Self { surroundings, origin: surroundings.origin(), axes, stretch: [1.0; 4] };
+        let (sin, cos) = room.nod().sin_cos();
+        room.axes = [normal, back * cos + up * sin, up * cos - back * sin];
         let spread = |low: i32, high: i32| (low..=high).step_by(10).map(f64::from).collect::<Vec<_>>();
         let (level, over, beside) = (spread(-10, 30), spread(-20, 40), spread(0, 60));
         let aside = |side: f64| room.reach([side, 0.0, 0.0], &beside, |b| [0.0, b, 0.0]);
@@ -123,6 +143,38 @@ impl<'a> Room<'a> {
         let middle = 0.5 * (sorted[1] + sorted[2]);
         room.stretch = each.map(|s| s.clamp(middle / UNEVEN, middle * UNEVEN));
         room
+    }
+
+    /// By how much the outline of the inside of the skull in the midplane is turned against that of other heads, radians: what lies
+    /// behind lies higher. Ventricles, which say so first, have shapes of their own.
+    fn nod(&self) -> f64 {
+        let steps = (MOST_NOD / OUTLINE_STEP) as usize;
+        let count = OUTLINE.len() + 2 * steps;
+        let degrees = |n: usize| OUTLINE_FROM + (n as f64 - steps as f64) * OUTLINE_STEP;
+        let reach: Vec<f64> = (0..count).map(|n| self.outline(degrees(n).to_radians())).collect();
+        let off = |shift: f64| {
+            let here = |n: usize| mixed(count, n as f64 + steps as f64 + shift, |i| reach[i]);
+            let mut ratios: Vec<f64> = (0..OUTLINE.len()).map(|n| here(n) / OUTLINE[n]).collect();
+            ratios.sort_by(f64::total_cmp);
+            let scale = ratios[ratios.len() / 2].max(1.0);
+            let each = |n: usize| ((here(n) / scale - OUTLINE[n]).abs().min(MOST_OFF) / OFF).powi(2);
+            let outline = (0..OUTLINE.len()).map(each).sum::<f64>() / ALIKE;
+            outline + (shift * OUTLINE_STEP / NOD).powi(2)
+        };
+        // In steps of half a degree.
+        let shifts = (0..=20 * steps).map(|n| n as f64 / 10.0 - steps as f64);
+        let best = shifts.map(|s| (off(s), s)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |b| b.1);
+        -(best * OUTLINE_STEP).to_radians()
+    }
+
+    /// How far the inside of the skull reaches beside the midplane in a direction from straight ahead (0) over the top, mm.
+    fn outline(&self, angle: f64) -> f64 {
+        let way = [0.0, -angle.cos(), angle.sin()];
+        let side = |lateral: f64| {
+            let line = |t: f64| [lateral, t * way[1], t * way[2]];
+            self.span(line, 0.0).map_or(0.0, |[_, last]| last)
+        };
+        0.5 * (side(NEAR_MIDPLANE) + side(-NEAR_MIDPLANE))
     }
 
     /// How far the inside of the skull reaches in a direction from any of some places on both sides of the midplane, mm.
@@ -188,6 +240,13 @@ impl<'a> Room<'a> {
 
     /// What of a line from `low` on lies inside the skull, from the first place that does to the first that does not.
     fn column(&self, line: impl Fn(f64) -> [f64; 3], low: f64) -> Option<Column> {
+        let [first, last] = self.span(&line, low)?;
+        let at = |row: usize| line(first + (last - first) * row as f64 / (ROWS - 1) as f64);
+        (last - first >= LEAST).then(|| (0..ROWS).map(at).collect())
+    }
+
+    /// The first and the last place of that.
+    fn span(&self, line: impl Fn(f64) -> [f64; 3], low: f64) -> Option<[f64; 2]> {
         let mut inside = samples(low, low + FAR).skip_while(|t| !self.inside(line(*t)));
         let first = inside.next()?;
         let reached = |last: &mut f64, t: f64| {
@@ -195,12 +254,12 @@ impl<'a> Room<'a> {
             (t - *last <= SPECK).then_some(*last)
         };
         let last = inside.scan(first, reached).last()?;
-        let at = |row: usize| line(first + (last - first) * row as f64 / (ROWS - 1) as f64);
-        (last - first >= LEAST).then(|| (0..ROWS).map(at).collect())
+        Some([first, last])
     }
 
-    /// Adds the surface through columns that stand side by side.
-    fn sheet(&self, out: &mut TriangleMesh, [low, high]: [f64; 2], column: impl Fn(f64) -> Option<Column>) {
+    /// The surface through columns that stand side by side.
+    fn sheet(&self, [low, high]: [f64; 2], column: impl Fn(f64) -> Option<Column>) -> TriangleMesh {
+        let mut out = TriangleMesh::default();
         let count = ((high - low) / COLUMNS).ceil() as usize;
         let mut before = None;
         for n in 0..=count {
@@ -216,6 +275,7 @@ impl<'a> Room<'a> {
             }
             before = first;
         }
+        out
     }
 }
 

@@ -61,8 +61,8 @@ pub(crate) struct SimulateArgs {
     /// about twice as long.
     #[arg(long, value_enum, default_value_t = SkullArg::Held)]
     pub(crate) skull: SkullArg,
-    /// With --skull slides: leave out falx and tentorium, which else part the brain where the case has them. They are about where an
-    /// average head has them (see the case's report), rigid, and tissue slides along both sides.
+    /// With --skull slides: leave out falx and tentorium, which the brain else does not go through where the case has them. They are
+    /// about where an average head has them (see the case's report), rigid, and tissue slides along them, both sides together.
     #[arg(long)]
     pub(crate) no_septa: bool,
     #[command(flatten)]

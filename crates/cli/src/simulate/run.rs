@@ -5,9 +5,10 @@ use crate::console::Console;
 use anyhow::Result;
 use monro_case::Case;
 use monro_cli::report::quantile;
-use monro_geometry::{PassedThrough, Patient, Point, TetMesh, TriangleMesh, Walls};
+use monro_geometry::{Bvh, PassedThrough, Patient, Point, TetMesh, TriangleMesh, Walls};
 use monro_guidance::Plan;
 use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode, Skull, StructureVolumes};
+use std::iter;
 use std::time::Instant;
 
 /// Deformed meshes written along the way, besides the last.
@@ -67,6 +68,8 @@ pub(crate) struct Run {
     pub(crate) ventricles: TriangleMesh,
     /// Whether the case has falx and tentorium.
     pub(crate) case_has_septa: bool,
+    /// Depths at which catheters go through falx or tentorium, mm, with their numbers: 0 is that of the plan, then those beside.
+    pub(crate) through_septa: Vec<(usize, f64)>,
     /// The settings.
     pub(crate) settings: InsertionSettings,
     /// The file that its materials come from, where one was given.
@@ -192,6 +195,7 @@ pub(crate) fn insert(case: &Case, beside: &[Plan], settings: &InsertionSettings,
         brain: TriangleMesh { vertices: brain, triangles: case.brain.triangles.clone() },
         ventricles: TriangleMesh { vertices: ventricles, triangles: case.ventricles.triangles.clone() },
         case_has_septa: case.septa.is_some(),
+        through_septa: through_septa(case, beside),
         settings: *settings,
         materials_file: None,
         of_case: case.manifest.findings.clone(),
@@ -202,6 +206,16 @@ pub(crate) fn insert(case: &Case, beside: &[Plan], settings: &InsertionSettings,
     };
     console.stage("check walls", || check_walls(&mut run));
     Ok(run)
+}
+
+/// Where catheters go through falx or tentorium.
+fn through_septa(case: &Case, beside: &[Plan]) -> Vec<(usize, f64)> {
+    let Some(tree) = case.septa.as_ref().map(Bvh::new) else { return Vec::new() };
+    let depth = |(n, plan): (usize, &Plan)| {
+        let hit = tree.ray(plan.entry(), plan.direction()).filter(|hit| hit.t < plan.length())?;
+        Some((n, hit.t))
+    };
+    iter::once(&case.plan).chain(beside).enumerate().filter_map(depth).collect()
 }
 
 /// How far the outer surface has moved where it has moved most, mm.

@@ -183,6 +183,7 @@ fn doubts(run: &Run) -> Vec<String> {
         out.extend(Crushed::of(run, &run.snapshots).into_iter().flat_map(|c| c.doubts(run)));
     }
     out.extend(unparted(run));
+    out.extend(through_dura(run));
     out.extend(squeezed(run));
     out.extend(emptied(run));
     out.extend(soft_body::remarks(&run.settings.model));
@@ -194,9 +195,19 @@ fn unparted(run: &Run) -> Option<String> {
     let wanted = matches!(run.settings.model.skull, Skull::Slides { septa: true });
     (wanted && !run.case_has_septa).then(|| {
         "The case has no falx and tentorium, so nothing but tissue keeps one hemisphere from the other and both from the cerebellum: \
-         the brain shifts further than it would. \"monro prepare\" makes cases that have them."
+         the brain shifts otherwise than it would. \"monro prepare\" makes cases that have them."
             .into()
     })
+}
+
+/// Catheters that go through falx or tentorium, which they do not meet.
+fn through_dura(run: &Run) -> Option<String> {
+    let (number, depth) = *run.through_septa.first()?;
+    let which = if number == 0 { "The catheter".to_owned() } else { format!("Catheter {number} beside") };
+    Some(format!(
+        "{which} goes through falx or tentorium, where an average head has them, {depth:.0} mm under its entry: it does not meet the \
+         dura here, whose force is in no number."
+    ))
 }
 
 /// Walls that the tip was found behind without having pressed on them as much as they bear.

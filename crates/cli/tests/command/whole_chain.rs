@@ -69,8 +69,22 @@ fn falx_and_tentorium_part_a_brain_that_slides(case: &Path, dir: &Path) {
     let without = run(case, &[]);
     assert!(said(&without) && !said(&parted) && !said(&alone) && without["septa"] == false, "{without}");
     fs::rename(dir.join("septa.ply"), case.join("septa.ply")).expect("move");
+    a_catheter_through_the_falx_was_like_any_other(&markups(&case.join("landmarks.mrk.json")), &|more| run(case, more));
     let refused = refusal(&["simulate", text(case), "--out", text(&dir.join("held")), "--no-septa"]);
     assert!(refused.contains("--skull slides"), "{refused}");
+}
+
+/// From the right side to before the upper part of the path on the left.
+fn a_catheter_through_the_falx_was_like_any_other(marks: &[(String, [f64; 3])], run: &dyn Fn(&[&str]) -> Value) {
+    let [right, left, foramen] = ["Kocher right", "Kocher left", "Monro left"]
+        .map(|name| marks.iter().find(|m| m.0 == name).expect("a landmark").1);
+    let end: [f64; 3] =
+        std::array::from_fn(|a| left[a] + 0.4 * (foramen[a] - left[a]) - if a == 1 { 18.0 } else { 0.0 });
+    let place = |p: [f64; 3]| p.map(|v| v.to_string()).join(",");
+    let path = format!("{}:{}", place(right), place(end));
+    let done = run(&["--beside", &path]);
+    let told = "Catheter 1 beside goes through falx or tentorium";
+    assert!(done["remarks"].to_string().contains(told), "{}", done["remarks"]);
 }
 
 fn forces_have_a_unit_in_physical_mode_only(case: &Path, physical: &Value, dir: &Path) {
