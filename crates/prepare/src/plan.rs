@@ -99,9 +99,7 @@ fn septa(segmentation: &Segmentation, plan: &Plan, findings: &mut Vec<String>) -
                 hit.t
             ));
         }
-        let first = all.vertices.len() as u32;
-        all.triangles.extend(sheet.triangles.iter().map(|t| t.map(|v| v + first)));
-        all.vertices.extend(sheet.vertices);
+        all.append(&sheet);
     }
     (!all.triangles.is_empty()).then_some(all)
 }

@@ -1,4 +1,5 @@
-//! Falx and tentorium as walls within the brain: neither side goes through them, both slide along.
+//! Falx and tentorium as walls within the brain: neither side goes through them, both slide along, together, for the mesh is one on both
+//! sides.
 //!
 //! Dura is some ten thousand times as stiff as brain, so they are taken to be rigid, as is usual in models of brain shift (Chen et al.,
 //! "Intraoperative brain shift compensation: accounting for dural septa", 2011). What bends of them is left out: 1 mm for half a
@@ -23,7 +24,7 @@ pub(crate) fn walls(
 ) -> Vec<Attachment> {
     let tree = Bvh::new(septa);
     let mut sums = BTreeMap::<u32, Vec<Vector<Patient>>>::new();
-    for [a, b] in edges(tets) {
+    for [a, b] in tets.edges() {
         let [from, to] = [a, b].map(|v| tets.vertices[v as usize]);
         let Some(hit) = tree.ray(from, to - from).filter(|hit| hit.t <= 1.0) else { continue };
         let ends = if hit.t <= 0.5 { [a, b] } else { [b, a] };
@@ -48,18 +49,6 @@ fn add(sums: &mut Vec<Vector<Patient>>, normal: Vector<Patient>) {
         None if sums.len() < MOST => sums.push(normal),
         None => {}
     }
-}
-
-/// The edges of a mesh, each once.
-fn edges(tets: &TetMesh) -> Vec<[u32; 2]> {
-    let of = |t: &[u32; 4]| {
-        let [a, b, c, d] = *t;
-        [[a, b], [a, c], [a, d], [b, c], [b, d], [c, d]].map(|[v, w]| [v.min(w), v.max(w)])
-    };
-    let mut all: Vec<[u32; 2]> = tets.tets.iter().flat_map(of).collect();
-    all.sort_unstable();
-    all.dedup();
-    all
 }
 
 #[cfg(test)]
