@@ -78,6 +78,8 @@ pub struct Client {
     pending: Option<Pending>,
     pub(super) counters: Counters,
     last_number: Option<i32>,
+    /// When the last frame was exposed, ticks of the server's clock; 0 where that is not told.
+    last_exposed: u64,
     /// Frames in a row that were older than one before them.
     late: u32,
     last_params: u16,
@@ -133,6 +135,7 @@ impl Client {
             pending: None,
             counters: Counters::default(),
             last_number: None,
+            last_exposed: 0,
             late: 0,
             last_params: 0,
             seen: BTreeMap::new(),
@@ -289,7 +292,7 @@ impl Client {
         self.counters.odd += u64::from(!frame.faults.is_empty());
         self.times.frame = Some(now);
         // What is late says nothing of now: neither of places nor of what is streamed.
-        if self.is_late(frame.number) {
+        if self.is_late(&frame) {
             return Ok(Event::Frame(Box::new(frame), Vec::new()));
         }
         self.follow(&frame);
@@ -300,20 +303,23 @@ impl Client {
     }
 
     /// Whether a frame is older than one that was here already (disorder on the way). Where frame numbers have gone back for
-    /// good (a loop, another take, a restart), ids may stand for other bodies, so names are asked for again.
-    fn is_late(&mut self, number: i32) -> bool {
+    /// good (a loop, another take, a restart), ids may stand for other bodies, so names are asked for again. One that was exposed
+    /// after the last is not late, whatever its number (a loop; a server that does not count).
+    fn is_late(&mut self, frame: &Frame) -> bool {
+        let (number, exposed) = (frame.number, frame.suffix.mid_exposure);
         let step = self.last_number.map_or(1, |last| i64::from(number) - i64::from(last));
-        self.late = if step > 0 { 0 } else { self.late + 1 };
-        if (-LATE..=0).contains(&step) && self.late <= MOST_LATE {
+        let is_newer = self.last_exposed > 0 && exposed > self.last_exposed;
+        self.late = if step > 0 || is_newer { 0 } else { self.late + 1 };
+        if !is_newer && (-LATE..=0).contains(&step) && self.late <= MOST_LATE {
             return true;
         }
         if step > 0 {
             self.counters.missed += (step - 1) as u64;
-        } else {
+        } else if step < 0 || !is_newer {
             self.counters.restarts += 1;
             (self.models_known, self.times.models, self.late) = (false, None, 0);
         }
-        self.last_number = Some(number);
+        (self.last_number, self.last_exposed) = (Some(number), exposed);
         false
     }
 

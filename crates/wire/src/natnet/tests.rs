@@ -384,11 +384,17 @@ fn the_diagnosis_names_the_first_cause() {
 
 /// The client after frames with these numbers, and how many poses each gave.
 fn after(numbers: &[i32]) -> (Client, Vec<usize>) {
+    after_exposed(&numbers.iter().map(|&n| (n, 0)).collect::<Vec<_>>())
+}
+
+/// The same with the times of their exposure.
+fn after_exposed(frames: &[(i32, u64)]) -> (Client, Vec<usize>) {
     let version = Version::new(3, 0);
     let mut client = Client::new(ClientOptions { force_version: Some(version), ..ClientOptions::default() });
-    let poses = numbers.iter().map(|&number| {
+    let poses = frames.iter().map(|&(number, mid_exposure)| {
+        let suffix = Suffix { mid_exposure, ..Suffix::default() };
         let body = RigidBody { id: number, ..RigidBody::default() };
-        let bytes = Frame { number, rigid_bodies: vec![body], ..Frame::default() }.encode(version);
+        let bytes = Frame { number, rigid_bodies: vec![body], suffix, ..Frame::default() }.encode(version);
         match client.receive(&bytes, 0.0).expect("frame") {
             Some(Event::Frame(_, poses)) => poses.len(),
             other => panic!("{other:?}"),
@@ -417,6 +423,21 @@ fn frames_that_come_late_have_no_poses_and_numbers_that_begin_anew_do() {
     // A short take that loops: it takes a moment to see that these are no late ones.
     let (client, poses) = after(&[50, 0, 1, 2, 3, 4, 5]);
     assert_eq!((poses, client.counters().restarts), (vec![1, 0, 0, 0, 0, 1, 1], 1));
+}
+
+/// Four frames of each turn of a loop were lost, and four of five of a server that does not count them.
+#[test]
+fn frames_exposed_after_the_last_one_are_new_whatever_their_number() {
+    let (client, poses) = after_exposed(&[(50, 900), (51, 910), (0, 920), (1, 930), (2, 940)]);
+    assert_eq!((poses, client.counters().restarts), (vec![1, 1, 1, 1, 1], 1));
+    let (client, poses) = after_exposed(&[(7, 10), (7, 20), (7, 20), (7, 15), (7, 30), (7, 40)]);
+    assert_eq!((poses, client.counters().restarts), (vec![1, 1, 0, 0, 1, 1], 0));
+    // A frame overtaken on its way is older by both.
+    let (_, poses) = after_exposed(&[(10, 100), (12, 120), (11, 110), (13, 130)]);
+    assert_eq!(poses, [1, 1, 0, 1]);
+    // A server that was started anew counts exposures anew, too.
+    let (client, poses) = after_exposed(&[(500, 9000), (1, 10), (2, 20), (3, 30)]);
+    assert_eq!((poses, client.counters().restarts), (vec![1, 1, 1, 1], 1));
 }
 
 proptest! {
