@@ -22,7 +22,8 @@ fn a_case_is_read_back_as_it_was_written() {
     assert_eq!(back.tets, case().tets);
     assert_eq!(back.skin, case().skin);
     assert_eq!(back.landmarks, case().landmarks);
-    assert_eq!(back.manifest.files.len(), 8);
+    assert_eq!(back.septa, case().septa);
+    assert_eq!(back.manifest.files.len(), 9);
     assert_eq!(Manifest { files: Vec::new(), ..back.manifest }, case().manifest);
 }
 
@@ -32,7 +33,10 @@ fn a_case_without_its_images_is_still_a_case() {
     let path = written(dir.path());
     fs::remove_file(path.join("ct.nii.gz")).expect("remove");
     fs::remove_file(path.join("labels.nii.gz")).expect("remove");
-    Case::open(&path).expect("a shared model");
+    assert!(Case::open(&path).expect("a shared model").septa.is_some());
+    // Nor have cases made earlier falx and tentorium.
+    fs::remove_file(path.join("septa.ply")).expect("remove");
+    assert_eq!(Case::open(&path).expect("an older case").septa, None);
 }
 
 #[test]
