@@ -155,7 +155,8 @@ impl TriangleMesh {
 
     /// Surface area, mm2.
     pub fn area(&self) -> f64 {
-        (0..self.triangles.len()).map(|t| self.area_vector(t).norm()).sum()
+        // From 0, for a sum of nothing is -0.
+        (0..self.triangles.len()).map(|t| self.area_vector(t).norm()).fold(0.0, |sum, area| sum + area)
     }
 
     /// Normal of triangle `t` times its area (mm2).

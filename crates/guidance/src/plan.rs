@@ -1,6 +1,6 @@
 //! The planned path of the catheter.
 
-use monro_geometry::{Patient, Point, Vector};
+use monro_geometry::{Bvh, Patient, Point, Vector};
 use thiserror::Error;
 
 /// Side of the patient.
@@ -79,5 +79,30 @@ impl Plan {
     /// The point a given depth (mm) along the path from the entry.
     pub fn at_depth(&self, depth: f64) -> Point<Patient> {
         self.entry + self.direction() * depth
+    }
+
+    /// The depth (mm) at which the path first goes through a surface, from either side, if it does before its end.
+    pub fn first_through(&self, surface: &Bvh) -> Option<f64> {
+        surface.ray(self.entry, self.direction()).map(|hit| hit.t).filter(|depth| *depth < self.length())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_geometry::TriangleMesh;
+
+    #[test]
+    fn a_path_goes_through_a_surface_from_either_side_or_ends_before_it() {
+        let sheet = |z: f64, triangle| {
+            let vertices = [[-9.0, -9.0], [9.0, -9.0], [0.0, 9.0]].map(|[x, y]| Point::new(x, y, z)).to_vec();
+            Bvh::new(&TriangleMesh { vertices, triangles: vec![triangle] })
+        };
+        let plan = Plan::new(Side::Left, Point::new(0.0, 0.0, 50.0), Point::new(0.0, 0.0, 10.0)).expect("a plan");
+        for triangle in [[0, 1, 2], [0, 2, 1]] {
+            assert_eq!(plan.first_through(&sheet(20.0, triangle)), Some(30.0));
+            assert_eq!(plan.first_through(&sheet(5.0, triangle)), None);
+            assert_eq!(plan.first_through(&sheet(60.0, triangle)), None);
+        }
     }
 }

@@ -84,7 +84,7 @@ fn septa(segmentation: &Segmentation, plan: &Plan, findings: &mut Vec<String>) -
     let found = landmarks::septa(segmentation).unwrap_or_default();
     let mut all = TriangleMesh::default();
     for (name, sheet) in ["falx", "tentorium"].into_iter().zip(found) {
-        let cm2 = sheet.area().abs() / 100.0;
+        let cm2 = sheet.area() / 100.0;
         if cm2 < LEAST_SEPTUM_CM2 {
             findings.push(format!(
                 "the labels show too little of the inside of the skull to say where the {name} is ({cm2:.0} cm2 of some 50): the \
@@ -92,11 +92,10 @@ fn septa(segmentation: &Segmentation, plan: &Plan, findings: &mut Vec<String>) -
             ));
             continue;
         }
-        if let Some(hit) = Bvh::new(&sheet).ray(plan.entry(), plan.direction()).filter(|hit| hit.t < plan.length()) {
+        if let Some(depth) = plan.first_through(&Bvh::new(&sheet)) {
             findings.push(format!(
-                "the path goes through the {name}, where an average head has it, {:.0} mm deep: that is dura, and no simulation \
-                 here meets it; look at the pictures",
-                hit.t
+                "the path goes through the {name}, where an average head has it, {depth:.0} mm deep: that is dura, and no simulation \
+                 here meets it; look at the pictures"
             ));
         }
         all.append(&sheet);

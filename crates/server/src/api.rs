@@ -124,17 +124,13 @@ const LONGEST_TOOL_MM: f64 = 2000.0;
 const FURTHEST_REFERENCE_MM: f64 = 10_000.0;
 const MOST_TRE_MM: f64 = 100.0;
 
-/// Whether a place lies so near to its origin, mm.
-fn is_near(p: [f64; 3], mm: f64) -> bool {
-    p.iter().map(|v| v * v).sum::<f64>().sqrt() <= mm
-}
-
 impl EventRequest {
     fn event(&self) -> Result<SessionEvent, &'static str> {
         let plain = match *self {
             Self::Calibrated { tip_mm, axis, .. } => {
                 let calibration = Calibration { tip: Point::from_array(tip_mm), axis: Vector::from_array(axis) };
-                if !is_near(tip_mm, LONGEST_TOOL_MM) || calibration.axis.normalized().is_none() {
+                let away = calibration.tip.distance(Point::ORIGIN);
+                if !(0.0..=LONGEST_TOOL_MM).contains(&away) || calibration.axis.normalized().is_none() {
                     return Err("the tip must lie within 2 m of its body (mm) and the axis must have a direction");
                 }
                 return Ok(SessionEvent::Calibrated(calibration));
@@ -142,7 +138,7 @@ impl EventRequest {
             Self::Registered { quaternion_wxyz, translation_mm, predicted_tre_mm } => {
                 let rigid = Rigid::from_quaternion(quaternion_wxyz, Vector::from_array(translation_mm));
                 let patient_from_reference = rigid.ok_or("the quaternion has no length, or a number is not finite")?;
-                if !is_near(translation_mm, FURTHEST_REFERENCE_MM) {
+                if patient_from_reference.translation().norm() > FURTHEST_REFERENCE_MM {
                     return Err("the translation must be within 10 m (mm)");
                 }
                 if predicted_tre_mm.is_some_and(|t| !(0.0..=MOST_TRE_MM).contains(&t)) {

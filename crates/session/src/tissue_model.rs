@@ -38,6 +38,11 @@ impl Skull {
     pub const fn slides(self) -> bool {
         matches!(self, Self::Slides { .. })
     }
+
+    /// Whether falx and tentorium are to part it, where the case has them.
+    pub const fn wants_septa(self) -> bool {
+        matches!(self, Self::Slides { septa: true })
+    }
 }
 
 /// How the regions of a case become a soft body.
@@ -105,10 +110,11 @@ fn attachments(Case { tets, septa, .. }: &Case, openings: &[Point<Patient>], sku
     };
     let holes: Vec<_> = openings.iter().map(|&hole| (hole, radius(hole))).collect();
     nodes.retain(|&n| holes.iter().all(|&(hole, radius)| away(n, hole) > radius));
-    let Skull::Slides { septa: with_septa } = skull else {
+    if !skull.slides() {
         return nodes.into_iter().map(|node| Attachment { node, kind: AttachmentKind::Fixed }).collect();
-    };
-    let normals = TriangleMesh { vertices: tets.vertices.clone(), triangles }.vertex_normals();
+    }
+    let surface = TriangleMesh { vertices: tets.vertices.clone(), triangles };
+    let normals = surface.vertex_normals();
     let height = |n: u32| tets.vertices[n as usize].z;
     let base = nodes.iter().map(|&n| height(n)).fold(f64::INFINITY, f64::min) + HELD_BASE_MM;
     let kind = |node: u32| match normals[node as usize] {
@@ -117,19 +123,19 @@ fn attachments(Case { tets, septa, .. }: &Case, openings: &[Point<Patient>], sku
         outward => AttachmentKind::Abutting { outward: outward.to_array(), drag_per_s: SKULL_DRAG_PER_S },
     };
     let mut out: Vec<Attachment> = nodes.into_iter().map(|node| Attachment { node, kind: kind(node) }).collect();
-    if let Some(septa) = septa.as_ref().filter(|_| with_septa) {
-        let free = inner_brain(tets);
+    if let Some(septa) = septa.as_ref().filter(|_| skull.wants_septa()) {
+        let free = inner_brain(tets, &surface.triangles);
         out.extend(septa::walls(tets, septa, |v| free[v as usize], SKULL_DRAG_PER_S));
     }
     out
 }
 
-/// Whether a vertex lies in brain with nothing else around it.
-fn inner_brain(tets: &TetMesh) -> Vec<bool> {
+/// Whether a vertex lies in brain with nothing else around it, nor on the surface.
+fn inner_brain(tets: &TetMesh, surface: &[[u32; 3]]) -> Vec<bool> {
     let mut out = vec![true; tets.vertices.len()];
     let others = tets.tets.iter().zip(&tets.labels).filter(|(_, l)| **l != u16::from(Structure::Brain.label()));
     let beside = others.flat_map(|(t, _)| *t);
-    tets.boundary(|_| true).into_iter().flatten().chain(beside).for_each(|v| out[v as usize] = false);
+    surface.iter().flatten().copied().chain(beside).for_each(|v| out[v as usize] = false);
     out
 }
 

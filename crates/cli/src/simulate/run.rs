@@ -7,7 +7,7 @@ use monro_case::Case;
 use monro_cli::report::quantile;
 use monro_geometry::{Bvh, PassedThrough, Patient, Point, TetMesh, TriangleMesh, Walls};
 use monro_guidance::Plan;
-use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode, Skull, StructureVolumes};
+use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode, StructureVolumes};
 use std::iter;
 use std::time::Instant;
 
@@ -117,7 +117,7 @@ impl Run {
 
     /// Whether falx and tentorium part the brain.
     pub(crate) const fn has_septa(&self) -> bool {
-        self.case_has_septa && matches!(self.settings.model.skull, Skull::Slides { septa: true })
+        self.case_has_septa && self.settings.model.skull.wants_septa()
     }
 
     /// All frames, with those of the withdrawal.
@@ -211,11 +211,8 @@ pub(crate) fn insert(case: &Case, beside: &[Plan], settings: &InsertionSettings,
 /// Where catheters go through falx or tentorium.
 fn through_septa(case: &Case, beside: &[Plan]) -> Vec<(usize, f64)> {
     let Some(tree) = case.septa.as_ref().map(Bvh::new) else { return Vec::new() };
-    let depth = |(n, plan): (usize, &Plan)| {
-        let hit = tree.ray(plan.entry(), plan.direction()).filter(|hit| hit.t < plan.length())?;
-        Some((n, hit.t))
-    };
-    iter::once(&case.plan).chain(beside).enumerate().filter_map(depth).collect()
+    let plans = iter::once(&case.plan).chain(beside).enumerate();
+    plans.filter_map(|(n, plan)| Some((n, plan.first_through(&tree)?))).collect()
 }
 
 /// How far the outer surface has moved where it has moved most, mm.

@@ -192,8 +192,7 @@ fn doubts(run: &Run) -> Vec<String> {
 
 /// A brain that slides and is not parted by falx and tentorium, though it was to be.
 fn unparted(run: &Run) -> Option<String> {
-    let wanted = matches!(run.settings.model.skull, Skull::Slides { septa: true });
-    (wanted && !run.case_has_septa).then(|| {
+    (run.settings.model.skull.wants_septa() && !run.case_has_septa).then(|| {
         "The case has no falx and tentorium, so nothing but tissue keeps one hemisphere from the other and both from the cerebellum: \
          the brain shifts otherwise than it would. \"monro prepare\" makes cases that have them."
             .into()
