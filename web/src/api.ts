@@ -44,6 +44,9 @@ export interface Guidance {
   display_age_ms: number | null;
   target_shift_mm: number;
   largest_displacement_mm: number;
+  drained_asked_ml: number | null;
+  drained_ml: number;
+  csf_pressure_change_mmhg: number;
   solver_fault: boolean;
   solver_faults: number;
   reference_moved_mm: number | null;
@@ -77,6 +80,14 @@ export interface Status {
   deformation_hz: number;
   deformation_ms: number;
   displays: number;
+}
+
+export interface Tissue {
+  mode: "physical" | "paper";
+  skull: "held" | "slides";
+  ventricles_ml: number;
+  drain_ml: number | null;
+  gravity_m_s2: Point;
 }
 
 export interface LandmarkState {
@@ -141,6 +152,15 @@ export class Api {
 
   async status(): Promise<Status> {
     return (await this.#fetch("/api/status")).json() as Promise<Status>;
+  }
+
+  async tissue(): Promise<Tissue> {
+    return (await this.#fetch("/api/tissue")).json() as Promise<Tissue>;
+  }
+
+  /** Changes what is done to the fluid, or gravity; gives all that is done then. */
+  async load(loads: object): Promise<Tissue> {
+    return this.post("/api/tissue", loads);
   }
 
   async registration(): Promise<Registration> {

@@ -8,6 +8,7 @@ import { element, make } from "./dom";
 import { offerInvitations } from "./invite";
 import { Panel } from "./panel";
 import { Register } from "./register";
+import { Shift } from "./shift";
 import { signIn } from "./sign_in";
 import { aged, type Snapshot } from "./snapshot";
 import { Stream } from "./stream";
@@ -35,6 +36,7 @@ function offerReport(opened: Case, api: Api): void {
 /** Panel, stage and glasses with what has come last. */
 class View {
   readonly panel = new Panel();
+  readonly #shift: Shift;
   readonly stages: Stages = { take: new Counter(), draw: new Counter() };
   readonly stage: Stage | null;
   readonly glasses: Glasses | null;
@@ -43,8 +45,9 @@ class View {
   #waiting: Snapshot | undefined;
   #last: Snapshot | undefined;
 
-  constructor(api: Api, stage: Stage | null) {
+  constructor(api: Api, stage: Stage | null, shift: Shift) {
     this.stage = stage;
+    this.#shift = shift;
     this.glasses = stage && new Glasses(stage, () => this.#advance());
     this.#stream = new Stream(api, stage?.whole ?? false, (s) => (this.#waiting = s), () => void (this.#last && !this.#waiting && this.#show(this.#last)), (error) => this.#gone(error));
     const frame = (): void => {
@@ -73,6 +76,7 @@ class View {
     const now = aged(guidance, performance.now() - at);
     this.glasses?.take(now);
     this.panel.show(now);
+    this.#shift.show(now);
     return now;
   }
 
@@ -97,7 +101,7 @@ async function main(): Promise<void> {
   if (stage) controls(stage);
   new Calibrate(api);
   if (stage) new Register(api, stage);
-  const view = new View(api, stage);
+  const view = new View(api, stage, new Shift(api, await api.tissue(), status.role === "operator"));
   const budget = new Budget();
   const told = (s: Status): void => {
     budget.show(s, view.stages);

@@ -392,6 +392,45 @@ const tests = {
     assert.deepEqual(p.faults, []);
   },
 
+  async "the brain shifts as the operator says, and where it has left the skull the slices show nothing"() {
+    const sliding = await serve("--sliding");
+    const p = await page(`${sliding.url}/#token=${sliding.token}`);
+    await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
+    await p.getByLabel("Drained from the ventricles in all, ml").fill("500");
+    await p.getByRole("button", { name: "Set", exact: true }).click();
+    await until("a refusal", async () => /500 ml/.test(await text(p, "#shift-said")));
+    await sliding.api("/api/tracker", { paused: true });
+    await until("lost", async () => (await text(p, "#signal span")) === "Lost");
+    await p.getByLabel("Drained from the ventricles in all, ml").fill("6");
+    await p.getByLabel("How the head lies").selectOption("on its back");
+    await p.getByLabel("Share of its weight").fill("60");
+    await p.getByRole("button", { name: "Set", exact: true }).click();
+    await until("drained", async () => /^6\.0 of 6\.0 ml drained, −[\d.]+ mmHg; target shifted by [\d.]+ mm$/.test(await text(p, "#shift-came")));
+    assert.equal(await text(p, "#shift-said"), "");
+    const { gravity_m_s2: gravity } = await sliding.api("/api/tissue");
+    assert.ok(close(gravity, [0, 5.886, 0], 1e-9), `${gravity}`);
+    // Seconds after it has come to rest the page still shows the same.
+    let last = null;
+    await until("rest", async () => {
+      await p.waitForTimeout(1500);
+      const [before, now] = [last, await p.evaluate(() => window.monro.stage.tissue.displacement.nodes.reduce((sum, x) => sum + x, 0))];
+      last = now;
+      return now === before;
+    });
+    await shot(p, "shifted");
+    for (const { name, deformed, asScanned, compared } of await deformedSlices(p, browser, sliding.case)) {
+      console.log(`      ${name}: ${compared} pixels; grey levels off, mean ${deformed.mean.toFixed(3)}, as scanned ${asScanned.mean.toFixed(3)}`);
+      assert.ok(deformed.beyond < 0.003 && deformed.mean < 0.1, `${name}, shifted: ${JSON.stringify(deformed)}`);
+      assert.ok(asScanned.beyond > 5 * deformed.beyond, `${name}, as scanned: ${JSON.stringify(asScanned)}`);
+    }
+    assert.deepEqual(p.faults.filter((f) => !/422/.test(f)), []);
+    const { code } = await sliding.api("/api/pairing", { role: "viewer" });
+    const viewer = await page(`${sliding.url}/#pair=${code}`);
+    await until("what came of it", async () => /6\.0 of 6\.0 ml/.test(await text(viewer, "#shift-came")));
+    assert.equal(await viewer.locator("#shift :is(input, select, button)").count(), 0, "a viewer changes nothing");
+    sliding.child.kill();
+  },
+
   async "a fault of the soft body is said, and gone when it is over"() {
     const p = await page(`${url}/#token=${token}`);
     await until("a live signal", async () => (await text(p, "#signal span")) === "Live");

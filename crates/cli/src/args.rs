@@ -2,6 +2,7 @@
 
 mod fields;
 mod path;
+mod shift;
 mod simulate;
 mod solver;
 
@@ -11,6 +12,7 @@ use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use fields::SOLVE_FIELDS;
 use monro_prepare::DEFAULT_ELEMENTS;
 pub(crate) use path::path;
+use shift::ShiftArgs;
 pub(crate) use simulate::SimulateArgs;
 use solver::SolverArgs;
 use std::ffi::OsString;
@@ -340,6 +342,8 @@ pub(crate) struct ServeArgs {
     #[arg(long, value_name = "FILE.toml")]
     pub(crate) materials: Option<PathBuf>,
     #[command(flatten)]
+    pub(crate) shift: ShiftArgs,
+    #[command(flatten)]
     pub(crate) solver: SolverArgs,
 }
 
@@ -534,7 +538,7 @@ mod tests {
             let line = format!("monro simulate {given} CASE --out DIR");
             let cli = Cli::try_parse_from(joined(line.split(' ').map(OsString::from))).expect(given);
             let Command::Simulate(args) = cli.command else { panic!("{given}") };
-            assert_eq!((args.gravity, args.case), (Some([0.0, -9.81, 0.0]), PathBuf::from("CASE")), "{given}");
+            assert_eq!((args.shift.gravity, args.case), (Some([0.0, -9.81, 0.0]), PathBuf::from("CASE")), "{given}");
         }
         for given in ["--gravity 0,9", "--gravity nan,0,0", "--gravity 0 9", "--gravity"] {
             let line = format!("monro simulate CASE {given} --out DIR");

@@ -16,6 +16,7 @@ mod mesh_file;
 mod output_file;
 mod phantom;
 mod prepare;
+mod recorded;
 mod register;
 mod replay;
 mod serve;

@@ -2,7 +2,7 @@
 
 use crate::args::ReplayArgs;
 use crate::console::Console;
-use crate::{output_file, soft_body};
+use crate::{output_file, recorded};
 use anyhow::{Context, Result, bail};
 use serde_json::{Value, json};
 use std::fs::File;
@@ -43,7 +43,7 @@ pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
             console.progress(format!("replay: {percent} %"));
         }
     };
-    let play = || monro_server::replay(&args.recording, args.case.as_deref(), soft_body::known, each, progress);
+    let play = || monro_server::replay(&args.recording, args.case.as_deref(), recorded::known, each, progress);
     let played = console.stage("replay", play);
     if played.is_err() {
         drop(out.take());

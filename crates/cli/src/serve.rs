@@ -3,11 +3,12 @@
 use crate::NOTICE;
 use crate::args::{ModeArg, ServeArgs};
 use crate::console::Console;
-use crate::{prepare, soft_body};
+use crate::{prepare, recorded, soft_body};
 use anyhow::{Context, Result, bail, ensure};
 use monro_case::{CASE, OutputError, Staging, check_output};
 use monro_prepare::Prepared;
 use monro_server::{Certificate, Invitation, Ready, Recording, ServeOptions, Tracker};
+use monro_session::ModelSettings;
 use monro_tissue::FrameSettings;
 use qrcode::QrCode;
 use qrcode::render::unicode::Dense1x2;
@@ -23,10 +24,11 @@ pub(crate) fn run(args: &ServeArgs, console: &Console) -> Result<()> {
         None if args.no_record => None,
         None => Some(beside(case_dir)?),
     };
-    let model = soft_body::model(args.mode, args.materials.as_deref())?;
+    let frame = args.shift.loads(args.mode)?.on(args.solver.frame());
+    let skull = args.shift.skull()?;
+    let model = ModelSettings { skull, ..soft_body::model(args.mode, args.materials.as_deref())? };
     soft_body::remarks(&model).iter().for_each(|r| console.warn(r));
-    let frame = args.solver.frame();
-    let settings = soft_body::name(args.mode, (&model.materials, &frame))?;
+    let settings = recorded::name(&model, &frame)?;
     let options = ServeOptions {
         case_dir: case_dir.clone(),
         listen: args.listen,
@@ -71,7 +73,7 @@ fn report(prepared: &Prepared, stages: &[(String, f64)], staging: &Staging) -> R
 /// Serves the case that the demo has made, until it is interrupted.
 pub(crate) fn demo(case: &Path, recording: PathBuf, console: &Console) -> Result<()> {
     let (model, frame) = (soft_body::of(ModeArg::Physical), FrameSettings::default());
-    let settings = soft_body::name(ModeArg::Physical, (&model.materials, &frame))?;
+    let settings = recorded::name(&model, &frame)?;
     let options = ServeOptions {
         case_dir: case.to_owned(),
         listen: ([127, 0, 0, 1], 0).into(),

@@ -1,12 +1,11 @@
-//! Which soft body: by the arguments, and by the name that a recording knows it by.
+//! Which soft body, and what is odd about it.
 
 use crate::args::ModeArg;
 use crate::materials;
 use anyhow::{Result, ensure};
-use clap::ValueEnum;
 use monro_geometry::PassedThrough;
 use monro_session::{Materials, Mode, ModelSettings};
-use monro_tissue::{FrameSettings, PaperOptions, PhysicalOptions};
+use monro_tissue::{PaperOptions, PhysicalOptions};
 use std::path::Path;
 
 /// As it is for a head.
@@ -117,39 +116,6 @@ pub(crate) fn passed_through(found: &PassedThrough) -> String {
     )
 }
 
-/// How a name says that the predicted deformation space is used, and how many iterations.
-const PREDICTED: &str = "predicted-space";
-const ITERATIONS: &str = "iterations=";
-
-/// The name under which a recording knows a soft body: the mode as on the command line and how it is solved, if not as
-/// usual; on the following lines all materials, if they are not those of a head.
-pub(crate) fn name(mode: ModeArg, (used, frame): (&Materials, &FrameSettings)) -> Result<String> {
-    let mut name = mode.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
-    if frame.iterations != FrameSettings::default().iterations {
-        name += &format!(" {ITERATIONS}{}", frame.iterations);
-    }
-    if frame.predicted_space {
-        name += &format!(" {PREDICTED}");
-    }
-    Ok(if *used == Materials::HEAD { name } else { format!("{name}\n{}", materials::text(used)?) })
-}
-
-/// The soft body of such a name, and how it is solved; `None` if it is none.
-pub(crate) fn known(name: &str) -> Option<(ModelSettings, FrameSettings)> {
-    let (first, text) = name.split_once('\n').unwrap_or((name, ""));
-    let mut words = first.split(' ');
-    let mode = ModeArg::from_str(words.next()?, false).ok()?;
-    let mut frame = FrameSettings::default();
-    for word in words {
-        match word.strip_prefix(ITERATIONS) {
-            Some(count) => frame.iterations = count.parse().ok().filter(|&n| n > 0)?,
-            None if word == PREDICTED => frame.predicted_space = true,
-            None => return None,
-        }
-    }
-    Some((ModelSettings { materials: materials::parse(text).ok()?, ..of(mode) }, frame))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -196,25 +162,6 @@ mod tests {
         for (change, words) in cases {
             let said = told(change);
             assert!(said.len() == 1 && said[0].contains(words), "{words}: {said:?}");
-        }
-    }
-
-    #[test]
-    fn a_recording_knows_the_soft_body_by_its_name() {
-        let usual = FrameSettings::default();
-        for mode in [ModeArg::Paper, ModeArg::Physical] {
-            assert_eq!(known(&name(mode, (&Materials::HEAD, &usual)).expect("name")), Some((of(mode), usual)));
-        }
-        assert_eq!(name(ModeArg::Physical, (&Materials::HEAD, &usual)).expect("name"), "physical");
-        let mut stiff = of(ModeArg::Physical);
-        stiff.materials.brain.young_kpa = 7.3;
-        for (iterations, predicted_space) in [(10, true), (25, false), (3, true)] {
-            let frame = FrameSettings { iterations, predicted_space, ..usual };
-            let name = name(ModeArg::Physical, (&stiff.materials, &frame)).expect("name");
-            assert_eq!(known(&name), Some((stiff, frame)), "{name}");
-        }
-        for no in ["plastic", "physical\n[brain]\nyoung = 3.0", "physical iterations=0", "paper softly", "physical "] {
-            assert_eq!(known(no), None, "{no:?}");
         }
     }
 }

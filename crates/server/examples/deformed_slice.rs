@@ -47,8 +47,8 @@ fn main() {
     let [width, height] = request.size;
     let pixel = |i: usize| {
         let p = request.at(i % width, i / width);
-        // The page shows the CT as it was where no tissue is any more.
-        let hu = ct.trilinear(sampler.rest_position(p).unwrap_or(p));
+        // Where no tissue is any more there is nothing to be seen.
+        let hu = sampler.rest_position(p).and_then(|p| ct.trilinear(p));
         hu.map_or(0, |hu| request.grey(hu))
     };
     let greys: Vec<u8> = (0..width * height).map(pixel).collect();

@@ -1,8 +1,9 @@
 //! Serves a made-up head without preparing anything: for the browser tests and for work on the web app.
 //!
-//! `serve_ellipsoid [--hand] [CASE]` prints one JSON line {url, token, open, case, igtl} when it is ready. With a folder, serves
+//! `serve_ellipsoid [--hand] [--sliding] [CASE]` prints one JSON line {url, token, open, case, igtl} when it is ready. With a folder, serves
 //! that case instead; with `--hand`, the catheter's tip is held where stdin says, a line "X Y Z" (patient, mm) a place; a line
-//! "pivot", "turn" or "hold" says how it moves there, and "bump X Y Z" shifts the patient's reference (mm).
+//! "pivot", "turn" or "hold" says how it moves there, and "bump X Y Z" shifts the patient's reference (mm); with `--sliding`, the
+//! soft body has units and slides along the skull.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -16,11 +17,15 @@ use std::time::Duration;
 
 fn main() {
     let dir = tempfile::tempdir().expect("temp");
-    let (flags, folders): (Vec<_>, Vec<_>) = std::env::args_os().skip(1).partition(|a| a == "--hand");
+    let (flags, folders): (Vec<_>, Vec<_>) =
+        std::env::args_os().skip(1).partition(|a| a == "--hand" || a == "--sliding");
     let case = folders.first().map_or_else(|| common::write_case(dir.path(), true), std::path::PathBuf::from);
     let mut options = common::options(case.clone());
     options.igtl = Some(([127, 0, 0, 1], 0).into());
-    if !flags.is_empty() {
+    if flags.iter().any(|f| f == "--sliding") {
+        options.model = common::sliding();
+    }
+    if flags.iter().any(|f| f == "--hand") {
         options.tracker = Tracker::Source { name: "hand:".into(), source: Box::new(Hand::new()) };
     }
     let done = monro_server::serve(options, |ready| {

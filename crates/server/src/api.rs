@@ -7,6 +7,7 @@ use crate::pairing;
 use crate::record::Log;
 use crate::register;
 use crate::server::Shared;
+use crate::tissue;
 use axum::body::Bytes;
 use axum::extract::rejection::JsonRejection;
 use axum::extract::{ConnectInfo, State};
@@ -40,6 +41,7 @@ pub(crate) fn routes() -> Router<Arc<Shared>> {
         .route("/api/glasses", post(glasses))
         .route("/api/calibration", get(calibrate::get).post(calibrate::post))
         .route("/api/registration", get(register::get).post(register::post))
+        .route("/api/tissue", get(tissue::get).post(tissue::post))
         .route("/api/tracker", post(tracker))
         .route("/api/pair", post(pair))
         .route("/api/pairing", post(offer))

@@ -20,10 +20,10 @@ fn run(live: &Live, mut deformation: Deformation) {
     let mut last = live.clock.now();
     while !live.is_stopping() {
         let start = live.clock.now();
-        // A lost catheter leaves the tissue as it is.
+        // A lost catheter leaves the tissue as it is, but for loads that come on.
         let dt = start - last;
-        if let Some((needle, seen_at)) = live.needle_for_step(start, dt) {
-            let deformed = deformation.advance(&needle, seen_at, dt);
+        let step = live.for_step(start, dt, |loads| deformation.is_settled(loads));
+        if let Some(deformed) = step.and_then(|(needle, loads)| deformation.go_on(needle, loads, dt)) {
             live.publish(deformed, live.clock.now() - start);
         }
         last = start;

@@ -3,6 +3,7 @@
 use monro_geometry::{Display, Patient, Point, Rigid, Structure};
 use monro_guidance::{Kakarla, TargetEye};
 use monro_session::live::{Deformed, Expiry, Session, Snapshot, ToolNames};
+use monro_session::{Csf, KPA_PER_MMHG};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -57,6 +58,11 @@ pub(crate) struct Guidance {
     display_age_ms: Option<f64>,
     target_shift_mm: f64,
     largest_displacement_mm: f64,
+    /// Fluid that is to be drained from the ventricles, ml; `None` where that is left to itself.
+    drained_asked_ml: Option<f64>,
+    /// What the ventricles have lost so far, ml.
+    drained_ml: f64,
+    csf_pressure_change_mmhg: f64,
     solver_fault: bool,
     /// Steps of the soft body so far that had one.
     solver_faults: u64,
@@ -111,6 +117,9 @@ impl Guidance {
             display_age_ms: ms(s.display_from_patient.map(|(age, _)| age)),
             target_shift_mm: s.deformed.target.distance(planned),
             largest_displacement_mm: s.deformed.largest_mm,
+            drained_asked_ml: if let Csf::Drained { ml } = s.loads.csf { Some(ml) } else { None },
+            drained_ml: -s.deformed.csf_change_ml,
+            csf_pressure_change_mmhg: s.deformed.csf_change_kpa / KPA_PER_MMHG,
             solver_fault: s.deformed.fault,
             solver_faults: s.deformed.faults,
             reference_moved_mm: s.reference_alarm.map(|b| b.shift),
@@ -135,6 +144,7 @@ impl Guidance {
         words.extend(mm("depth", self.depth_mm));
         words.extend(self.tip_in.map(|t| format!("tip in {t}")));
         words.extend(self.kakarla_grade.map(|g| format!("grade {g}")));
+        words.extend(self.drained_asked_ml.map(|ml| format!("drained {:.1} of {ml:.1} ml", self.drained_ml)));
         words.extend(mm("predicted error", self.predicted_tre_mm));
         words.extend(mm("REFERENCE MOVED", self.reference_moved_mm));
         words.extend(self.solver_fault.then(|| "solver fault".to_owned()));

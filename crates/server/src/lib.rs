@@ -41,6 +41,7 @@ mod server;
 mod slicer;
 mod snapshot;
 mod socket;
+mod tissue;
 mod tls;
 mod tracker;
 mod web;

@@ -8,8 +8,9 @@ use crate::rate::Rate;
 use crate::record::Log;
 use crate::snapshot::{Moved, Quantised, digest, encode};
 use monro_geometry::{Display, Patient, Point, Rigid, Tool, Tracker};
-use monro_guidance::NeedlePose;
 use monro_guidance::registration::Recheck;
+use monro_guidance::{NeedlePose, Plan};
+use monro_session::Loads;
 use monro_session::live::log::Entry;
 use monro_session::live::{
     Deformed, Observation, Phase, PlainEvent, Refusal, Registering, Registration, Session, SessionEvent, Snapshot,
@@ -27,6 +28,9 @@ pub(crate) struct Rates {
     pub(crate) snapshot: Rate,
     pub(crate) deformation: Rate,
 }
+
+/// What a step of the soft body needs: the catheter and when it was seen, if it is, and the loads.
+pub(crate) type ForStep = (Option<(NeedlePose, f64)>, Loads);
 
 /// The newest deformation, with its bytes for displays: made when the first asks, shared by all.
 #[derive(Debug)]
@@ -101,16 +105,17 @@ impl Live {
     pub(crate) fn new(
         session: Session,
         registering: Registering,
-        (at_rest, surfaces): (Deformed, Bound),
+        (first, surfaces): (Deformed, Bound),
         log: Option<Log>,
     ) -> Self {
         Self {
             clock: Clock::start(),
-            planned_target: at_rest.target,
+            // The tissue may have been shifted from the start.
+            planned_target: session.plan().map_or(first.target, Plan::target),
             session: Mutex::new(session),
             calibrating: Mutex::default(),
             registering: Mutex::new(registering),
-            shape: Mutex::new(Shape::new(at_rest)),
+            shape: Mutex::new(Shape::new(first)),
             surfaces,
             rates: Mutex::new(Rates::default()),
             news: watch::Sender::new(0),
@@ -255,12 +260,33 @@ impl Live {
         self.tell();
     }
 
-    /// The catheter and when it was seen, for a step of the soft body by `dt` (s) that is sure to follow.
-    pub(crate) fn needle_for_step(&self, now: f64, dt: f64) -> Option<(NeedlePose, f64)> {
+    /// The catheter and when it was seen, and the loads, for a step of the soft body by `dt` (s) that is sure to follow; `None`
+    /// where no catheter is seen and the tissue is settled under these loads.
+    pub(crate) fn for_step(&self, now: f64, dt: f64, is_settled: impl Fn(&Loads) -> bool) -> Option<ForStep> {
         let session = lock(&self.session);
-        let needle = session.needle_and_time(now)?;
+        let (needle, loads) = (session.needle_and_time(now), session.loads());
+        if needle.is_none() && is_settled(&loads) {
+            return None;
+        }
         self.log(&Entry::Step { now_s: now, dt_s: dt }.encode());
-        Some(needle)
+        Some((needle, loads))
+    }
+
+    /// Takes what is done to the patient's fluid, and gravity; they must have been checked.
+    pub(crate) fn load(&self, loads: Loads) {
+        let (bytes, loaded) = through_the_log(Entry::Loaded(loads));
+        let Entry::Loaded(loads) = loaded else { unreachable!("loads stay loads") };
+        {
+            let mut session = lock(&self.session);
+            self.log(&bytes);
+            session.load(loads);
+        }
+        self.tell();
+    }
+
+    /// What is done to the patient's fluid, and gravity.
+    pub(crate) fn loads(&self) -> Loads {
+        lock(&self.session).loads()
     }
 
     /// How far the procedure has come.

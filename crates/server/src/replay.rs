@@ -117,7 +117,7 @@ impl Replayed {
     fn count(&mut self, entry: &Entry) -> Option<f64> {
         let (counter, time) = match entry {
             Entry::Opened(_) => return None,
-            Entry::Event(_) | Entry::Worn(_) => (&mut self.events, None),
+            Entry::Event(_) | Entry::Worn(_) | Entry::Loaded(_) => (&mut self.events, None),
             Entry::Seen(seen) => (&mut self.frames, seen.first().map(|o| o.time_s)),
             Entry::Step { now_s, .. } => (&mut self.steps, Some(*now_s)),
             Entry::Taken { time_s, .. } => return Some(*time_s),

@@ -5,6 +5,7 @@ use crate::live::Live;
 use crate::options::{Certificate, Recording, ServeOptions};
 use crate::record::{Log, identity, way_to_case};
 use crate::slicer;
+use crate::tissue::Tissue;
 use crate::tls::{self, Tls};
 use crate::tracker::Tracker;
 use crate::{ServeError, api, case_data, deformer, headers, listener, register, socket, web};
@@ -17,6 +18,7 @@ use axum::routing::get;
 use axum::{Router, middleware};
 use monro_case::Case;
 use monro_guidance::Plan;
+use monro_session::Loads;
 use monro_session::live::log::Opened;
 use monro_session::live::{Deformation, Expiry, Session, SessionEvent, ToolNames};
 use serde_json::{Value, json};
@@ -87,6 +89,7 @@ pub(crate) struct Shared {
     pub(crate) ct: Option<Bytes>,
     pub(crate) tracker: String,
     pub(crate) simulated: bool,
+    pub(crate) tissue: Tissue,
     pub(crate) igtl: Option<SocketAddr>,
     /// The report of the case as it was when it was opened, where there is one: the case may be made again meanwhile.
     report: Option<Vec<u8>>,
@@ -254,18 +257,20 @@ fn prepare(options: ServeOptions, keys: Arc<Keys>) -> Result<Prepared, ServeErro
     // A new session takes any case.
     let opened = session.apply(SessionEvent::CaseOpened(case.plan));
     debug_assert!(opened.is_ok(), "{opened:?}");
+    session.load(Loads::of(&options.frame));
     let log = options.recording.as_ref().map(|r| open_log(r, &options.case_dir, &case)).transpose()?;
     let image = ct.as_ref().and_then(|ct| slicer::image(ct, case_data::strides(ct.grid(), slicer::MOST_VOXELS)));
     let peers = slicer::Scene::new(&case, image)?;
     let report = std::fs::read(options.case_dir.join("report.html")).ok();
     let shared = Shared {
-        live: Arc::new(Live::new(session, register::landmarks(&case), (deformation.at_rest(), surfaces), log)),
+        live: Arc::new(Live::new(session, register::landmarks(&case), (deformation.now().clone(), surfaces), log)),
         keys,
         case: describe(&case, ct.is_some(), report.is_some()),
         scene: scene.into(),
         ct: ct.as_ref().map(case_data::ct_for_displays).map(Bytes::from),
         tracker: options.tracker.name().to_owned(),
         simulated: matches!(options.tracker, Tracker::Sim),
+        tissue: Tissue::new(&case, &options.model),
         igtl: None,
         report,
     };

@@ -3,14 +3,14 @@
 use crate::deformation::at;
 use crate::schedule::Schedule;
 use crate::tissue_model::{self, ModelSettings};
-use crate::{Follower, SessionError, StructureVolumes};
+use crate::{Follower, Loads, SessionError, StructureVolumes};
 use core::ops::RangeInclusive;
 use monro_case::Case;
 use monro_geometry::{Patient, Point, Structure, TetMesh};
 use monro_guidance::{NeedlePose, Plan, Reading, TargetReading};
-use monro_tissue::{Csf, Event, Model, State, StepReport, Stepper, TipShape, ToolMotion, ToolPose};
+use monro_tissue::{Event, Model, State, StepReport, Stepper, TipShape, ToolMotion, ToolPose};
 
-pub use monro_tissue::{FrameSettings, Mode};
+pub use monro_tissue::{Csf, FrameSettings, Mode};
 
 /// Speeds that can be simulated, mm/s.
 pub(crate) const SPEED_MM_S: RangeInclusive<f64> = 0.1..=500.0;
@@ -85,7 +85,7 @@ impl Insertion {
     /// and stay.
     ///
     /// # Errors
-    /// A speed or diameter out of range, more fluid to be drained than there is, a mesh that cannot be simulated, a path
+    /// A speed or diameter out of range, a load that cannot be put on, a mesh that cannot be simulated, a path
     /// beside the brain, paths through each other.
     pub fn new(case: &Case, beside: &[Plan], settings: &InsertionSettings) -> Result<Self, SessionError> {
         if !SPEED_MM_S.contains(&settings.speed_mm_s) {
@@ -94,12 +94,7 @@ impl Insertion {
         if !DIAMETER_MM.contains(&settings.diameter_mm) {
             return Err(SessionError::Diameter(settings.diameter_mm));
         }
-        if let Csf::Drained { ml } = settings.frame.csf {
-            let holds_ml = StructureVolumes::new(&case.tets).ventricles_ml();
-            if ml >= holds_ml {
-                return Err(SessionError::Drained { ml, holds_ml });
-            }
-        }
+        Loads::of(&settings.frame).check_on(settings.model.mode, &StructureVolumes::new(&case.tets))?;
         let openings = openings(case, beside)?;
         stand_apart(&case.plan, beside, settings.diameter_mm)?;
         let model = Model::new(&case.tets, &tissue_model::options(case, &openings, &settings.model))?;

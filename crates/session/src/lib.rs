@@ -6,13 +6,15 @@
 mod deformation;
 mod insertion;
 pub mod live;
+mod loads;
 mod schedule;
 mod septa;
 mod tissue_model;
 mod volumes;
 
 pub use deformation::{DeformedSampler, Follower};
-pub use insertion::{Frame, FrameSettings, Insertion, InsertionSettings, Mode};
+pub use insertion::{Csf, Frame, FrameSettings, Insertion, InsertionSettings, Mode};
+pub use loads::{KPA_PER_MMHG, LoadError, Loads};
 pub use tissue_model::{BURR_HOLE_RADIUS_MM, HELD_BASE_MM, Materials, ModelSettings, Skull};
 pub use volumes::StructureVolumes;
 
@@ -39,14 +41,9 @@ pub enum SessionError {
     /// The plan gives no needle pose.
     #[error(transparent)]
     Needle(#[from] NeedleError),
-    /// More fluid is to be drained than there is.
-    #[error("{ml} ml cannot be drained: the ventricles of the case hold {holds_ml:.1} ml")]
-    Drained {
-        /// What is to be drained.
-        ml: f64,
-        /// Volume of all ventricles.
-        holds_ml: f64,
-    },
+    /// What is to be done to the fluid, or gravity, cannot be.
+    #[error(transparent)]
+    Load(#[from] LoadError),
     /// The path begins in the tissue, so there is no place where it goes in.
     #[error(
         "the entry lies in the brain, {deep_mm:.1} mm along the path under its surface; move it out, best to the skin"

@@ -2,19 +2,12 @@
 //! rests, and is drawn out again where that is asked for.
 
 use crate::insertion::InsertionSettings;
+use crate::loads::{BRING_ON_S, Loads};
 use monro_guidance::Plan;
-use monro_tissue::{Csf, FrameSettings, Tool, ToolMotion, ToolPose};
+use monro_tissue::{FrameSettings, Tool, ToolMotion, ToolPose};
 
 /// Length of a catheter behind its tip, mm (ventricular catheters are 200 to 350 mm long).
 pub(crate) const CATHETER_LENGTH_MM: f64 = 250.0;
-
-/// Time over which what is done to the fluid and gravity come on before the insertion, s. At once they would throw the
-/// tissue; this is many periods of its slowest motion (a head's: about 8 Hz).
-const BRING_ON_S: f64 = 1.0;
-/// After that the tissue comes to rest, s: while loads change, pressures in it lag behind, and it gives way 5 to 14 % too far.
-const SETTLE_S: f64 = 0.5;
-/// A volume that is drained is waited for, s: the pressure that takes it out is found as it goes.
-const DRAIN_S: f64 = 2.0;
 
 /// A catheter and the frames in which it goes in.
 #[derive(Debug, Clone, Copy)]
@@ -82,12 +75,11 @@ impl Schedule {
 /// Frames over which loads come on, and those before the first catheter begins to move.
 fn frames_before(settings: &FrameSettings) -> [usize; 2] {
     let frames = |s: f64| (s / settings.dt_s).ceil() as usize;
-    let loaded = settings.csf != Csf::AtRest || settings.gravity_mm_s2 != [0.0; 3];
-    if !loaded {
+    let loads = Loads::of(settings);
+    if !loads.any() {
         return [0; 2];
     }
-    let rest = if matches!(settings.csf, Csf::Drained { .. }) { DRAIN_S } else { SETTLE_S };
-    [frames(BRING_ON_S), frames(BRING_ON_S) + frames(rest)]
+    [frames(BRING_ON_S), frames(BRING_ON_S) + frames(loads.rest_s())]
 }
 
 #[cfg(test)]
@@ -96,7 +88,7 @@ mod tests {
     use crate::{Mode, ModelSettings};
     use monro_geometry::Point;
     use monro_guidance::Side;
-    use monro_tissue::{PaperOptions, TipShape};
+    use monro_tissue::{Csf, PaperOptions, TipShape};
 
     fn path(x: f64, length: f64) -> Plan {
         Plan::new(Side::Right, Point::new(x, 0.0, length), Point::new(x, 0.0, 0.0)).expect("a path")

@@ -1,7 +1,7 @@
 // The deformed tetrahedra cut by a plane. Inside an element the way back to rest is affine, so that each polygon carries
 // the rest positions of its corners, and interpolation over the polygon gives the exact rest position of every pixel: the
 // place at which the CT of the deformed tissue is looked up. The same rules as session::DeformedSampler: inverted elements
-// are left out, and outside of the mesh nothing moves.
+// are left out, outside of the mesh nothing moves, and where tissue was and is no more there is nothing.
 
 import type { Plane } from "./plane";
 

@@ -105,6 +105,11 @@ in vec3 from;
 out vec4 pixel;
 void main() { pixel = vec4(grey(from), 1.0); }`;
 
+/** Where tissue was, before any is drawn where it is now. */
+export const goneFragment = `
+out vec4 pixel;
+void main() { pixel = vec4(0.0, 0.0, 0.0, 1.0); }`;
+
 export const marksVertex = `
 out vec2 at;
 void main() {

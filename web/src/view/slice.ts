@@ -10,7 +10,7 @@ import type { Ct } from "./ct";
 import { TetCut } from "./cut";
 import type { Displacement } from "./displacement";
 import { Plane, type Facing } from "./plane";
-import { ctFragment, marksFragment, marksVertex, stillVertex, tissueVertex } from "./shaders";
+import { ctFragment, goneFragment, marksFragment, marksVertex, stillVertex, tissueVertex } from "./shaders";
 import { maskMaterial, type SceneHeader, type Surface } from "./surfaces";
 
 /** How much of the patient is seen at the start, from the middle to the nearer edge, mm. */
@@ -35,12 +35,14 @@ export class Slice {
   readonly #shared: Tissue;
   readonly #uniforms: Record<string, IUniform>;
   readonly #still = new Scene();
-  readonly #tissue = new Scene();
   readonly #marks = new Scene();
   readonly #flat = new OrthographicCamera();
   readonly #eye = new OrthographicCamera();
-  readonly #tetCut: TetCut;
-  readonly #cutGeometry = new BufferGeometry();
+  /** The tissue where it is, and before that where it was. */
+  readonly #cut: CutScene;
+  readonly #gone: CutScene;
+  /** The plane in which the tissue at rest was cut. */
+  readonly #goneAt = { normal: new Vector3(), right: new Vector3(), offset: NaN };
   readonly #outlines: { scene: Scene; target: WebGLRenderTarget }[];
 
   constructor(facing: Facing, tissue: Tissue) {
@@ -48,15 +50,13 @@ export class Slice {
     brain?.mesh.geometry.computeBoundingBox();
     this.plane = new Plane(facing, brain?.mesh.geometry.boundingBox?.getCenter(new Vector3()) ?? new Vector3());
     this.#shared = tissue;
-    this.#tetCut = new TetCut(tissue.displacement.rest, tissue.tets);
     this.#outlines = CUT.map((n) => outlined(tissue.surfaces.find((s) => s.name === n)));
     this.#uniforms = uniforms(tissue, this.plane, this.crosshair, this.#outlines.map((o) => o.target));
     const quad = new PlaneGeometry(2, 2);
     this.#still.add(new Mesh(quad, this.#material(stillVertex, ctFragment)));
     this.#marks.add(new Mesh(quad, this.#material(marksVertex, marksFragment, true)));
-    const cut = new Mesh(this.#cutGeometry, this.#material(tissueVertex, ctFragment));
-    cut.frustumCulled = false;
-    this.#tissue.add(cut);
+    this.#cut = new CutScene(tissue, this.#material(tissueVertex, ctFragment));
+    this.#gone = new CutScene(tissue, this.#material(tissueVertex, goneFragment));
   }
 
   #material(vertexShader: string, fragmentShader: string, blended = false): ShaderMaterial {
@@ -134,20 +134,16 @@ export class Slice {
   }
 
   #cutTissue(): void {
-    if (!this.#shared.ct.hasCt.value) return;
-    this.#tetCut.cut(this.#shared.displacement.nodes, this.plane);
-    const { data, count } = this.#tetCut;
-    let buffer = (this.#cutGeometry.attributes["position"] as InterleavedBufferAttribute | undefined)?.data;
-    if (buffer?.array !== data) {
-      buffer = new InterleavedBuffer(data, 5).setUsage(DynamicDrawUsage);
-      this.#cutGeometry.dispose();
-      this.#cutGeometry.setAttribute("position", new InterleavedBufferAttribute(buffer, 2, 0));
-      this.#cutGeometry.setAttribute("rest", new InterleavedBufferAttribute(buffer, 3, 2));
-    }
-    buffer.clearUpdateRanges();
-    buffer.addUpdateRange(0, 5 * count);
-    buffer.needsUpdate = true;
-    this.#cutGeometry.setDrawRange(0, count);
+    const { ct, displacement } = this.#shared;
+    if (!ct.hasCt.value) return;
+    this.#cut.cut(displacement.nodes, this.plane);
+    const { normal, right, offset } = this.plane;
+    const at = this.#goneAt;
+    if (at.offset === offset && at.normal.equals(normal) && at.right.equals(right)) return;
+    this.#gone.cut(displacement.rest, this.plane);
+    at.normal.copy(normal);
+    at.right.copy(right);
+    at.offset = offset;
   }
 
   #cutSurfaces(renderer: WebGLRenderer, half: Vector2, size: [number, number] | null): void {
@@ -169,8 +165,41 @@ export class Slice {
 
   draw(renderer: WebGLRenderer, deformed: boolean): void {
     renderer.render(this.#still, this.#flat);
-    if (deformed) renderer.render(this.#tissue, this.#flat);
+    if (deformed) {
+      renderer.render(this.#gone.scene, this.#flat);
+      renderer.render(this.#cut.scene, this.#flat);
+    }
     renderer.render(this.#marks, this.#flat);
+  }
+}
+
+/** Elements cut by the plane, as a scene. */
+class CutScene {
+  readonly scene = new Scene();
+  readonly #cut: TetCut;
+  readonly #geometry = new BufferGeometry();
+
+  constructor({ displacement, tets }: Tissue, material: ShaderMaterial) {
+    this.#cut = new TetCut(displacement.rest, tets);
+    const mesh = new Mesh(this.#geometry, material);
+    mesh.frustumCulled = false;
+    this.scene.add(mesh);
+  }
+
+  cut(nodes: Float32Array, plane: Plane): void {
+    this.#cut.cut(nodes, plane);
+    const { data, count } = this.#cut;
+    let buffer = (this.#geometry.attributes["position"] as InterleavedBufferAttribute | undefined)?.data;
+    if (buffer?.array !== data) {
+      buffer = new InterleavedBuffer(data, 5).setUsage(DynamicDrawUsage);
+      this.#geometry.dispose();
+      this.#geometry.setAttribute("position", new InterleavedBufferAttribute(buffer, 2, 0));
+      this.#geometry.setAttribute("rest", new InterleavedBufferAttribute(buffer, 3, 2));
+    }
+    buffer.clearUpdateRanges();
+    buffer.addUpdateRange(0, 5 * count);
+    buffer.needsUpdate = true;
+    this.#geometry.setDrawRange(0, count);
   }
 }
 

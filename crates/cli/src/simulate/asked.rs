@@ -2,9 +2,9 @@
 //! and in `summary.json`.
 
 use super::output::{small, tenths};
-use super::{KPA_PER_MMHG, Run, beside};
+use super::{Run, beside};
 use crate::materials;
-use monro_session::InsertionSettings;
+use monro_session::{InsertionSettings, KPA_PER_MMHG};
 use monro_tissue::{Csf, FrameSettings, TipShape};
 use serde_json::{Value, json};
 

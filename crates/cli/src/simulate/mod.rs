@@ -14,14 +14,14 @@ mod verdict;
 mod walls;
 mod withdrawal;
 
-use crate::args::{ModeArg, SimulateArgs, SkullArg};
+use crate::args::{ModeArg, SimulateArgs};
 use crate::console::Console;
 use crate::interrupt::Guard;
 use crate::soft_body;
 use anyhow::{Result, ensure};
 use monro_case::{Case, Staging};
-use monro_session::{InsertionSettings, Skull};
-use monro_tissue::{Csf, FrameSettings, TipShape};
+use monro_session::InsertionSettings;
+use monro_tissue::{FrameSettings, TipShape};
 use std::path::Path;
 
 pub(crate) use figures::PROJECTED;
@@ -32,12 +32,6 @@ pub(crate) use run::{Run, insert};
 pub(crate) const DIAMETER_MM: f64 = 3.0;
 /// Rest at the target before the end, s: long enough for the tissue to settle.
 const HOLD_S: f64 = 1.0;
-
-/// The largest gravity taken, m/s2: twice the Earth's.
-const MOST_GRAVITY_M_S2: f64 = 20.0;
-
-/// A millimetre of mercury (conventional), kPa.
-const KPA_PER_MMHG: f64 = 0.133_322;
 
 /// Runs the command.
 pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<()> {
@@ -63,41 +57,9 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<()> {
 fn asked(args: &SimulateArgs) -> Result<InsertionSettings> {
     let mut out = settings(args.mode, args.speed);
     (out.diameter_mm, out.tip, out.withdraw) = (args.diameter, args.tip, args.withdraw);
-    out.frame = args.solver.frame();
-    out.frame.csf = match (args.drain_ml, args.csf_pressure_mmhg) {
-        (Some(ml), _) => Csf::Drained { ml },
-        (_, Some(mmhg)) => Csf::Pressure { kpa: mmhg * KPA_PER_MMHG },
-        (None, None) => Csf::AtRest,
-    };
-    ensure!(
-        args.mode == ModeArg::Physical || out.frame.csf == Csf::AtRest,
-        "paper mode has no pressure: --drain-ml and --csf-pressure-mmhg need --mode physical"
-    );
-    for (name, value) in [("--drain-ml", args.drain_ml), ("--csf-pressure-mmhg", args.csf_pressure_mmhg)] {
-        let Some(value) = value else { continue };
-        ensure!(value.is_finite() && value.abs() <= 150.0, "{name} {value}: wanted -150 to 150");
-    }
+    out.frame = args.shift.loads(args.mode)?.on(args.solver.frame());
     out.model = soft_body::model(args.mode, args.materials.as_deref())?;
-    out.model.skull = match args.skull {
-        SkullArg::Held => Skull::Held,
-        SkullArg::Slides => Skull::Slides { septa: !args.no_septa },
-    };
-    ensure!(
-        out.model.skull.slides() || !args.no_septa,
-        "--no-septa belongs to --skull slides: falx and tentorium have no part in a brain that is held at the skull"
-    );
-    if let Some(gravity) = args.gravity {
-        ensure!(
-            args.mode == ModeArg::Physical || gravity == [0.0; 3],
-            "paper mode has no stiffness to bear weight with, so what comes of it depends on the mesh: --gravity needs --mode physical"
-        );
-        let size = gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
-        ensure!(
-            size <= MOST_GRAVITY_M_S2,
-            "--gravity of {size} m/s2: wanted at most {MOST_GRAVITY_M_S2} (the Earth's is 9.81; are these mm/s2?)"
-        );
-        out.frame.gravity_mm_s2 = gravity.map(|g| g * 1e3);
-    }
+    out.model.skull = args.shift.skull()?;
     Ok(out)
 }
 

@@ -1,12 +1,13 @@
 //! Series, meshes and summary of an insertion as files.
 
 use super::crushed::Crushed;
-use super::{KPA_PER_MMHG, Run, asked, verdict, withdrawal};
+use super::{Run, asked, verdict, withdrawal};
 use crate::NOTICE;
 use anyhow::{Context, Result};
 use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
 use monro_case::{OutputKind, Staging, nothing_known, ply};
 use monro_geometry::{Structure, TetMesh};
+use monro_session::KPA_PER_MMHG;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::fs;

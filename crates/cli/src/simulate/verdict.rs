@@ -4,11 +4,11 @@
 use super::crushed::Crushed;
 use super::output::small;
 use super::run::Row;
-use super::{KPA_PER_MMHG, Run, beside, coarse, crossed, misplaced, restless, walls, withdrawal};
+use super::{Run, beside, coarse, crossed, misplaced, restless, walls, withdrawal};
 use crate::soft_body;
 use monro_cli::report::{Finding, Severity};
 use monro_geometry::Structure;
-use monro_session::Skull;
+use monro_session::{KPA_PER_MMHG, Skull};
 use monro_tissue::Csf;
 use serde_json::{Value, json};
 

@@ -7,8 +7,8 @@ use monro_case::{CASE, Case, CaseFiles, Manifest, SCHEMA, Source, Staging};
 use monro_geometry::{Grid, Patient, Point, TetMesh, TriangleMesh, Vector, Volume};
 use monro_guidance::{Plan, Side};
 use monro_server::{ServeOptions, Tracker};
-use monro_session::{FrameSettings, Mode, ModelSettings};
-use monro_tissue::PaperOptions;
+use monro_session::{FrameSettings, Mode, ModelSettings, Skull};
+use monro_tissue::{PaperOptions, PhysicalOptions};
 use std::path::{Path, PathBuf};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::net::TcpStream;
@@ -166,6 +166,12 @@ pub fn options(case_dir: PathBuf) -> ServeOptions {
         recording: None,
         igtl: None,
     }
+}
+
+/// A soft body with units, which slides along the skull.
+pub fn sliding() -> ModelSettings {
+    let physical = ModelSettings::of(Mode::Physical(PhysicalOptions::default()));
+    ModelSettings { skull: Skull::Slides { septa: true }, ..physical }
 }
 
 /// Status, headers, body of one request with exactly these headers.

@@ -5,6 +5,7 @@ mod common;
 mod displays;
 mod network;
 mod recording;
+mod tissue;
 mod trackers;
 
 use common::{options, request, write_case};
@@ -233,7 +234,9 @@ async fn every_documented_path_is_there_and_answers_with_its_documented_fields()
             assert!(status == 200 || status == 415 || is_socket || absent, "{method} {path}: {status}");
         }
     }
-    for (path, schema) in [("/api/guidance", "Guidance"), ("/api/case", "Case"), ("/api/status", "Status")] {
+    for (path, schema) in
+        [("/api/guidance", "Guidance"), ("/api/case", "Case"), ("/api/status", "Status"), ("/api/tissue", "Tissue")]
+    {
         let answer = served.get(path).await;
         let documented = &api["components"]["schemas"][schema];
         let mut names: Vec<&String> = answer.as_object().expect("object").keys().collect();

@@ -49,7 +49,7 @@ fn played(file: &Path, case: Option<&Path>) -> Result<(Replayed, Vec<Value>), Se
     played_as(file, case, |name| Some(soft_body(name)))
 }
 
-fn played_as(
+pub(super) fn played_as(
     file: &Path,
     case: Option<&Path>,
     known: impl Fn(&str) -> Option<(ModelSettings, FrameSettings)>,
@@ -60,7 +60,7 @@ fn played_as(
 }
 
 /// Shows snapshots on a display that asks with `word` until there are `count` and `enough` says so; their numbers.
-async fn watch(url: &str, token: &str, word: &str, count: usize, enough: fn(&Value) -> bool) -> Vec<Value> {
+pub(super) async fn watch(url: &str, token: &str, word: &str, count: usize, enough: fn(&Value) -> bool) -> Vec<Value> {
     let address = url.strip_prefix("http://").expect("http");
     let head = format!("POST /api/ticket HTTP/1.1\r\nHost: {address}\r\nAuthorization: Bearer {token}");
     let (_, _, body) = request(address, &head, "").await;

@@ -1,8 +1,9 @@
 //! The deformation loop: the soft body follows the newest needle pose, as fast as it can.
 
 use super::room::Room;
-use crate::SessionError;
+use crate::loads::Ramp;
 use crate::tissue_model::{self, ModelSettings};
+use crate::{Loads, SessionError, StructureVolumes};
 use monro_case::Case;
 use monro_geometry::{Embedding, Patient, Point, Structure, Vector};
 use monro_guidance::NeedlePose;
@@ -21,6 +22,8 @@ const FARTHEST_MM: f64 = 6.0;
 const OUTSIDE_MM: f64 = 0.1;
 /// Shortest time step, s.
 const SHORTEST_STEP_S: f64 = 1.0 / 1000.0;
+/// Time step in which the loads that there are from the start come on, s.
+const STARTING_STEP_S: f64 = 1.0 / 60.0;
 /// For how long a fault is told after the step that had it, s of steps: a display must not miss it, nor a surgeon who has
 /// just looked away.
 const FAULT_TOLD_S: f64 = 3.0;
@@ -28,9 +31,9 @@ const FAULT_TOLD_S: f64 = 3.0;
 /// The soft body at one moment. Immutable once made, so that displays can share it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Deformed {
-    /// Counts the steps; 0 is rest.
+    /// Counts the steps; 0 is before any.
     pub step: u64,
-    /// Time of the needle pose that it answers to, s; `None` at rest.
+    /// Time of the needle pose that it answers to, s; `None` before the first.
     pub pose_time_s: Option<f64>,
     /// Displacement of each node from rest, mm, in the order of the case's mesh.
     pub displacements: Vec<[f32; 3]>,
@@ -40,6 +43,10 @@ pub struct Deformed {
     pub at_tip: Option<Structure>,
     /// Largest displacement of a node, mm.
     pub largest_mm: f64,
+    /// What the ventricles hold more than at rest, ml.
+    pub csf_change_ml: f64,
+    /// How much more pressure there is in the middle of their fluid than at rest, kPa.
+    pub csf_change_kpa: f64,
     /// Whether the solver had to take a step back, and hold or retry, within the last three seconds that it ran: shown,
     /// not hidden.
     pub fault: bool,
@@ -51,8 +58,18 @@ impl Deformed {
     /// Tissue at rest.
     pub fn at_rest(target: Point<Patient>, nodes: usize) -> Self {
         let displacements = vec![[0.0; 3]; nodes];
-        let (step, faults, fault) = (0, 0, false);
-        Self { step, pose_time_s: None, displacements, target, at_tip: None, largest_mm: 0.0, fault, faults }
+        Self {
+            step: 0,
+            pose_time_s: None,
+            displacements,
+            target,
+            at_tip: None,
+            largest_mm: 0.0,
+            csf_change_ml: 0.0,
+            csf_change_kpa: 0.0,
+            fault: false,
+            faults: 0,
+        }
     }
 }
 
@@ -65,33 +82,39 @@ pub struct Deformation {
     /// Nodes now, mm from the model's origin.
     nodes: Vec<[f32; 4]>,
     target: Embedding,
-    target_at_rest: Point<Patient>,
     /// Pose of the tool in the tissue, and the time at which it was seen there.
     last: Option<(ToolPose, f64)>,
     steps: u64,
     faults: u64,
     /// For how much longer a fault is told, s.
     fault_left_s: f64,
-    /// How a step goes, but for its time.
+    /// How a step goes, but for its time and the loads.
     frame: FrameSettings,
+    /// The loads, as they come on.
+    ramp: Ramp,
+    /// The newest.
+    now: Deformed,
     /// Where there may be tissue.
     room: Room,
 }
 
 impl Deformation {
-    /// Prepares the soft body of a case. `frame` says how each step goes, but for its time, which is that since the last.
+    /// Prepares the soft body of a case. `frame` says how each step goes, but for its time, which is that since the last. The loads
+    /// that it tells are on from the start, and the tissue has come to rest under them.
     ///
     /// # Errors
-    /// A mesh that cannot be simulated, a path beside the brain.
+    /// A mesh that cannot be simulated, a path beside the brain, loads that cannot be put on.
     pub fn new(case: &Case, settings: &ModelSettings, frame: FrameSettings) -> Result<Self, SessionError> {
+        let loads = Loads::of(&frame);
+        loads.check_on(settings.mode, &StructureVolumes::new(&case.tets))?;
         let (opening, _) = tissue_model::opening(&case.tets, &case.plan)?;
         let model = Model::new(&case.tets, &tissue_model::options(case, &[opening], settings))?;
         let state = model.rest_state();
-        Ok(Self {
+        let mut out = Self {
             stepper: Stepper::new(&model),
             nodes: vec![[0.0; 4]; model.node_count()],
             target: Embedding::new(&case.tets, &[case.plan.target()])?,
-            target_at_rest: case.plan.target(),
+            now: Deformed::at_rest(case.plan.target(), model.node_count()),
             model,
             state,
             last: None,
@@ -99,13 +122,47 @@ impl Deformation {
             faults: 0,
             fault_left_s: 0.0,
             frame,
+            ramp: Ramp::default(),
             room: Room::new(&case.tets.vertices),
-        })
+        };
+        out.load(loads);
+        while out.settle(STARTING_STEP_S).is_some() {}
+        out.steps = 0;
+        out.now.step = 0;
+        Ok(out)
     }
 
-    /// The tissue before anything has touched it.
-    pub fn at_rest(&self) -> Deformed {
-        Deformed::at_rest(self.target_at_rest, self.model.node_count())
+    /// The tissue as it is now.
+    pub const fn now(&self) -> &Deformed {
+        &self.now
+    }
+
+    /// Begins to put on other loads, within a second of steps.
+    fn load(&mut self, loads: Loads) {
+        self.ramp.aim(loads, self.now.csf_change_ml, self.now.csf_change_kpa);
+    }
+
+    /// Whether tissue under these loads would move though nothing new is seen of the catheter.
+    pub fn is_settled(&self, loads: &Loads) -> bool {
+        self.ramp.to() == *loads && self.ramp.is_settled()
+    }
+
+    /// Goes on by `dt_s` seconds, under these loads (which must have passed [`Loads::check_on`]; others come on within a second), with what is seen of the needle and when it was; `None` where nothing moves.
+    pub fn go_on(&mut self, needle: Option<(NeedlePose, f64)>, loads: Loads, dt_s: f64) -> Option<Deformed> {
+        self.load(loads);
+        match needle {
+            Some((needle, seen_at)) => Some(self.advance(&needle, seen_at, dt_s)),
+            None => self.settle(dt_s),
+        }
+    }
+
+    /// Goes on by `dt_s` seconds while the catheter stays where it was seen last; `None` where the loads have long been on.
+    fn settle(&mut self, dt_s: f64) -> Option<Deformed> {
+        if self.ramp.is_settled() {
+            return None;
+        }
+        let motion = self.last.map(|(pose, _)| motion(pose, pose));
+        Some(self.step(motion, self.last.map(|(_, time)| time), dt_s))
     }
 
     /// Goes on by `dt_s` seconds, while the needle moves towards where it was seen at `pose_time_s`: all the way, or as
@@ -119,15 +176,19 @@ impl Deformation {
         let share = (FARTHEST_MM / way(&from, &aim)).min(1.0);
         let to = ToolPose { tip: from.tip.lerp(aim.tip, share), tail: from.tail.lerp(aim.tail, share) };
         let time = if share < 1.0 { from_time + share * (pose_time_s - from_time) } else { pose_time_s };
-        let tool = Tool { tip: TipShape::Round, radius_mm: DIAMETER_MM / 2.0 };
-        let dt_s = if dt_s.is_nan() { SHORTEST_STEP_S } else { dt_s.clamp(SHORTEST_STEP_S, LONGEST_STEP_S) };
-        let frame = FrameSettings { dt_s, ..self.frame };
-        let motion = ToolMotion { tool, from, to };
-        let report = self.stepper.step(&self.model, &mut self.state, &[motion], &frame);
         self.last = Some((to, time));
+        self.step(Some(motion(from, to)), Some(time), dt_s)
+    }
+
+    /// One step of the soft body, with what comes of it.
+    fn step(&mut self, motion: Option<ToolMotion>, pose_time_s: Option<f64>, dt_s: f64) -> Deformed {
+        let dt_s = if dt_s.is_nan() { SHORTEST_STEP_S } else { dt_s.clamp(SHORTEST_STEP_S, LONGEST_STEP_S) };
+        let frame = self.ramp.advance(dt_s).on(FrameSettings { dt_s, ..self.frame });
+        let report = self.stepper.step(&self.model, &mut self.state, motion.as_slice(), &frame);
         self.steps += 1;
         self.note_faults(&report, dt_s);
-        self.result(&report, time)
+        self.now = self.result(&report, pose_time_s);
+        self.now.clone()
     }
 
     /// Where the tool was before it goes to `wanted`, which is `inside` mm from the air along its axis, and when. From air to
@@ -162,18 +223,20 @@ impl Deformation {
         self.fault_left_s = if fault { FAULT_TOLD_S } else { (self.fault_left_s - dt_s).max(0.0) };
     }
 
-    fn result(&mut self, report: &StepReport, pose_time_s: f64) -> Deformed {
+    fn result(&mut self, report: &StepReport, pose_time_s: Option<f64>) -> Deformed {
         let displacements: Vec<[f32; 3]> = (0..self.nodes.len())
             .map(|v| self.model.displacement(&self.state, v).to_array().map(|d| d as f32))
             .collect();
         let label = report.tools.first().and_then(|t| t.label);
         Deformed {
             step: self.steps,
-            pose_time_s: Some(pose_time_s),
+            pose_time_s,
             displacements,
             target: self.target_now(),
             at_tip: label.and_then(Structure::from_label),
             largest_mm: report.max_displacement_mm,
+            csf_change_ml: report.csf_change_ml,
+            csf_change_kpa: report.csf_kpa,
             fault: self.fault_left_s > 0.0,
             faults: self.faults,
         }
@@ -192,6 +255,11 @@ impl Deformation {
     }
 }
 
+/// The catheter on its way.
+const fn motion(from: ToolPose, to: ToolPose) -> ToolMotion {
+    ToolMotion { tool: Tool { tip: TipShape::Round, radius_mm: DIAMETER_MM / 2.0 }, from, to }
+}
+
 /// How far the farther end of a tool goes, mm.
 fn way(from: &ToolPose, to: &ToolPose) -> f64 {
     from.tip.distance(to.tip).max(from.tail.distance(to.tail))
@@ -206,11 +274,12 @@ fn along(pose: &ToolPose, mm: f64) -> Option<ToolPose> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::Mode;
+    use crate::tissue_model::Skull;
+    use crate::{Csf, LoadError, Mode};
     use monro_case::{Manifest, SCHEMA, Source};
     use monro_geometry::{TetMesh, TriangleMesh};
     use monro_guidance::{Plan, Side};
-    use monro_tissue::PaperOptions;
+    use monro_tissue::{PaperOptions, PhysicalOptions};
 
     const CELLS: usize = 6;
     const SIZE_MM: f64 = 10.0;
@@ -392,6 +461,66 @@ pub(crate) mod tests {
         let turned = turned.expect("needle");
         let frames: Vec<Deformed> = (1..60).map(|i| d.advance(&turned, f64::from(i), 1.0 / 60.0)).collect();
         assert!(frames.iter().all(|f| f.at_tip.is_none() && f.largest_mm < 1.0), "{:?}", frames[20].largest_mm);
+    }
+
+    fn drained(ml: f64) -> Loads {
+        Loads { csf: Csf::Drained { ml }, gravity_mm_s2: [0.0, 0.0, -4905.0] }
+    }
+
+    fn sliding(loads: Loads) -> Deformation {
+        let physical = ModelSettings::of(Mode::Physical(PhysicalOptions::default()));
+        let settings = ModelSettings { skull: Skull::Slides { septa: true }, ..physical };
+        Deformation::new(&case(), &settings, loads.on(FrameSettings::default())).expect("deformation")
+    }
+
+    /// The live session showed the brain of the scan, whatever had been drained of it.
+    #[test]
+    fn loads_from_the_start_have_shifted_the_tissue_before_any_needle_is_seen() {
+        let shifted = sliding(drained(2.0));
+        let now = shifted.now();
+        assert_eq!((now.step, now.pose_time_s, now.faults), (0, None, 0));
+        assert!((now.csf_change_ml + 2.0).abs() < 0.05, "{} ml", now.csf_change_ml);
+        assert!(now.largest_mm > 0.5 && now.target.distance(case().plan.target()) > 0.1, "{now:?}");
+        assert_eq!(sliding(Loads::default()).now(), &Deformed::at_rest(case().plan.target(), 343));
+    }
+
+    #[test]
+    fn other_loads_come_on_without_a_needle_and_come_to_rest_where_they_would_have_from_the_start() {
+        let mut d = sliding(Loads::default());
+        assert!(d.is_settled(&Loads::default()) && d.go_on(None, Loads::default(), 1.0 / 60.0).is_none());
+        let steps: Vec<Deformed> = (0..400).map_while(|_| d.go_on(None, drained(2.0), 1.0 / 60.0)).collect();
+        assert!((180..=181).contains(&steps.len()), "a second to come on, two to rest: {}", steps.len());
+        assert!(steps[5].largest_mm < 0.2 * d.now().largest_mm, "not at once");
+        assert!(d.is_settled(&drained(2.0)) && !d.is_settled(&Loads::default()));
+        let apart = d.now().target.distance(sliding(drained(2.0)).now().target);
+        assert!(apart < 1e-9, "{apart} mm");
+        // And back.
+        let back = (0..400).map_while(|_| d.go_on(None, Loads::default(), 1.0 / 60.0)).last().expect("steps");
+        assert!(
+            back.largest_mm < 0.05 && back.csf_change_ml.abs() < 0.05,
+            "{} {}",
+            back.largest_mm,
+            back.csf_change_ml
+        );
+    }
+
+    #[test]
+    fn a_catheter_that_is_lost_in_the_tissue_stays_while_loads_come_on() {
+        let mut d = sliding(Loads::default());
+        let (none, seen) = (Loads::default(), |i: i32| Some((needle(f64::from(i)), f64::from(i) / 60.0)));
+        (0..=45).for_each(|i| _ = d.go_on(seen(i), none, 1.0 / 60.0));
+        let before = d.now().clone();
+        assert!(before.at_tip.is_some(), "it is in the tissue");
+        let after = (0..400).map_while(|_| d.go_on(None, drained(2.0), 1.0 / 60.0)).last().expect("steps");
+        assert_eq!((after.pose_time_s, after.at_tip), (before.pose_time_s, before.at_tip));
+        assert!((after.csf_change_ml + 2.0).abs() < 0.1, "{} ml", after.csf_change_ml);
+    }
+
+    #[test]
+    fn more_than_the_ventricles_hold_is_refused() {
+        let settings = ModelSettings::of(Mode::Physical(PhysicalOptions::default()));
+        let refused = Deformation::new(&case(), &settings, drained(50.0).on(FrameSettings::default()));
+        assert!(matches!(refused, Err(SessionError::Load(LoadError::Drained { .. }))), "{refused:?}");
     }
 
     #[test]

@@ -5,7 +5,9 @@
 //! ([`Entry::encode`], [`Entry::decode`]), so that a replay takes in the very same bits.
 
 use super::{Calibration, Observation, PlainEvent, Registration, SessionEvent};
+use crate::Loads;
 use monro_geometry::{Display, Point, Rigid, Tool, Vector};
+use monro_tissue::Csf;
 use thiserror::Error;
 
 /// How a log begins.
@@ -22,6 +24,8 @@ pub enum Entry {
     Event(SessionEvent),
     /// Glasses were calibrated: from their tracked body to the eye. `None`: that does not hold any more.
     Worn(Option<Rigid<Display, Tool>>),
+    /// What is done to the patient's fluid, and gravity, changed.
+    Loaded(Loads),
     /// One frame of the tracker.
     Seen(Vec<Observation>),
     /// The soft body went on: when, and by how much, s.
@@ -95,6 +99,10 @@ impl Entry {
                 w.rigid(display_from_glasses);
             }
             Self::Worn(None) => w.0.push(7),
+            Self::Loaded(loads) => {
+                w.0.push(8);
+                w.loads(loads);
+            }
             Self::Seen(seen) => {
                 w.0.push(2);
                 w.u32(seen.len() as u32);
@@ -147,6 +155,7 @@ impl Entry {
             5 => Self::Shown { id: r.u64()?, digest: r.u64()? },
             6 => Self::Worn(Some(r.rigid()?)),
             7 => Self::Worn(None),
+            8 => Self::Loaded(r.loads()?),
             _ => return Err("its kind is not known to this version"),
         };
         if r.0.is_empty() { Ok(entry) } else { Err("bytes are left over") }
@@ -229,6 +238,17 @@ impl Writer {
         self.floats(&pose.translation().to_array());
     }
 
+    fn loads(&mut self, loads: &Loads) {
+        let (kind, value) = match loads.csf {
+            Csf::AtRest => (0, 0.0),
+            Csf::Pressure { kpa } => (1, kpa),
+            Csf::Drained { ml } => (2, ml),
+        };
+        self.0.push(kind);
+        self.floats(&[value]);
+        self.floats(&loads.gravity_mm_s2);
+    }
+
     fn event(&mut self, event: &SessionEvent) {
         self.0.push(1);
         match event {
@@ -303,6 +323,17 @@ impl Reader<'_> {
         Rigid::from_quaternion(quaternion, translation).ok_or("a pose is no rigid motion")
     }
 
+    fn loads(&mut self) -> Result<Loads, &'static str> {
+        let (kind, [value]) = (self.u8()?, self.floats()?);
+        let csf = match kind {
+            0 => Csf::AtRest,
+            1 => Csf::Pressure { kpa: value },
+            2 => Csf::Drained { ml: value },
+            _ => return Err("what is done to the fluid is not known"),
+        };
+        Ok(Loads { csf, gravity_mm_s2: self.floats()? })
+    }
+
     fn event(&mut self) -> Result<SessionEvent, &'static str> {
         Ok(match self.u8()? {
             0 => SessionEvent::Calibrated(Calibration {
@@ -354,6 +385,9 @@ mod tests {
             Entry::Event(SessionEvent::Registered(truth.registration)),
             Entry::Worn(Some(truth.display_from_glasses)),
             Entry::Worn(None),
+            Entry::Loaded(Loads { csf: Csf::Drained { ml: 0.1 + 0.2 }, gravity_mm_s2: [0.0, 9810.0, -1.0 / 3.0] }),
+            Entry::Loaded(Loads { csf: Csf::Pressure { kpa: -0.1 }, ..Loads::default() }),
+            Entry::Loaded(Loads::default()),
             Entry::Seen(script.observations(1.25).to_vec()),
             Entry::Seen(vec![Observation { name: text("Lost"), time_s: 0.1, tracker_from_tool: None }]),
             Entry::Step { now_s: 0.1 + 0.2, dt_s: 1.0 / 3.0 },

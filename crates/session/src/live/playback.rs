@@ -2,7 +2,7 @@
 
 use super::log::Entry;
 use super::{Deformation, Deformed, Expiry, Refusal, Session, SessionEvent, Snapshot, ToolNames};
-use crate::{ModelSettings, SessionError};
+use crate::{Loads, ModelSettings, SessionError};
 use monro_case::Case;
 use monro_tissue::FrameSettings;
 use std::collections::VecDeque;
@@ -43,7 +43,8 @@ impl Playback {
         let deformation = Deformation::new(case, settings, frame)?;
         let mut session = Session::new(ToolNames::default(), Expiry::default());
         session.apply(SessionEvent::CaseOpened(case.plan))?;
-        let recent = VecDeque::from([Arc::new(deformation.at_rest())]);
+        session.load(Loads::of(&frame));
+        let recent = VecDeque::from([Arc::new(deformation.now().clone())]);
         Ok(Self { session, deformation, recent })
     }
 
@@ -58,14 +59,16 @@ impl Playback {
                 self.session.apply(event.clone())?;
             }
             Entry::Worn(display_from_glasses) => self.session.wear(*display_from_glasses),
+            Entry::Loaded(loads) => self.session.load(*loads),
             Entry::Seen(seen) => {
                 for observation in seen {
                     self.session.observe(observation);
                 }
             }
             Entry::Step { now_s, dt_s } => {
-                if let Some((needle, seen_at)) = self.session.needle_and_time(*now_s) {
-                    self.recent.push_back(Arc::new(self.deformation.advance(&needle, seen_at, *dt_s)));
+                let needle = self.session.needle_and_time(*now_s);
+                if let Some(deformed) = self.deformation.go_on(needle, self.session.loads(), *dt_s) {
+                    self.recent.push_back(Arc::new(deformed));
                     if self.recent.len() > REMEMBERED {
                         self.recent.pop_front();
                     }

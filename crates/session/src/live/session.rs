@@ -1,6 +1,7 @@
 //! A session: what is known of case, tools and patient, and how far the procedure has come.
 
 use super::{Event, Expiry, Observation, Phase, Refusal, Signal, Tracking};
+use crate::Loads;
 use monro_geometry::{Display, Patient, Point, Rigid, Tool, Vector};
 use monro_guidance::reference::{Bump, GuardOptions, ReferenceGuard};
 use monro_guidance::registration::Recheck;
@@ -122,6 +123,7 @@ pub struct Session {
     tools: ToolNames,
     expiry: Expiry,
     guard: ReferenceGuard,
+    loads: Loads,
 }
 
 impl Session {
@@ -130,7 +132,8 @@ impl Session {
         let (plan, calibration, registration) = (None, None, None);
         let (display_from_glasses, guard) = (None, ReferenceGuard::new(GuardOptions::default()));
         let (phase, tracking) = (Phase::NoCase, Tracking::default());
-        Self { phase, plan, calibration, registration, display_from_glasses, tracking, tools, expiry, guard }
+        let loads = Loads::default();
+        Self { phase, plan, calibration, registration, display_from_glasses, tracking, tools, expiry, guard, loads }
     }
 
     /// Takes an event of the procedure.
@@ -242,6 +245,16 @@ impl Session {
     /// `None` where it does not hold any more.
     pub const fn wear(&mut self, display_from_glasses: Option<Rigid<Display, Tool>>) {
         self.display_from_glasses = display_from_glasses;
+    }
+
+    /// Takes what is done to the patient's fluid, and gravity.
+    pub const fn load(&mut self, loads: Loads) {
+        self.loads = loads;
+    }
+
+    /// What is done to the patient's fluid, and gravity.
+    pub const fn loads(&self) -> Loads {
+        self.loads
     }
 
     /// The patient as the wearer of calibrated glasses sees them, by the poses of glasses and reference, and the age (s) of

@@ -1,6 +1,7 @@
 //! What a display gets: the newest of everything, with its ages.
 
 use super::{Deformed, Phase, Session, Signal};
+use crate::Loads;
 use monro_geometry::{Display, Patient, Rigid, Structure};
 use monro_guidance::reference::Bump;
 use monro_guidance::{Kakarla, NeedlePose, Plan, Reading, TargetReading};
@@ -87,6 +88,8 @@ pub struct Snapshot {
     pub display_from_patient: Option<(f64, Rigid<Display, Patient>)>,
     /// The alarm that the patient's reference has moved.
     pub reference_alarm: Option<Bump>,
+    /// What is done to the patient's fluid, and gravity.
+    pub loads: Loads,
     /// The soft body.
     pub deformed: Arc<Deformed>,
 }
@@ -115,6 +118,7 @@ impl Session {
             predicted_tre_mm: self.registration().and_then(|r| r.predicted_tre_mm),
             display_from_patient: self.display_from_patient(now),
             reference_alarm: self.reference_alarm(),
+            loads: self.loads(),
             deformed: Arc::clone(deformed),
         }
     }

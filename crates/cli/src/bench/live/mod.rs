@@ -14,7 +14,7 @@ mod peer;
 use crate::bench::args::LiveBenchArgs;
 use crate::columns::lines;
 use crate::console::Console;
-use crate::{demo, prepare, soft_body};
+use crate::{demo, prepare, recorded, soft_body};
 use anyhow::{Context, Result, bail};
 use budget::Sample;
 use camera::Camera;
@@ -64,7 +64,7 @@ fn phantom(folder: &Path, elements: usize, console: &Console) -> Result<PathBuf>
 /// Starts the server in a thread that ends with the program.
 fn serve(args: &LiveBenchArgs, case_dir: PathBuf, recording: PathBuf, camera: &Camera) -> Result<Ready> {
     let (model, frame) = (soft_body::of(args.mode), FrameSettings::default());
-    let settings = soft_body::name(args.mode, (&model.materials, &frame))?;
+    let settings = recorded::name(&model, &frame)?;
     let options = ServeOptions {
         case_dir,
         listen: ([127, 0, 0, 1], 0).into(),

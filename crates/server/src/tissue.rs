@@ -1,0 +1,95 @@
+//! The soft body of the session, and what is done to it: `/api/tissue`.
+
+use crate::door::refuse;
+use crate::server::Shared;
+use axum::Json;
+use axum::extract::State;
+use axum::extract::rejection::JsonRejection;
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use monro_case::Case;
+use monro_session::{Csf, KPA_PER_MMHG, LoadError, Loads, Mode, ModelSettings, StructureVolumes};
+use serde::Deserialize;
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+/// What stays as it is while the session runs.
+#[derive(Debug)]
+pub(crate) struct Tissue {
+    model: ModelSettings,
+    has_septa: bool,
+    volumes: StructureVolumes,
+}
+
+impl Tissue {
+    /// Of the soft body of a case.
+    pub(crate) fn new(case: &Case, model: &ModelSettings) -> Self {
+        let has_septa = model.skull.wants_septa() && case.septa.is_some();
+        Self { model: *model, has_septa, volumes: StructureVolumes::new(&case.tets) }
+    }
+
+    fn describe(&self, loads: &Loads) -> Value {
+        let (drained_ml, pressure_mmhg) = match loads.csf {
+            Csf::AtRest => (None, None),
+            Csf::Drained { ml } => (Some(ml), None),
+            Csf::Pressure { kpa } => (None, Some(kpa / KPA_PER_MMHG)),
+        };
+        json!({
+            "mode": if matches!(self.model.mode, Mode::Physical(_)) { "physical" } else { "paper" },
+            "skull": if self.model.skull.slides() { "slides" } else { "held" },
+            "septa": self.has_septa,
+            "ventricles_ml": self.volumes.ventricles_ml(),
+            "drain_ml": drained_ml,
+            "csf_pressure_mmhg": pressure_mmhg,
+            "gravity_m_s2": loads.gravity_mm_s2.map(|g| g * 1e-3),
+        })
+    }
+}
+
+/// What shall be done from now on; what is not said stays as it is, and of fluid one thing can be said.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct TissueRequest {
+    drain_ml: Option<f64>,
+    csf_pressure_mmhg: Option<f64>,
+    gravity_m_s2: Option<[f64; 3]>,
+}
+
+impl TissueRequest {
+    fn loads(&self, now: Loads) -> Result<Loads, &'static str> {
+        let csf = match (self.drain_ml, self.csf_pressure_mmhg) {
+            (Some(_), Some(_)) => return Err("give drain_ml or csf_pressure_mmhg: one follows from the other"),
+            (Some(ml), None) => Csf::Drained { ml },
+            (None, Some(mmhg)) => Csf::Pressure { kpa: mmhg * KPA_PER_MMHG },
+            (None, None) => now.csf,
+        };
+        let gravity_mm_s2 = self.gravity_m_s2.map_or(now.gravity_mm_s2, |gravity| gravity.map(|g| g * 1e3));
+        Ok(Loads { csf, gravity_mm_s2 })
+    }
+}
+
+pub(crate) async fn get(State(shared): State<Arc<Shared>>) -> Response {
+    Json(shared.tissue.describe(&shared.live.loads())).into_response()
+}
+
+pub(crate) async fn post(
+    State(shared): State<Arc<Shared>>,
+    body: Result<Json<TissueRequest>, JsonRejection>,
+) -> Response {
+    let Json(request) = match body {
+        Ok(json) => json,
+        Err(e) => return refuse(e.status(), &e.body_text()),
+    };
+    let loads = match request.loads(shared.live.loads()) {
+        Ok(loads) => loads,
+        Err(why) => return refuse(StatusCode::UNPROCESSABLE_ENTITY, why),
+    };
+    match loads.check_on(shared.tissue.model.mode, &shared.tissue.volumes) {
+        Ok(()) => {
+            shared.live.load(loads);
+            Json(shared.tissue.describe(&loads)).into_response()
+        }
+        Err(why @ LoadError::Paper) => refuse(StatusCode::CONFLICT, &why.to_string()),
+        Err(why) => refuse(StatusCode::UNPROCESSABLE_ENTITY, &why.to_string()),
+    }
+}
