@@ -31,6 +31,8 @@ export interface Guidance {
   miss_mm: number | null;
   in_ventricle: boolean | null;
   tip_in: string | null;
+  csf_depth_mm: number | null;
+  axial_force_mn: number | null;
   kakarla_grade: number | null;
   predicted_tre_mm: number | null;
   why_no_numbers: string | null;

@@ -10,7 +10,7 @@ export const [STALE_MS, LOST_MS] = [100, 500];
 /** What a lost catheter takes with it. */
 const GONE = {
   ...NOTHING, state: "lost", distance_to_target_mm: null, distance_to_target_rigid_mm: null, entry_offset_mm: null, entry_angle_error_deg: null,
-  depth_mm: null, miss_mm: null, in_ventricle: null, tip_in: null, kakarla_grade: null, eye_right_lps: null,
+  depth_mm: null, miss_mm: null, in_ventricle: null, tip_in: null, csf_depth_mm: null, axial_force_mn: null, kakarla_grade: null, eye_right_lps: null,
 } as const satisfies Partial<Guidance>;
 
 export interface Snapshot {

@@ -420,7 +420,8 @@ const tests = {
     await shot(p, "shifted");
     for (const { name, deformed, asScanned, compared } of await deformedSlices(p, browser, sliding.case)) {
       console.log(`      ${name}: ${compared} pixels; grey levels off, mean ${deformed.mean.toFixed(3)}, as scanned ${asScanned.mean.toFixed(3)}`);
-      assert.ok(deformed.beyond < 0.003 && deformed.mean < 0.1, `${name}, shifted: ${JSON.stringify(deformed)}`);
+      // All along the gap a pixel may fall to either side of its border.
+      assert.ok(deformed.beyond < 0.003 && deformed.mean < 0.15, `${name}, shifted: ${JSON.stringify(deformed)}`);
       assert.ok(asScanned.beyond > 5 * deformed.beyond, `${name}, as scanned: ${JSON.stringify(asScanned)}`);
     }
     assert.deepEqual(p.faults.filter((f) => !/422/.test(f)), []);

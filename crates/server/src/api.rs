@@ -97,7 +97,7 @@ async fn status(State(shared): State<Arc<Shared>>, headers: HeaderMap) -> Json<V
     }))
 }
 
-/// An event of the procedure, as the operator sends it.
+/// An event of the procedure, as the operator sends it. Those without content have braces, or serde would take any.
 #[derive(Debug, Deserialize)]
 #[serde(tag = "event", rename_all = "snake_case", deny_unknown_fields)]
 enum EventRequest {
@@ -112,17 +112,19 @@ enum EventRequest {
         translation_mm: [f64; 3],
         predicted_tre_mm: Option<f64>,
     },
-    ToolChanged,
-    ReferenceMoved,
-    CheckPassed,
-    CheckFailed,
-    Started,
-    Stopped,
+    ToolChanged {},
+    ReferenceMoved {},
+    CheckPassed {},
+    CheckFailed {},
+    Started {},
+    Stopped {},
 }
 
 /// What a tool, the way from a reference body to a scan's origin, and an error of a registration can be, mm: what is beyond is in another
 /// unit, or garbled.
 const LONGEST_TOOL_MM: f64 = 2000.0;
+/// How far behind its body's origin, along the axis, a tip can be: markers lie at the hub, or about the shaft.
+const FURTHEST_BEHIND_MM: f64 = 20.0;
 const FURTHEST_REFERENCE_MM: f64 = 10_000.0;
 const MOST_TRE_MM: f64 = 100.0;
 
@@ -134,6 +136,11 @@ impl EventRequest {
                 let away = calibration.tip.distance(Point::ORIGIN);
                 if !(0.0..=LONGEST_TOOL_MM).contains(&away) || calibration.axis.normalized().is_none() {
                     return Err("the tip must lie within 2 m of its body (mm) and the axis must have a direction");
+                }
+                let ahead =
+                    calibration.axis.normalized().map_or(0.0, |axis| (calibration.tip - Point::ORIGIN).dot(axis));
+                if ahead < -FURTHEST_BEHIND_MM {
+                    return Err("the axis points from the tip back to its body: it must point from the hub to the tip");
                 }
                 return Ok(SessionEvent::Calibrated(calibration));
             }
@@ -148,12 +155,12 @@ impl EventRequest {
                 }
                 return Ok(SessionEvent::Registered(Registration { patient_from_reference, predicted_tre_mm }));
             }
-            Self::ToolChanged => PlainEvent::ToolChanged,
-            Self::ReferenceMoved => PlainEvent::ReferenceMoved,
-            Self::CheckPassed => PlainEvent::CheckPassed,
-            Self::CheckFailed => PlainEvent::CheckFailed,
-            Self::Started => PlainEvent::Started,
-            Self::Stopped => PlainEvent::Stopped,
+            Self::ToolChanged {} => PlainEvent::ToolChanged,
+            Self::ReferenceMoved {} => PlainEvent::ReferenceMoved,
+            Self::CheckPassed {} => PlainEvent::CheckPassed,
+            Self::CheckFailed {} => PlainEvent::CheckFailed,
+            Self::Started {} => PlainEvent::Started,
+            Self::Stopped {} => PlainEvent::Stopped,
         };
         Ok(SessionEvent::Plain(plain))
     }

@@ -22,8 +22,8 @@ fn run(live: &Live, mut deformation: Deformation) {
         let start = live.clock.now();
         // A lost catheter leaves the tissue as it is, but for loads that come on.
         let dt = start - last;
-        let step = live.for_step(start, dt, |loads| deformation.is_settled(loads));
-        if let Some(deformed) = step.and_then(|(needle, loads)| deformation.go_on(needle, loads, dt)) {
+        let cue = live.cue(start, dt, |cue| deformation.is_settled(cue));
+        if let Some(deformed) = cue.and_then(|cue| deformation.follow(&cue, dt)) {
             live.publish(deformed, live.clock.now() - start);
         }
         last = start;

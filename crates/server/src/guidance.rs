@@ -39,6 +39,8 @@ pub(crate) struct Guidance {
     miss_mm: Option<f64>,
     in_ventricle: Option<bool>,
     tip_in: Option<&'static str>,
+    csf_depth_mm: Option<f64>,
+    axial_force_mn: Option<f64>,
     kakarla_grade: Option<u8>,
     predicted_tre_mm: Option<f64>,
     /// Why numbers are missing, with what to do about it; `None` while all are there.
@@ -78,7 +80,7 @@ fn why_no_numbers(s: &Snapshot) -> Option<String> {
         return Some(format!("numbers come with navigation; first {first}"));
     }
     match &s.numbers {
-        None => Some("the catheter or the patient's reference is not seen".to_owned()),
+        None => Some(format!("no pose of {} (catheter and patient's reference are needed)", s.missing.join(" and "))),
         Some(n) if n.soft.is_none() => Some("the soft body has fallen behind the catheter".to_owned()),
         Some(_) => None,
     }
@@ -103,6 +105,8 @@ impl Guidance {
             depth_mm: rigid.map(|n| n.depth_mm),
             miss_mm: soft.map(|n| n.miss_mm),
             in_ventricle: soft.map(|n| n.in_ventricle()),
+            csf_depth_mm: soft.and_then(|n| n.csf_depth_mm),
+            axial_force_mn: soft.and_then(|n| n.axial_force_mn),
             tip_in: soft.and_then(|n| n.at_tip).map(Structure::name),
             kakarla_grade: soft.and_then(|n| n.kakarla).map(Kakarla::number),
             predicted_tre_mm: s.predicted_tre_mm,

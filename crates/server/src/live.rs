@@ -8,12 +8,12 @@ use crate::rate::Rate;
 use crate::record::Log;
 use crate::snapshot::{Moved, Quantised, digest, encode};
 use monro_geometry::{Display, Patient, Point, Rigid, Tool, Tracker};
+use monro_guidance::Plan;
 use monro_guidance::registration::Recheck;
-use monro_guidance::{NeedlePose, Plan};
 use monro_session::Loads;
 use monro_session::live::log::Entry;
 use monro_session::live::{
-    Deformed, Observation, Phase, PlainEvent, Refusal, Registering, Registration, Session, SessionEvent, Snapshot,
+    Cue, Deformed, Observation, Phase, PlainEvent, Refusal, Registering, Registration, Session, SessionEvent, Snapshot,
 };
 use monro_tracking::{Batch, Bodies, tool_name};
 use std::collections::BTreeMap;
@@ -28,9 +28,6 @@ pub(crate) struct Rates {
     pub(crate) snapshot: Rate,
     pub(crate) deformation: Rate,
 }
-
-/// What a step of the soft body needs: the catheter and when it was seen, if it is, and the loads.
-pub(crate) type ForStep = (Option<(NeedlePose, f64)>, Loads);
 
 /// The newest deformation, with its bytes for displays: made when the first asks, shared by all.
 #[derive(Debug)]
@@ -260,16 +257,12 @@ impl Live {
         self.tell();
     }
 
-    /// The catheter and when it was seen, and the loads, for a step of the soft body by `dt` (s) that is sure to follow; `None`
-    /// where no catheter is seen and the tissue is settled under these loads.
-    pub(crate) fn for_step(&self, now: f64, dt: f64, is_settled: impl Fn(&Loads) -> bool) -> Option<ForStep> {
+    /// What the soft body is to follow, for a step by `dt` (s) that is sure to be taken; `None` where nothing would move.
+    pub(crate) fn cue(&self, now: f64, dt: f64, is_settled: impl Fn(&Cue) -> bool) -> Option<Cue> {
         let session = lock(&self.session);
-        let (needle, loads) = (session.needle_and_time(now), session.loads());
-        if needle.is_none() && is_settled(&loads) {
-            return None;
-        }
+        let cue = Some(session.cue(now)).filter(|cue| !is_settled(cue))?;
         self.log(&Entry::Step { now_s: now, dt_s: dt }.encode());
-        Some((needle, loads))
+        Some(cue)
     }
 
     /// Takes what is done to the patient's fluid, and gravity; they must have been checked.

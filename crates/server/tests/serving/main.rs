@@ -110,6 +110,10 @@ async fn the_procedure_follows_its_phases_and_refuses_with_a_way_out() {
         (r#"{"event":"flown"}"#, 422),
         (r#"{"event":"registered","quaternion_wxyz":[0,0,0,0],"translation_mm":[0,0,0]}"#, 422),
         (r#"{"event":"calibrated","tip_mm":[0,0,0],"axis":[0,0,0]}"#, 422),
+        // From the tip to the hub: it navigated, turned by 180 degrees.
+        (r#"{"event":"calibrated","tip_mm":[2,-1,-180],"axis":[0,0,1]}"#, 422),
+        (r#"{"event":"started","paused":true}"#, 422),
+        (r#"{"event":"check_passed","x":1}"#, 422),
         // Ten kilometres, and an error of as many.
         (r#"{"event":"calibrated","tip_mm":[0,0,1e7],"axis":[0,0,1]}"#, 422),
         (r#"{"event":"registered","quaternion_wxyz":[1,0,0,0],"translation_mm":[1e9,0,0]}"#, 422),

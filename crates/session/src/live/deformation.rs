@@ -1,13 +1,16 @@
 //! The deformation loop: the soft body follows the newest needle pose, as fast as it can.
 
 use super::room::Room;
+use super::{Cue, Deformed};
 use crate::loads::Ramp;
 use crate::tissue_model::{self, ModelSettings};
 use crate::{Loads, SessionError, StructureVolumes};
 use monro_case::Case;
 use monro_geometry::{Embedding, Patient, Point, Structure, Vector};
-use monro_guidance::NeedlePose;
-use monro_tissue::{Event, FrameSettings, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose};
+use monro_guidance::{NeedlePose, Plan};
+use monro_tissue::{
+    Event, FrameSettings, Mode, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose,
+};
 
 /// Shortest piece of the catheter that is simulated, mm; the rest of it is in the air and touches nothing.
 const SHORTEST_MM: f64 = 20.0;
@@ -24,54 +27,13 @@ const OUTSIDE_MM: f64 = 0.1;
 const SHORTEST_STEP_S: f64 = 1.0 / 1000.0;
 /// Time step in which the loads that there are from the start come on, s.
 const STARTING_STEP_S: f64 = 1.0 / 60.0;
+/// What was let go of is given this time to come to rest, s.
+const RELAX_S: f64 = 0.5;
+/// A way that nobody has seen counts as one of so long, s: deformed numbers come back with the second half of it.
+const UNSEEN_S: f64 = 1.0;
 /// For how long a fault is told after the step that had it, s of steps: a display must not miss it, nor a surgeon who has
 /// just looked away.
 const FAULT_TOLD_S: f64 = 3.0;
-
-/// The soft body at one moment. Immutable once made, so that displays can share it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Deformed {
-    /// Counts the steps; 0 is before any.
-    pub step: u64,
-    /// Time of the needle pose that it answers to, s; `None` before the first.
-    pub pose_time_s: Option<f64>,
-    /// Displacement of each node from rest, mm, in the order of the case's mesh.
-    pub displacements: Vec<[f32; 3]>,
-    /// Where the tissue of the planned target is now.
-    pub target: Point<Patient>,
-    /// What the tip is in, if in tissue.
-    pub at_tip: Option<Structure>,
-    /// Largest displacement of a node, mm.
-    pub largest_mm: f64,
-    /// What the ventricles hold more than at rest, ml.
-    pub csf_change_ml: f64,
-    /// How much more pressure there is in the middle of their fluid than at rest, kPa.
-    pub csf_change_kpa: f64,
-    /// Whether the solver had to take a step back, and hold or retry, within the last three seconds that it ran: shown,
-    /// not hidden.
-    pub fault: bool,
-    /// Steps so far that were taken back or held.
-    pub faults: u64,
-}
-
-impl Deformed {
-    /// Tissue at rest.
-    pub fn at_rest(target: Point<Patient>, nodes: usize) -> Self {
-        let displacements = vec![[0.0; 3]; nodes];
-        Self {
-            step: 0,
-            pose_time_s: None,
-            displacements,
-            target,
-            at_tip: None,
-            largest_mm: 0.0,
-            csf_change_ml: 0.0,
-            csf_change_kpa: 0.0,
-            fault: false,
-            faults: 0,
-        }
-    }
-}
 
 /// The running soft body.
 #[derive(Debug)]
@@ -82,12 +44,20 @@ pub struct Deformation {
     /// Nodes now, mm from the model's origin.
     nodes: Vec<[f32; 4]>,
     target: Embedding,
+    plan: Plan,
+    has_units: bool,
+    /// Forces along the shaft in the last three steps, mN.
+    forces_mn: [f64; 3],
     /// Pose of the tool in the tissue, and the time at which it was seen there.
     last: Option<(ToolPose, f64)>,
     steps: u64,
     faults: u64,
     /// For how much longer a fault is told, s.
     fault_left_s: f64,
+    /// What was last followed.
+    followed: Cue,
+    /// For how much longer tissue that was let go of may move, s.
+    relax_s: f64,
     /// How a step goes, but for its time and the loads.
     frame: FrameSettings,
     /// The loads, as they come on.
@@ -114,6 +84,9 @@ impl Deformation {
             stepper: Stepper::new(&model),
             nodes: vec![[0.0; 4]; model.node_count()],
             target: Embedding::new(&case.tets, &[case.plan.target()])?,
+            plan: case.plan,
+            has_units: matches!(settings.mode, Mode::Physical(_)),
+            forces_mn: [0.0; 3],
             now: Deformed::at_rest(case.plan.target(), model.node_count()),
             model,
             state,
@@ -121,12 +94,14 @@ impl Deformation {
             steps: 0,
             faults: 0,
             fault_left_s: 0.0,
+            followed: Cue { loads, ..Cue::default() },
+            relax_s: 0.0,
             frame,
             ramp: Ramp::default(),
             room: Room::new(&case.tets.vertices),
         };
-        out.load(loads);
-        while out.settle(STARTING_STEP_S).is_some() {}
+        let start = Cue { loads, ..Cue::default() };
+        while out.follow(&start, STARTING_STEP_S).is_some() {}
         out.steps = 0;
         out.now.step = 0;
         Ok(out)
@@ -137,40 +112,54 @@ impl Deformation {
         &self.now
     }
 
-    /// Begins to put on other loads, within a second of steps.
-    fn load(&mut self, loads: Loads) {
-        self.ramp.aim(loads, self.now.csf_change_ml, self.now.csf_change_kpa);
+    /// Whether nothing would move.
+    pub fn is_settled(&self, cue: &Cue) -> bool {
+        let is_known = cue.placement == self.followed.placement || self.last.is_none();
+        cue.needle.is_none() && is_known && self.ramp.to() == cue.loads && self.ramp.is_settled() && self.relax_s <= 0.0
     }
 
-    /// Whether tissue under these loads would move though nothing new is seen of the catheter.
-    pub fn is_settled(&self, loads: &Loads) -> bool {
-        self.ramp.to() == *loads && self.ramp.is_settled()
-    }
-
-    /// Goes on by `dt_s` seconds, under these loads (which must have passed [`Loads::check_on`]; others come on within a second), with what is seen of the needle and when it was; `None` where nothing moves.
-    pub fn go_on(&mut self, needle: Option<(NeedlePose, f64)>, loads: Loads, dt_s: f64) -> Option<Deformed> {
-        self.load(loads);
-        match needle {
+    /// Goes on by `dt_s` seconds with what there is to follow; `None` where nothing moves. Loads must have passed
+    /// [`Loads::check_on`], and others come on within a second. A catheter that is not seen stays in the tissue where it was.
+    /// Where it turns out to be elsewhere than it seemed, the tissue is let go of, and it goes in anew along its axis: its way there was
+    /// none through the tissue.
+    pub fn follow(&mut self, cue: &Cue, dt_s: f64) -> Option<Deformed> {
+        self.ramp.aim(cue.loads, self.now.csf_change_ml, self.now.csf_change_kpa);
+        let is_elsewhere = self.is_elsewhere(cue);
+        self.followed = *cue;
+        if is_elsewhere {
+            (self.last, self.relax_s) = (None, RELAX_S);
+            return Some(self.step(None, None, dt_s));
+        }
+        match cue.needle {
             Some((needle, seen_at)) => Some(self.advance(&needle, seen_at, dt_s)),
-            None => self.settle(dt_s),
+            None if self.ramp.is_settled() && self.relax_s <= 0.0 => None,
+            None => {
+                let motion = self.last.map(|(pose, _)| motion(pose, pose));
+                Some(self.step(motion, self.last.map(|(_, time)| time), dt_s))
+            }
         }
     }
 
-    /// Goes on by `dt_s` seconds while the catheter stays where it was seen last; `None` where the loads have long been on.
-    fn settle(&mut self, dt_s: f64) -> Option<Deformed> {
-        if self.ramp.is_settled() {
-            return None;
-        }
-        let motion = self.last.map(|(pose, _)| motion(pose, pose));
-        Some(self.step(motion, self.last.map(|(_, time)| time), dt_s))
+    /// Whether the catheter, in tissue so far, is known not to have come from there to where it is: it was registered or calibrated
+    /// anew, or seen again far off after it was lost.
+    fn is_elsewhere(&self, cue: &Cue) -> bool {
+        let Some((last, _)) = self.last.filter(|(pose, _)| self.is_inside(pose)) else { return false };
+        let is_far = |(needle, _): (NeedlePose, f64)| way(&last, &self.wanted(&needle).0) > FARTHEST_MM;
+        let returned = cue.sighting != self.followed.sighting;
+        cue.placement != self.followed.placement || (returned && cue.needle.is_some_and(is_far))
+    }
+
+    /// The piece of a needle that may be in tissue, and how long that is, mm; 0 where it is in the air.
+    fn wanted(&self, needle: &NeedlePose) -> (ToolPose, f64) {
+        let inside = self.room.way_out(needle.tip(), -needle.axis());
+        (ToolPose { tip: needle.tip(), tail: needle.tip() - needle.axis() * inside.max(SHORTEST_MM) }, inside)
     }
 
     /// Goes on by `dt_s` seconds, while the needle moves towards where it was seen at `pose_time_s`: all the way, or as
     /// far as one step can take it; the result tells the time of the pose that was reached. A time step that is no number
     /// counts as the shortest.
-    pub fn advance(&mut self, needle: &NeedlePose, pose_time_s: f64, dt_s: f64) -> Deformed {
-        let inside = self.room.way_out(needle.tip(), -needle.axis());
-        let wanted = ToolPose { tip: needle.tip(), tail: needle.tip() - needle.axis() * inside.max(SHORTEST_MM) };
+    pub(super) fn advance(&mut self, needle: &NeedlePose, pose_time_s: f64, dt_s: f64) -> Deformed {
+        let (wanted, inside) = self.wanted(needle);
         let (from, from_time) = self.begin(&wanted, inside, pose_time_s);
         let aim = if inside > 0.0 { wanted } else { self.withdrawn(&from).unwrap_or(wanted) };
         let share = (FARTHEST_MM / way(&from, &aim)).min(1.0);
@@ -186,6 +175,7 @@ impl Deformation {
         let frame = self.ramp.advance(dt_s).on(FrameSettings { dt_s, ..self.frame });
         let report = self.stepper.step(&self.model, &mut self.state, motion.as_slice(), &frame);
         self.steps += 1;
+        self.relax_s -= dt_s;
         self.note_faults(&report, dt_s);
         self.now = self.result(&report, pose_time_s);
         self.now.clone()
@@ -200,6 +190,7 @@ impl Deformation {
                 (along(wanted, inside + OUTSIDE_MM).unwrap_or(last), time)
             }
             Some(last) if inside > 0.0 => last,
+            None if inside > 0.0 => (along(wanted, inside + OUTSIDE_MM).unwrap_or(*wanted), pose_time_s - UNSEEN_S),
             _ => (*wanted, pose_time_s),
         }
     }
@@ -227,19 +218,38 @@ impl Deformation {
         let displacements: Vec<[f32; 3]> = (0..self.nodes.len())
             .map(|v| self.model.displacement(&self.state, v).to_array().map(|d| d as f32))
             .collect();
-        let label = report.tools.first().and_then(|t| t.label);
+        let at_tip = report.tools.first().and_then(|t| t.label).and_then(Structure::from_label);
         Deformed {
             step: self.steps,
             pose_time_s,
             displacements,
             target: self.target_now(),
-            at_tip: label.and_then(Structure::from_label),
+            at_tip,
+            csf_depth_mm: self.csf_depth_mm(at_tip),
+            axial_force_mn: self.axial_force_mn(report),
             largest_mm: report.max_displacement_mm,
             csf_change_ml: report.csf_change_ml,
             csf_change_kpa: report.csf_kpa,
             fault: self.fault_left_s > 0.0,
             faults: self.faults,
         }
+    }
+
+    /// How deep the tip was when it first was in a ventricle, since it was outside of the tissue.
+    fn csf_depth_mm(&self, at_tip: Option<Structure>) -> Option<f64> {
+        let depth = |(pose, _): (ToolPose, f64)| (pose.tip - self.plan.entry()).dot(self.plan.direction());
+        let first = || self.last.filter(|_| at_tip.is_some_and(Structure::is_ventricle)).map(depth);
+        at_tip.and_then(|_| self.now.csf_depth_mm.or_else(first))
+    }
+
+    /// The middle one of the last three forces along the shaft: a single one may be of a jump of the tissue. `None` where they have no
+    /// unit, or nothing is felt.
+    fn axial_force_mn(&mut self, report: &StepReport) -> Option<f64> {
+        let felt = report.tools.first().filter(|_| !report.events.contains(&Event::Held)).map(|t| t.axial_force_mn);
+        self.forces_mn = [self.forces_mn[1], self.forces_mn[2], felt.unwrap_or(0.0)];
+        let mut sorted = self.forces_mn;
+        sorted.sort_by(f64::total_cmp);
+        felt.filter(|_| self.has_units).map(|_| sorted[1])
     }
 
     /// Where the tissue of the planned target is.
@@ -274,12 +284,11 @@ fn along(pose: &ToolPose, mm: f64) -> Option<ToolPose> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::tissue_model::Skull;
-    use crate::{Csf, LoadError, Mode};
+    use crate::Mode;
     use monro_case::{Manifest, SCHEMA, Source};
     use monro_geometry::{TetMesh, TriangleMesh};
     use monro_guidance::{Plan, Side};
-    use monro_tissue::{PaperOptions, PhysicalOptions};
+    use monro_tissue::PaperOptions;
 
     const CELLS: usize = 6;
     const SIZE_MM: f64 = 10.0;
@@ -336,12 +345,12 @@ pub(crate) mod tests {
         Case { manifest, plan, landmarks: Vec::new(), skin, brain, ventricles, septa: None, tets: tets() }
     }
 
-    fn deformation() -> Deformation {
+    pub(crate) fn deformation() -> Deformation {
         let settings = ModelSettings::of(Mode::Paper(PaperOptions::default()));
         Deformation::new(&case(), &settings, FrameSettings::default()).expect("deformation")
     }
 
-    fn needle(depth: f64) -> NeedlePose {
+    pub(crate) fn needle(depth: f64) -> NeedlePose {
         NeedlePose::new(case().plan.at_depth(depth), case().plan.direction()).expect("needle")
     }
 
@@ -399,6 +408,7 @@ pub(crate) mod tests {
             let direction = case().plan.direction() + Vector::new(angle, 0.0, 0.0);
             NeedlePose::new(case().plan.at_depth(30.0), direction).expect("needle")
         };
+        (0..20).for_each(|i| _ = d.advance(&tilted(0.0), f64::from(i - 20) / 60.0, 1.0 / 60.0));
         for i in 0..20 {
             let (time, angle) = (f64::from(i) / 60.0, if i % 2 == 0 { 0.025 } else { -0.025 });
             assert_eq!(d.advance(&tilted(angle), time, 1.0 / 60.0).pose_time_s, Some(time), "{i}");
@@ -461,66 +471,6 @@ pub(crate) mod tests {
         let turned = turned.expect("needle");
         let frames: Vec<Deformed> = (1..60).map(|i| d.advance(&turned, f64::from(i), 1.0 / 60.0)).collect();
         assert!(frames.iter().all(|f| f.at_tip.is_none() && f.largest_mm < 1.0), "{:?}", frames[20].largest_mm);
-    }
-
-    fn drained(ml: f64) -> Loads {
-        Loads { csf: Csf::Drained { ml }, gravity_mm_s2: [0.0, 0.0, -4905.0] }
-    }
-
-    fn sliding(loads: Loads) -> Deformation {
-        let physical = ModelSettings::of(Mode::Physical(PhysicalOptions::default()));
-        let settings = ModelSettings { skull: Skull::Slides { septa: true }, ..physical };
-        Deformation::new(&case(), &settings, loads.on(FrameSettings::default())).expect("deformation")
-    }
-
-    /// The live session showed the brain of the scan, whatever had been drained of it.
-    #[test]
-    fn loads_from_the_start_have_shifted_the_tissue_before_any_needle_is_seen() {
-        let shifted = sliding(drained(2.0));
-        let now = shifted.now();
-        assert_eq!((now.step, now.pose_time_s, now.faults), (0, None, 0));
-        assert!((now.csf_change_ml + 2.0).abs() < 0.05, "{} ml", now.csf_change_ml);
-        assert!(now.largest_mm > 0.5 && now.target.distance(case().plan.target()) > 0.1, "{now:?}");
-        assert_eq!(sliding(Loads::default()).now(), &Deformed::at_rest(case().plan.target(), 343));
-    }
-
-    #[test]
-    fn other_loads_come_on_without_a_needle_and_come_to_rest_where_they_would_have_from_the_start() {
-        let mut d = sliding(Loads::default());
-        assert!(d.is_settled(&Loads::default()) && d.go_on(None, Loads::default(), 1.0 / 60.0).is_none());
-        let steps: Vec<Deformed> = (0..400).map_while(|_| d.go_on(None, drained(2.0), 1.0 / 60.0)).collect();
-        assert!((180..=181).contains(&steps.len()), "a second to come on, two to rest: {}", steps.len());
-        assert!(steps[5].largest_mm < 0.2 * d.now().largest_mm, "not at once");
-        assert!(d.is_settled(&drained(2.0)) && !d.is_settled(&Loads::default()));
-        let apart = d.now().target.distance(sliding(drained(2.0)).now().target);
-        assert!(apart < 1e-9, "{apart} mm");
-        // And back.
-        let back = (0..400).map_while(|_| d.go_on(None, Loads::default(), 1.0 / 60.0)).last().expect("steps");
-        assert!(
-            back.largest_mm < 0.05 && back.csf_change_ml.abs() < 0.05,
-            "{} {}",
-            back.largest_mm,
-            back.csf_change_ml
-        );
-    }
-
-    #[test]
-    fn a_catheter_that_is_lost_in_the_tissue_stays_while_loads_come_on() {
-        let mut d = sliding(Loads::default());
-        let (none, seen) = (Loads::default(), |i: i32| Some((needle(f64::from(i)), f64::from(i) / 60.0)));
-        (0..=45).for_each(|i| _ = d.go_on(seen(i), none, 1.0 / 60.0));
-        let before = d.now().clone();
-        assert!(before.at_tip.is_some(), "it is in the tissue");
-        let after = (0..400).map_while(|_| d.go_on(None, drained(2.0), 1.0 / 60.0)).last().expect("steps");
-        assert_eq!((after.pose_time_s, after.at_tip), (before.pose_time_s, before.at_tip));
-        assert!((after.csf_change_ml + 2.0).abs() < 0.1, "{} ml", after.csf_change_ml);
-    }
-
-    #[test]
-    fn more_than_the_ventricles_hold_is_refused() {
-        let settings = ModelSettings::of(Mode::Physical(PhysicalOptions::default()));
-        let refused = Deformation::new(&case(), &settings, drained(50.0).on(FrameSettings::default()));
-        assert!(matches!(refused, Err(SessionError::Load(LoadError::Drained { .. }))), "{refused:?}");
     }
 
     #[test]

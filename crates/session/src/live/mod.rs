@@ -11,7 +11,11 @@
 //! What may be shown follows from two independent things: the [`Phase`] of the procedure and the [`Signal`] of the
 //! tracker. Guidance numbers exist only while navigating, and not when the signal is lost.
 
+mod cue;
 pub(crate) mod deformation;
+mod deformed;
+#[cfg(test)]
+mod follow_tests;
 pub mod log;
 mod phase;
 mod playback;
@@ -23,7 +27,9 @@ mod signal;
 mod snapshot;
 mod tracking;
 
-pub use deformation::{Deformation, Deformed};
+pub use cue::Cue;
+pub use deformation::Deformation;
+pub use deformed::Deformed;
 pub use phase::{Event, Phase, Refusal, ToFirst};
 pub use playback::{Playback, PlaybackError};
 pub use registering::{Registering, Touch, TouchError, TouchMark};

@@ -66,8 +66,7 @@ impl Playback {
                 }
             }
             Entry::Step { now_s, dt_s } => {
-                let needle = self.session.needle_and_time(*now_s);
-                if let Some(deformed) = self.deformation.go_on(needle, self.session.loads(), *dt_s) {
+                if let Some(deformed) = self.deformation.follow(&self.session.cue(*now_s), *dt_s) {
                     self.recent.push_back(Arc::new(deformed));
                     if self.recent.len() > REMEMBERED {
                         self.recent.pop_front();

@@ -15,6 +15,8 @@ use thiserror::Error;
 const HAND_MM: f64 = 1.0;
 /// Farthest that they stray from their mean, root mean square, mm: a tip that slides is not resting.
 const MOST_SPREAD_MM: f64 = 1.0;
+/// How far from the target a landmark can be, mm: no head is larger.
+const FARTHEST_MARK_MM: f64 = 300.0;
 /// Landmarks at most.
 const MOST_MARKS: usize = 32;
 
@@ -24,8 +26,10 @@ pub enum TouchError {
     /// No such landmark.
     #[error("there is no landmark \"{0}\"")]
     Unknown(String),
-    /// The name is taken, empty or too long, the place is not finite, or there are too many.
-    #[error("a landmark needs a place and a name of its own of at most 40 letters; {MOST_MARKS} landmarks at most")]
+    /// The name is taken, empty or too long, the place is not on this head, or there are too many.
+    #[error(
+        "a landmark needs a place within {FARTHEST_MARK_MM} mm of the target and a name of its own of at most 40 letters; {MOST_MARKS} landmarks at most"
+    )]
     BadMark,
     /// A landmark of the case was to be removed.
     #[error("\"{0}\" belongs to the case; forget its touch instead")]
@@ -165,7 +169,8 @@ impl Registering {
     /// [`TouchError::BadMark`].
     pub fn mark(&mut self, name: &str, marked: Point<Patient>) -> Result<(), TouchError> {
         let (name, full) = (name.trim(), self.marks.len() >= MOST_MARKS);
-        if full || name.is_empty() || name.chars().count() > 40 || !marked.is_finite() || self.index(name).is_ok() {
+        let on_head = marked.distance(self.target) <= FARTHEST_MARK_MM;
+        if full || name.is_empty() || name.chars().count() > 40 || !on_head || self.index(name).is_ok() {
             return Err(TouchError::BadMark);
         }
         self.marks.push(TouchMark { name: name.to_owned(), marked, added: true, touched: None });
@@ -415,6 +420,9 @@ mod tests {
         let mut r = registering();
         assert_eq!(r.mark("nasion", Point::ORIGIN), Err(TouchError::BadMark));
         assert_eq!(r.mark(" ", Point::ORIGIN), Err(TouchError::BadMark));
+        for nowhere in [1e30, -400.0, f64::NAN] {
+            assert_eq!(r.mark("far", Point::new(nowhere, 0.0, 0.0)), Err(TouchError::BadMark), "{nowhere}");
+        }
         r.mark("scar", Point::ORIGIN).expect("new");
         assert!(r.marks()[4].added);
         r.unmark("scar").expect("own");

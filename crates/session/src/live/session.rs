@@ -77,6 +77,13 @@ impl SessionEvent {
         matches!(self, Self::Plain(PlainEvent::ToolChanged))
     }
 
+    /// Whether the needle follows otherwise from the poses after it.
+    const fn moves_needle(&self) -> bool {
+        let registered =
+            matches!(self, Self::Registered(_) | Self::CaseOpened(_) | Self::Plain(PlainEvent::CaseClosed));
+        registered || self.voids_touches()
+    }
+
     const fn event(&self) -> Event {
         match self {
             Self::CaseOpened(_) => Event::CaseOpened,
@@ -124,6 +131,9 @@ pub struct Session {
     expiry: Expiry,
     guard: ReferenceGuard,
     loads: Loads,
+    /// Counts changes of how the needle follows from the poses, and how often a tool that it needs was seen again.
+    placement: u32,
+    sighting: u32,
 }
 
 impl Session {
@@ -132,8 +142,21 @@ impl Session {
         let (plan, calibration, registration) = (None, None, None);
         let (display_from_glasses, guard) = (None, ReferenceGuard::new(GuardOptions::default()));
         let (phase, tracking) = (Phase::NoCase, Tracking::default());
-        let loads = Loads::default();
-        Self { phase, plan, calibration, registration, display_from_glasses, tracking, tools, expiry, guard, loads }
+        let (loads, placement, sighting) = (Loads::default(), 0, 0);
+        Self {
+            phase,
+            plan,
+            calibration,
+            registration,
+            display_from_glasses,
+            tracking,
+            tools,
+            expiry,
+            guard,
+            loads,
+            placement,
+            sighting,
+        }
     }
 
     /// Takes an event of the procedure.
@@ -142,6 +165,7 @@ impl Session {
     /// When it does not fit the phase; nothing changes then.
     pub fn apply(&mut self, event: SessionEvent) -> Result<Phase, Refusal> {
         self.phase = self.phase.after(event.event())?;
+        self.placement += u32::from(event.moves_needle());
         // A registration, or a landmark found in its place again, is the word that the reference is where it should be.
         match event {
             SessionEvent::Registered(_) | SessionEvent::Plain(PlainEvent::CheckPassed) => self.guard.confirm(),
@@ -171,7 +195,11 @@ impl Session {
 
     /// Takes a pose; returns whether something new is known.
     pub fn observe(&mut self, seen: &Observation) -> bool {
+        let before = self.tracking.latest(&seen.name).map(|(time_s, _)| time_s);
         let new = self.tracking.observe(seen);
+        let is_needed = [&self.tools.catheter, &self.tools.reference].contains(&&seen.name);
+        let was_lost = before.is_some_and(|t| self.expiry.signal(seen.time_s - t) == Signal::Lost);
+        self.sighting += u32::from(new && is_needed && was_lost);
         if let Some(pose) = seen.tracker_from_tool.filter(|_| new && seen.name == self.tools.reference) {
             self.guard.push(&pose, seen.time_s);
         }
@@ -197,6 +225,16 @@ impl Session {
     /// The catheter in the patient, and when it was seen, s.
     pub fn needle_and_time(&self, now: f64) -> Option<(NeedlePose, f64)> {
         Some((self.needle(now)?, now - self.age(now)?))
+    }
+
+    /// Counts changes of how the needle follows from the poses.
+    pub(super) const fn placement(&self) -> u32 {
+        self.placement
+    }
+
+    /// Counts how often a tool that the needle follows from was seen again after it was lost.
+    pub(super) const fn sighting(&self) -> u32 {
+        self.sighting
     }
 
     /// How far the procedure has come.
@@ -234,6 +272,15 @@ impl Session {
         let catheter = self.tracking.latest(&self.tools.catheter)?;
         let reference = self.tracking.latest(&self.tools.reference)?;
         Some(now - catheter.0.min(reference.0))
+    }
+
+    /// Names of those of the two tools that guidance needs that are lost at `now`.
+    pub fn missing(&self, now: f64) -> Vec<String> {
+        let is_lost = |name: &&String| {
+            let age = self.tracking.latest(name).map_or(f64::INFINITY, |(seen_s, _)| now - seen_s);
+            self.expiry.signal(age) == Signal::Lost
+        };
+        [&self.tools.catheter, &self.tools.reference].into_iter().filter(is_lost).cloned().collect()
     }
 
     /// How fresh that is.

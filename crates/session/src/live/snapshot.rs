@@ -31,6 +31,10 @@ pub struct SoftNumbers {
     pub miss_mm: f64,
     /// What the tip is in; `None` outside of the simulated tissue.
     pub at_tip: Option<Structure>,
+    /// How deep the tip was when it first was in a ventricle in this passage, mm.
+    pub csf_depth_mm: Option<f64>,
+    /// Force of the tissue along the shaft, against the advance, mN.
+    pub axial_force_mn: Option<f64>,
     /// Grade, were the catheter left here; `None` outside of the simulated tissue.
     pub kakarla: Option<Kakarla>,
 }
@@ -55,6 +59,8 @@ impl SoftNumbers {
             distance_mm: target.distance,
             miss_mm: target.miss,
             at_tip: deformed.at_tip,
+            csf_depth_mm: deformed.csf_depth_mm,
+            axial_force_mn: deformed.axial_force_mn,
             kakarla: deformed.at_tip.map(|s| Kakarla::predict(plan.side(), s.into())),
         }
     }
@@ -78,6 +84,8 @@ pub struct Snapshot {
     pub age_s: Option<f64>,
     /// Age of the deformation, s: how old the pose is for which it was computed. `None` before the first.
     pub deformation_age_s: Option<f64>,
+    /// Names of the tools that guidance needs and that are lost.
+    pub missing: Vec<String>,
     /// The catheter, unless it is lost or the patient not registered.
     pub needle: Option<NeedlePose>,
     /// Only while navigating, never when lost.
@@ -113,6 +121,7 @@ impl Session {
             signal: self.signal(now),
             age_s: self.age(now),
             deformation_age_s,
+            missing: self.missing(now),
             needle,
             numbers,
             predicted_tre_mm: self.registration().and_then(|r| r.predicted_tre_mm),

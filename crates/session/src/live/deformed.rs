@@ -1,0 +1,56 @@
+//! What the soft body looks like at one moment, and what it says.
+
+use monro_geometry::{Patient, Point, Structure};
+
+/// The soft body at one moment. Immutable once made, so that displays can share it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Deformed {
+    /// Counts the steps; 0 is before any.
+    pub step: u64,
+    /// Time of the needle pose that it answers to, s; `None` before the first.
+    pub pose_time_s: Option<f64>,
+    /// Displacement of each node from rest, mm, in the order of the case's mesh.
+    pub displacements: Vec<[f32; 3]>,
+    /// Where the tissue of the planned target is now.
+    pub target: Point<Patient>,
+    /// What the tip is in, if in tissue.
+    pub at_tip: Option<Structure>,
+    /// How deep under the entry, along the plan, the tip was when it first was in a ventricle in this passage, mm; `None` where it was
+    /// not, or is outside of the tissue.
+    pub csf_depth_mm: Option<f64>,
+    /// Force of the tissue along the shaft, against the advance, mN: the middle one of the last three steps. `None` where nothing is
+    /// felt, and in paper mode.
+    pub axial_force_mn: Option<f64>,
+    /// Largest displacement of a node, mm.
+    pub largest_mm: f64,
+    /// What the ventricles hold more than at rest, ml.
+    pub csf_change_ml: f64,
+    /// How much more pressure there is in the middle of their fluid than at rest, kPa.
+    pub csf_change_kpa: f64,
+    /// Whether the solver had to take a step back, and hold or retry, within the last three seconds that it ran: shown,
+    /// not hidden.
+    pub fault: bool,
+    /// Steps so far that were taken back or held.
+    pub faults: u64,
+}
+
+impl Deformed {
+    /// Tissue at rest.
+    pub fn at_rest(target: Point<Patient>, nodes: usize) -> Self {
+        let displacements = vec![[0.0; 3]; nodes];
+        Self {
+            step: 0,
+            pose_time_s: None,
+            displacements,
+            target,
+            at_tip: None,
+            csf_depth_mm: None,
+            axial_force_mn: None,
+            largest_mm: 0.0,
+            csf_change_ml: 0.0,
+            csf_change_kpa: 0.0,
+            fault: false,
+            faults: 0,
+        }
+    }
+}
