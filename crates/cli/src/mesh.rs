@@ -165,7 +165,7 @@ fn input(args: &MeshArgs) -> Result<Input> {
         if input.structures {
             input.fine.retain(|l| keep.contains(l));
         } else {
-            input.fine = of_a_case::usually_fine(&input.labels, keep);
+            input.fine = of_a_case::usually_fine(&input.labels, &input.keep);
         }
     }
     if let Some(fine) = &args.fine {

@@ -16,28 +16,30 @@ const LOST: f64 = 0.35;
 /// loses four tenths by its chords and gets them back.
 const GONE: f64 = 0.45;
 
+/// What made a mesh give up the surfaces of its inner labels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Lost {
+    /// All of them together.
+    Inner,
+    /// One of them, by its index.
+    Label(usize),
+}
+
 /// Mean volume of `count` elements, mm3.
 fn mean(count: usize, fields: &LabelFields) -> f64 {
     fields.volumes.iter().sum::<f64>() / count.max(1) as f64
 }
 
 /// Whether a mesh of `count` elements has lost its inner labels, by their volumes before they were restored.
-pub(super) fn is_lost(found: &[f64], count: usize, fields: &LabelFields) -> bool {
+pub(super) fn lost(found: &[f64], count: usize, fields: &LabelFields) -> Option<Lost> {
     let inner = fields.parts.len();
     // Specks are lost however many elements there are: the fields may not hold them.
-    let held = |l: usize| fields.volumes[l] > SPECK * fields.step.powi(3);
+    let held = |l: usize| !fields.specks[l] && fields.volumes[l] > SPECK * fields.step.powi(3);
     let sum = |volumes: &[f64]| (0..inner).filter(|&l| held(l)).map(|l| volumes[l]).sum::<f64>();
     let wanted = sum(&fields.volumes);
     // What is smaller than two elements is lost at any rate.
-    inner > 0 && wanted > 2.0 * mean(count, fields) && sum(found) < (1.0 - LOST) * wanted
-}
-
-/// Whether a mesh of `count` elements has lost a label that should have many of them, by its volumes when it has just been
-/// coarsened: so much is not made good again, and improving such a mesh takes longer than all the rest.
-pub(super) fn is_gone(coarsened: &[f64], count: usize, fields: &LabelFields) -> bool {
-    let (mean, volumes) = (mean(count, fields), coarsened.iter().zip(&fields.volumes));
-    !fields.parts.is_empty()
-        && volumes.into_iter().any(|(&v, &wanted)| wanted > MANY * mean && v < (1.0 - GONE) * wanted)
+    let is_lost = inner > 0 && wanted > 2.0 * mean(count, fields) && sum(found) < (1.0 - LOST) * wanted;
+    is_lost.then_some(Lost::Inner)
 }
 
 /// A label with the volume of so many elements
@@ -45,11 +47,23 @@ const MANY: f64 = 50.0;
 /// whose own volume could not be restored to this part is not represented by its surface.
 const OFF: f64 = 0.1;
 
-/// Whether a mesh of `count` elements misses the volume of a label that should have many of them.
-pub(super) fn is_off(restored: &[f64], count: usize, fields: &LabelFields) -> bool {
-    let (mean, volumes) = (mean(count, fields), restored.iter().zip(&fields.volumes));
-    !fields.parts.is_empty()
-        && volumes.into_iter().any(|(&v, &wanted)| wanted > MANY * mean && (v / wanted - 1.0).abs() > OFF)
+/// The label of which a mesh of `count` elements has lost most though it should have many of them, by its volumes when it has just
+/// been coarsened: so much is not made good again, and improving such a mesh takes longer than all the rest.
+pub(super) fn gone(coarsened: &[f64], count: usize, fields: &LabelFields) -> Option<Lost> {
+    first_of_many(coarsened, count, fields, |part| part < 1.0 - GONE)
+}
+
+/// The label with many elements whose volume a mesh of `count` elements misses.
+pub(super) fn off(restored: &[f64], count: usize, fields: &LabelFields) -> Option<Lost> {
+    first_of_many(restored, count, fields, |part| (part - 1.0).abs() > OFF)
+}
+
+/// The first label that should have many of `count` elements and has a part of its volume that `is_wrong`. Specks have what they have.
+fn first_of_many(volumes: &[f64], count: usize, fields: &LabelFields, is_wrong: impl Fn(f64) -> bool) -> Option<Lost> {
+    let mean = mean(count, fields);
+    let mut all = volumes.iter().zip(&fields.volumes).zip(&fields.specks);
+    let wrong = all.position(|((&v, &wanted), &specks)| !specks && wanted > MANY * mean && is_wrong(v / wanted));
+    wrong.filter(|_| !fields.parts.is_empty()).map(Lost::Label)
 }
 
 /// Gives each inner label the elements that hold most of it, as many as have its volume together, and at least one. Such a

@@ -10,6 +10,7 @@ use super::order::cutting_order;
 use super::remainder::give_away;
 use super::smooth::smoothed;
 use super::vec3::{V3, sub};
+use super::voids::{Void, voids};
 use crate::surface::even::{Extent, even, even_step, extents};
 use monro_geometry::{Affine, Grid, Patient, Point, Volume, Voxel};
 use std::ops::Range;
@@ -166,6 +167,10 @@ pub(super) struct LabelFields {
     pub(super) volumes: Vec<f64>,
     /// Where each label's voxels are, and how many.
     pub(super) extents: Vec<Extent>,
+    /// Cavities that no label fills.
+    pub(super) voids: Vec<Void>,
+    /// Which labels are but specks, for which no number of elements is enough: for the sake of these none is given up.
+    pub(super) specks: Vec<bool>,
     /// Volume of a voxel, mm3.
     pub(super) voxel: f64,
     /// Whether something kept reaches the border of the volume.
@@ -199,6 +204,7 @@ impl LabelFields {
         let order = cutting_order(&cells, &shared(&parts, &fronts));
         let (parts, fronts) = (put_in_order(parts, &order), put_in_order(fronts, &order));
         present = order.iter().map(|&l| present[l]).chain([rest]).collect();
+        let voids = voids(labels, &all, &union);
         Some(Self {
             nearby: Nearby::new(&union, &parts),
             union,
@@ -207,6 +213,8 @@ impl LabelFields {
             labels: present.iter().map(|p| p.0).collect(),
             volumes: present.iter().map(|p| p.1.count as f64 * labels.grid().voxel_volume()).collect(),
             extents: present.iter().map(|p| p.1).collect(),
+            voids,
+            specks: vec![false; present.len()],
             voxel: labels.grid().voxel_volume(),
             at_border,
             step,
@@ -224,6 +232,8 @@ impl LabelFields {
             labels: self.labels.last().copied().into_iter().collect(),
             volumes: vec![self.volumes.iter().sum()],
             extents: self.extents.iter().copied().reduce(Extent::joined).into_iter().collect(),
+            voids: self.voids.clone(),
+            specks: vec![false],
             ..*self
         }
     }

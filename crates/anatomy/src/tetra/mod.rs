@@ -53,6 +53,7 @@ mod start;
 mod thickness;
 mod torn;
 mod vec3;
+mod voids;
 mod voxels;
 
 pub use error::MeshError;
@@ -63,6 +64,7 @@ pub use report::{
 pub use torn::Torn;
 
 use cleared::Cleared;
+use coarse::Lost;
 use cut::RawMesh;
 use error::{listed, place};
 use fields::LabelFields;
@@ -185,6 +187,7 @@ pub fn mesh_observed<T: Copy + Eq + Into<u16> + Sync>(
         || MeshError::Empty { keep: options.keep.clone(), voxels: labels.grid().len(), present: voxels.present() };
     let mut fields = LabelFields::new(labels, &options.keep).ok_or_else(empty)?;
     voxels.leave_out_missing(&mut fields);
+    voxels.note_specks(&mut fields);
     done(Stage::Fields);
     let fine: Vec<usize> = (0..fields.labels.len()).filter(|&i| options.fine.contains(&fields.labels[i])).collect();
     let size = SizeField::new(&fields, &fine, options).ok_or_else(empty)?;
@@ -200,7 +203,10 @@ pub fn mesh_observed<T: Copy + Eq + Into<u16> + Sync>(
     let made = Made::conforming(&fields, &size, options.elements, &mut done).ok_or_else(too_thin)?;
     let made = match made.is_good(&fields, options.elements) {
         true => made,
-        false => Made::with_regions(&fields, &size, options.elements, &mut done).ok_or_else(too_thin)?,
+        false => {
+            let why = made.lost.unwrap_or(Lost::Inner);
+            Made::with_regions(&fields, &size, options.elements, &mut done, why).ok_or_else(too_thin)?
+        }
     };
     done(Stage::Improve);
     let found = made.raw.tets.len();
@@ -209,9 +215,9 @@ pub fn mesh_observed<T: Copy + Eq + Into<u16> + Sync>(
     }
     let mesh = finish(made.raw, &fields);
     not_inverted(&mesh)?;
-    let (crumbs, coarse_regions) = (&made.crumbs, made.regions);
+    let (crumbs, regions) = (&made.crumbs, made.regions);
     let finest = start::even_edge_for(&size, found as f64);
-    let source = Source { voxels, options, fields: &fields, size: &size, crumbs, coarse_regions, finest };
+    let source = Source { voxels, options, fields: &fields, size: &size, crumbs, regions, finest };
     let report = report::report(&mesh, &source);
     done(Stage::Report);
     if options.strict {
@@ -224,10 +230,10 @@ pub fn mesh_observed<T: Copy + Eq + Into<u16> + Sync>(
 struct Made {
     raw: RawMesh,
     crumbs: Vec<Crumb>,
-    /// Labels are not represented by their surfaces: they are to be regions.
-    lost: bool,
+    /// Why labels are not represented by their surfaces and are to be regions, if they are.
+    lost: Option<Lost>,
     /// Whether the inner labels are regions without surfaces of their own.
-    regions: bool,
+    regions: Option<Lost>,
 }
 
 impl Made {
@@ -236,7 +242,7 @@ impl Made {
         let (mut best, mut aim) = (Self::once(fields, size, wanted, done)?, wanted as f64);
         let mut last = best.raw.tets.len();
         for _ in 0..if wanted < FEW { MORE_TRIES } else { 1 } {
-            if best.has_count(wanted, COUNT) || last == 0 || best.lost {
+            if best.has_count(wanted, COUNT) || last == 0 || best.lost.is_some() {
                 break;
             }
             // What the last one is short of is asked for on top.
@@ -263,6 +269,7 @@ impl Made {
         size: &SizeField,
         wanted: usize,
         done: &mut impl FnMut(Stage),
+        why: Lost,
     ) -> Option<Self> {
         let made = Self::conforming(&fields.as_one(), size, wanted, done)?;
         let mut raw = made.raw;
@@ -270,7 +277,7 @@ impl Made {
         // Until now there was one label, that of all.
         let of = |c: Crumb| Crumb { label: fields.likeliest_at(c.place) as u8, ..c };
         let crumbs = made.crumbs.into_iter().map(of).collect();
-        Some(Self { raw, crumbs, regions: true, ..made })
+        Some(Self { raw, crumbs, regions: Some(why), ..made })
     }
 
     /// Part that the count is off by.
@@ -283,7 +290,7 @@ impl Made {
     }
 
     fn is_good(&self, fields: &LabelFields, wanted: usize) -> bool {
-        fields.parts.is_empty() || (self.has_count(wanted, ACCEPTED) && !self.lost)
+        fields.parts.is_empty() || (self.has_count(wanted, ACCEPTED) && self.lost.is_none())
     }
 }
 
@@ -382,8 +389,8 @@ fn improved(
     }
     done(Stage::Coarsen);
     let volumes = |work: &Work<'_>| work.volumes(fields.labels.len());
-    if coarse::is_gone(&volumes(&work), work.count(), fields) {
-        return Made { raw: work.into_raw(), crumbs, lost: true, regions: false };
+    if let lost @ Some(_) = coarse::gone(&volumes(&work), work.count(), fields) {
+        return Made { raw: work.into_raw(), crumbs, lost, regions: None };
     }
     work.improve();
     for (sag, floor) in [(0.1, 0.3), (0.2, 0.28), (0.3, 0.26), (0.5, 0.24)] {
@@ -402,11 +409,11 @@ fn improved(
     }
     work.settle_volumes(&fields.volumes);
     let (count, restored) = (work.count(), volumes(&work));
-    let lost = coarse::is_lost(&found, count, fields) || coarse::is_off(&restored, count, fields);
+    let lost = coarse::lost(&found, count, fields).or_else(|| coarse::off(&restored, count, fields));
     let mut raw = work.into_raw();
     // Changes of surfaces are checked one by one above, but not everything where three labels meet.
     repair::repair(&mut raw, fields.labels.len() as u8, 0.0, |corners, l| coarse::holds(corners, l, fields));
-    Made { raw, crumbs, lost, regions: false }
+    Made { raw, crumbs, lost, regions: None }
 }
 
 fn finish(raw: RawMesh, fields: &LabelFields) -> TetMesh {

@@ -1,6 +1,7 @@
 //! What a user should know of a mesh, in words.
 
 use super::census::blocks;
+use super::coarse::Lost;
 use super::error::{COARSE, crossing_words, overlap_words};
 use super::report::{
     Boundary, LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO, MOST_VOLUME_ERROR, Source, SurfaceReport,
@@ -37,9 +38,7 @@ pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(
     all.extend(of_path(source));
     all.extend(of_count(report.elements, source.options.elements));
     all.extend(of_density(report, source));
-    if report.coarse_regions {
-        all.push("too few elements for the surfaces of the inner labels: only the outer surface is followed, the labels are coarse regions of about their volume, which may touch themselves in edges and points".into());
-    }
+    all.extend(source.regions.map(|lost| of_regions(lost, source)));
     let far = SURFACE_ERROR * source.fields.unit;
     for (i, l) in report.labels.iter().enumerate() {
         all.extend(of_crumbs(source, i));
@@ -49,7 +48,8 @@ pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(
             all.extend(of_missing(source, i, missing));
             all.extend(thin.then(|| of_thin(l, absent, &source.voxels)));
         }
-        let way_out = helps(thin, report.coarse_regions, source.options.fine.contains(&l.label));
+        let hopeless = thin || source.fields.specks[i];
+        let way_out = helps(hopeless, report.coarse_regions, source.options.fine.contains(&l.label));
         all.extend(of_label(l, report.coarse_regions, way_out, far));
     }
     if has_outer(report) {
@@ -57,6 +57,22 @@ pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(
     }
     all.extend(of_shapes(report));
     all
+}
+
+/// Why there are regions instead of surfaces, and whose sake they are for.
+fn of_regions<T>(lost: Lost, source: &Source<'_, T>) -> String {
+    let whose = match lost {
+        Lost::Inner => String::new(),
+        Lost::Label(l) => {
+            let label = source.fields.labels[l];
+            format!(
+                " (label {label} had lost most of its volume; if it is thin or in small pieces, no number of elements helps: merge it with another, or leave it out with --keep)"
+            )
+        }
+    };
+    format!(
+        "too few elements for the surfaces of the inner labels{whose}: only the outer surface is followed, the labels are coarse regions of about their volume, which may touch themselves in edges and points"
+    )
 }
 
 /// Where surfaces have other handles and pieces than those of the labels or are far from them, and gaps that they lack.
@@ -221,8 +237,8 @@ fn of_thin<T: Copy + Eq + Into<u16> + Sync>(l: &LabelReport, absent: &[usize], v
 }
 
 /// What brings a label closer to its volume.
-const fn helps(is_thin: bool, coarse_regions: bool, is_fine: bool) -> &'static str {
-    match (is_thin, coarse_regions, is_fine) {
+const fn helps(is_hopeless: bool, coarse_regions: bool, is_fine: bool) -> &'static str {
+    match (is_hopeless, coarse_regions, is_fine) {
         (true, ..) => THICKER,
         (_, true, _) => REGIONS,
         (_, _, true) => MORE,

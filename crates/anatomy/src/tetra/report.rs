@@ -1,5 +1,6 @@
 //! What can be said of a mesh: shape, spacing, and how well it keeps each label.
 
+use super::coarse::Lost;
 use super::fields::LabelFields;
 use super::size::SizeField;
 use super::solid::Solid;
@@ -249,7 +250,7 @@ pub(super) struct Source<'a, T> {
     pub(super) fields: &'a LabelFields,
     pub(super) size: &'a SizeField,
     pub(super) crumbs: &'a [Crumb],
-    pub(super) coarse_regions: bool,
+    pub(super) regions: Option<Lost>,
     /// The finest edge wanted for the mesh's elements, mm.
     pub(super) finest: f64,
 }
@@ -282,7 +283,7 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
         path_edge_mean: source.options.path.and_then(|path| along(mesh, path)),
         edge_bands,
         bad_shapes: shapes.bad,
-        coarse_regions: source.coarse_regions,
+        coarse_regions: source.regions.is_some(),
         closed_gaps: closed_gaps(source),
         overlap: TetLocator::new(mesh).ok().and_then(|l| l.overlap()),
         self_crossing: surface.self_crossing(),

@@ -9,6 +9,10 @@ use std::collections::BTreeSet;
 
 /// Pieces of voxels of more than so many cells are no specks.
 pub(super) const SPECK: f64 = 4.0;
+/// A label whose pieces have no more voxels than this (three by three by three), nor cells, has no surface that a mesh could follow,
+const CRUMBLY: usize = 27;
+/// and is looked for among those that have less than this part of all voxels.
+const FEW: usize = 20;
 /// Fields that hold less of a label by more than this part may have lost pieces of it.
 const NOTICED: f64 = 0.01;
 
@@ -37,13 +41,13 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
     pub(super) fn is_separate(&self, p: Point<Patient>, step: f64, of: impl Fn(u16) -> bool) -> bool {
         let grid = self.0.grid();
         let at = grid.containing(p).map(|[i, j, k]| grid.index(i, j, k));
-        at.is_some_and(|at| of(self.0.data()[at].into()) && self.piece(at, step, of).is_some())
+        let most = self.most_of_piece(step);
+        at.is_some_and(|at| of(self.0.data()[at].into()) && self.piece(at, most, of).is_some())
     }
 
-    /// The voxels of the piece of a voxel, of those whose labels `of` accepts, if it is small: less than some cells of edge
-    /// `step` (mm) in all.
-    fn piece(&self, at: usize, step: f64, of: impl Fn(u16) -> bool) -> Option<BTreeSet<usize>> {
-        let (grid, most) = (self.0.grid(), self.most_of_piece(step));
+    /// The voxels of the piece of a voxel, of those whose labels `of` accepts, if they are `most` at most.
+    fn piece(&self, at: usize, most: usize, of: impl Fn(u16) -> bool) -> Option<BTreeSet<usize>> {
+        let grid = self.0.grid();
         let (mut piece, mut edge) = (BTreeSet::from([at]), vec![grid.voxel(at)]);
         while let Some(v) = edge.pop() {
             for [i, j, k] in around(v, grid.dims()) {
@@ -66,6 +70,25 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
 }
 
 impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
+    /// Notes which labels are but specks: pieces of less than some voxels each, and less than some cells. A label with much of the volume is
+    /// not looked at: it is none, or noise that no mesh is made of.
+    pub(super) fn note_specks(&self, fields: &mut LabelFields) {
+        let whole: usize = fields.extents.iter().map(|e| e.count).sum();
+        let most = CRUMBLY.max((CRUMBLY as f64 * fields.step.powi(3) / fields.voxel) as usize);
+        for l in (0..fields.parts.len()).filter(|&l| fields.extents[l].count <= whole / FEW) {
+            fields.specks[l] = self.is_crumbly((fields.labels[l], &fields.extents[l]), most);
+        }
+    }
+
+    /// Whether all pieces of a label have `most` voxels at most.
+    fn is_crumbly(&self, (label, extent): (u16, &Extent), most: usize) -> bool {
+        let mut seen = BTreeSet::new();
+        self.within(extent, |l| l == label, |_| true).into_iter().all(|at| {
+            let is_new = !seen.contains(&at);
+            !is_new || self.piece(at, most, |l| l == label).map(|piece| seen.extend(piece)).is_some()
+        })
+    }
+
     /// Takes pieces and thin parts that the fields have lost from the volumes that labels should have: what is left of a label is not to
     /// be blown up in their stead.
     pub(super) fn leave_out_missing(&self, fields: &mut LabelFields) {
@@ -164,7 +187,7 @@ impl<T: Copy + Eq + Into<u16> + Sync> Voxels<'_, T> {
             if seen.contains(&at) {
                 continue;
             }
-            let Some(piece) = self.piece(at, step, |l| l == label) else { continue };
+            let Some(piece) = self.piece(at, self.most_of_piece(step), |l| l == label) else { continue };
             if piece.iter().all(|v| absent.binary_search(v).is_ok()) {
                 (all.pieces, all.voxels) = (all.pieces + 1, all.voxels + piece.len());
                 all.at = centre(self.0.grid(), at);

@@ -13,6 +13,7 @@ mod ring;
 mod split;
 mod tighten;
 mod volume;
+mod walls;
 mod work;
 
 use super::vec3::distance;

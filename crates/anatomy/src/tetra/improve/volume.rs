@@ -7,6 +7,7 @@
 
 use super::super::vec3::{V3, add, cross, dot, scale, sub};
 use super::relax::{Freedom, Pair};
+use super::walls::Walls;
 use super::work::{DEAD, Work};
 use std::collections::BTreeMap;
 
@@ -113,16 +114,20 @@ impl Work<'_> {
     /// Moves the points of each surface so that labels have the volumes `wanted` (mm3, in the order of the labels).
     pub(in super::super) fn restore_volumes(&mut self, wanted: &[f64], bounds: Bounds) {
         let faces = self.surface_faces();
-        let mut before = f64::INFINITY;
+        let walls = self.walls(&faces, wanted.len());
+        let wanted: &[f64] = &[wanted, &walls.wanted].concat();
+        let mut before = [f64::INFINITY; 2];
         for _ in 0..PASSES {
-            let now = self.volumes(wanted.len());
-            let off = || now.iter().zip(wanted).map(|(n, w)| (n - w).abs() / w);
-            let sum = off().sum::<f64>();
-            if off().all(|o| o <= MET) || sum > STUCK * before {
+            let now = [self.volumes(wanted.len() - walls.wanted.len()), walls.volumes(&self.points)].concat();
+            let off: Vec<f64> = now.iter().zip(wanted).map(|(n, w)| (n - w).abs() / w).collect();
+            // Specks may be off for good: the others are not to wait for them.
+            let is_speck = |l: usize| self.fields.specks.get(l) == Some(&true);
+            let sums = [off.iter().sum(), (0..off.len()).filter(|&l| !is_speck(l)).map(|l| off[l]).sum::<f64>()];
+            if off.iter().all(|o| *o <= MET) || (0..2).all(|i| sums[i] > STUCK * before[i]) {
                 break;
             }
-            before = sum;
-            let stands = self.stands(&faces);
+            before = sums;
+            let stands = self.stands(&faces, &walls);
             let lacking: Vec<f64> = wanted.iter().zip(&now).map(|(w, n)| w - n).collect();
             for (pair, gain) in shares(&stands, &lacking) {
                 let smaller = pair.1.map_or(f64::INFINITY, |b| wanted[usize::from(b)]).min(wanted[usize::from(pair.0)]);
@@ -142,8 +147,8 @@ impl Work<'_> {
         v
     }
 
-    /// Faces between labels, or to the outside, seen from outside of the lower label.
-    fn surface_faces(&self) -> Vec<[u32; 3]> {
+    /// Faces between labels, or to the outside, seen from outside of the lower label, and whether to the outside.
+    fn surface_faces(&self) -> Vec<([u32; 3], bool)> {
         const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
         let mut faces: Vec<([u32; 3], u8, [u32; 3])> = Vec::new();
         for (t, &label) in self.tets.iter().zip(&self.labels).filter(|(_, l)| **l != DEAD) {
@@ -158,12 +163,12 @@ impl Work<'_> {
         }
         faces.sort_unstable();
         let sides = faces.chunk_by(|a, b| a.0 == b.0);
-        sides.filter(|c| c.len() == 1 || c[0].1 != c[1].1).map(|c| c[0].2).collect()
+        sides.filter(|c| c.len() == 1 || c[0].1 != c[1].1).map(|c| (c[0].2, c.len() == 1)).collect()
     }
 
-    fn stands(&self, faces: &[[u32; 3]]) -> Vec<Stand> {
+    fn stands(&self, faces: &[([u32; 3], bool)], walls: &Walls) -> Vec<Stand> {
         let mut sums = vec![([0.0; 3], [0.0; 3], 0.0); self.points.len()];
-        for f in faces {
+        for (f, _) in faces {
             let p = f.map(|v| self.points[v as usize]);
             let area = scale(cross(sub(p[1], p[0]), sub(p[2], p[0])), 0.5);
             let sum = add(add(p[0], p[1]), p[2]);
@@ -175,6 +180,7 @@ impl Work<'_> {
         let mut out = Vec::new();
         for (v, (area, ring, count)) in sums.into_iter().enumerate() {
             let Freedom::Surface(pair) = self.freedom(v as u32) else { continue };
+            let pair = (pair.0, pair.1.or(walls.of(v as u32)));
             let length = dot(area, area).sqrt();
             if count > 0.0 && length > 0.0 {
                 let normal = scale(area, 1.0 / length);

@@ -1,0 +1,208 @@
+//! Cavities that are kept by no label: their walls belong to what is around them, whose volume says nothing of theirs.
+
+use super::fields::Field;
+use super::vec3::V3;
+use monro_geometry::{DisjointSets, Volume};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Cavities of fewer cells have no walls that a mesh could follow.
+const LEAST_CELLS: usize = 27;
+/// How far around the cells of a cavity its voxels are looked for, voxels.
+const AROUND: f64 = 2.0;
+/// Cavities that are looked after at most, the largest.
+const MOST: usize = 32;
+
+/// A cavity.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Void {
+    /// Volume of its voxels, mm3.
+    pub(super) volume: f64,
+    /// The corners of its box, LPS mm.
+    pub(super) low: V3,
+    pub(super) high: V3,
+}
+
+/// Cells of a row that are outside.
+#[derive(Debug, Clone)]
+struct Run {
+    cells: Range<usize>,
+    row: [usize; 2],
+}
+
+/// What a component has.
+#[derive(Debug, Clone, Copy)]
+struct Component {
+    cells: usize,
+    low: [usize; 3],
+    high: [usize; 3],
+    /// The middle of its longest run.
+    inside: [usize; 3],
+    longest: usize,
+}
+
+/// The cavities in `union`, the smooth field of what is kept, with the volumes that they have in the voxels; those that the voxels do
+/// not close are none.
+pub(super) fn voids<T: Copy>(labels: &Volume<T>, is_kept: &impl Fn(T) -> bool, union: &Field) -> Vec<Void> {
+    let mut all: Vec<Void> = components(union).iter().filter_map(|c| enclosed(labels, is_kept, union, c)).collect();
+    all.sort_by(|a, b| b.volume.total_cmp(&a.volume));
+    all.truncate(MOST);
+    all
+}
+
+/// Components, by faces, of the cells outside, but for the one around all, of the first cell.
+fn components(union: &Field) -> Vec<Component> {
+    let [nx, ny, _] = union.volume().grid().dims();
+    let (mut runs, mut ends, mut sets): (Vec<Run>, Vec<usize>, _) = (Vec::new(), vec![0], DisjointSets::new(0));
+    for (r, row) in union.volume().data().chunks(nx).enumerate() {
+        let (before, below) = (r % ny > 0, r >= ny);
+        let beside = [before.then(|| r - 1), below.then(|| r - ny)].into_iter().flatten();
+        let beside: Vec<Range<usize>> = beside.map(|b| ends[b]..ends[b + 1]).collect();
+        for cells in outside(row) {
+            let own = sets.add();
+            let touches = |n: &usize| runs[*n].cells.start < cells.end && cells.start < runs[*n].cells.end;
+            beside.iter().cloned().flatten().filter(touches).for_each(|n| sets.join(own, n as u32));
+            runs.push(Run { cells, row: [r % ny, r / ny] });
+        }
+        ends.push(runs.len());
+    }
+    let mut found = BTreeMap::<u32, Component>::new();
+    for (n, run) in (0..).zip(&runs) {
+        let own = Component::of(run);
+        found.entry(sets.root(n)).and_modify(|sum| *sum = sum.joined(own)).or_insert(own);
+    }
+    found.into_iter().filter(|(root, c)| *root > 0 && c.cells >= LEAST_CELLS).map(|(_, c)| c).collect()
+}
+
+impl Component {
+    fn of(Run { cells, row: [j, k] }: &Run) -> Self {
+        let at = |i: usize| [i, *j, *k];
+        let (low, last) = (at(cells.start), cells.end - 1);
+        let inside = at(usize::midpoint(cells.start, last));
+        Self { cells: cells.len(), low, high: at(last), inside, longest: cells.len() }
+    }
+
+    fn joined(self, other: Self) -> Self {
+        let longest = if other.longest > self.longest { other } else { self };
+        Self {
+            cells: self.cells + other.cells,
+            low: [0, 1, 2].map(|a| self.low[a].min(other.low[a])),
+            high: [0, 1, 2].map(|a| self.high[a].max(other.high[a])),
+            ..longest
+        }
+    }
+}
+
+/// Runs of cells that are outside.
+fn outside(row: &[f32]) -> impl Iterator<Item = Range<usize>> {
+    let mut from = 0;
+    std::iter::from_fn(move || {
+        let start = from + row.get(from..)?.iter().position(|&v| v < 0.5)?;
+        from = start + row[start..].iter().position(|&v| v >= 0.5).unwrap_or(row.len() - start);
+        Some(start..from)
+    })
+}
+
+/// The cavity of the voxels in that of the cells; `None` where its voxels go on beyond.
+fn enclosed<T: Copy>(
+    labels: &Volume<T>,
+    is_kept: &impl Fn(T) -> bool,
+    union: &Field,
+    cells: &Component,
+) -> Option<Void> {
+    let grid = labels.grid();
+    let place = |[i, j, k]: [usize; 3]| union.volume().grid().centre(i, j, k);
+    let corners: Vec<V3> = (0..8usize)
+        .map(|c| [0, 1, 2].map(|a| if c >> a & 1 == 0 { cells.low[a] } else { cells.high[a] }))
+        .map(|corner| grid.voxel_from_patient().point(place(corner)).to_array())
+        .collect();
+    let end = |a: usize, pick: fn(f64, f64) -> f64| corners.iter().map(|c| c[a]).reduce(pick).unwrap_or(0.0);
+    let low = [0, 1, 2].map(|a| (end(a, f64::min) - AROUND).floor().max(0.0) as usize);
+    let high = [0, 1, 2].map(|a| ((end(a, f64::max) + AROUND).ceil() as usize).min(grid.dims()[a] - 1));
+    let first = grid.containing(place(cells.inside))?;
+    let is_free = |[i, j, k]: [usize; 3]| !is_kept(labels.data()[grid.index(i, j, k)]);
+    let found = flood(first, (low, high), is_free)?;
+    let centres = found.iter().map(|&[i, j, k]| grid.centre(i, j, k).to_array());
+    let fold = |from: f64, pick: fn(f64, f64) -> f64| {
+        centres.clone().fold([from; 3], |sum, p| [0, 1, 2].map(|a| pick(sum[a], p[a])))
+    };
+    Some(Void {
+        volume: found.len() as f64 * grid.voxel_volume(),
+        low: fold(f64::INFINITY, f64::min),
+        high: fold(f64::NEG_INFINITY, f64::max),
+    })
+}
+
+/// The voxels within a box that are joined to `first` by faces; `None` where they reach its sides.
+fn flood(
+    first: [usize; 3],
+    (low, high): ([usize; 3], [usize; 3]),
+    is_free: impl Fn([usize; 3]) -> bool,
+) -> Option<Vec<[usize; 3]>> {
+    let size = [0, 1, 2].map(|a| high[a] + 1 - low[a]);
+    let at = |v: [usize; 3]| (v[0] - low[0]) + size[0] * ((v[1] - low[1]) + size[1] * (v[2] - low[2]));
+    if !(0..3).all(|a| (low[a]..=high[a]).contains(&first[a])) || !is_free(first) {
+        return None;
+    }
+    let mut seen = vec![false; size.iter().product()];
+    seen[at(first)] = true;
+    let mut all = vec![first];
+    let mut next = 0;
+    while let Some(&v) = all.get(next) {
+        next += 1;
+        for a in 0..3 {
+            if v[a] == low[a] || v[a] == high[a] {
+                return None;
+            }
+            for x in [v[a] - 1, v[a] + 1] {
+                let mut other = v;
+                other[a] = x;
+                if !std::mem::replace(&mut seen[at(other)], true) && is_free(other) {
+                    all.push(other);
+                }
+            }
+        }
+    }
+    Some(all)
+}
+
+impl Void {
+    /// Whether a closed wall around `volume` mm3 in this box is likely this one's.
+    pub(super) fn is_like(&self, volume: f64, low: V3, high: V3) -> bool {
+        let middle = |a: usize| f64::midpoint(self.low[a], self.high[a]);
+        let within = (0..3).all(|a| (low[a]..=high[a]).contains(&middle(a)));
+        within && (0.4..1.6).contains(&(volume / self.volume))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::smooth::smoothed;
+    use super::*;
+    use monro_geometry::Grid;
+
+    /// A block of 26 voxels with cavities cut out of it, and their voids.
+    fn of_block(is_cut: impl Fn([usize; 3]) -> bool) -> Vec<Void> {
+        let grid = Grid::axis_aligned([36; 3], [1.0; 3], [0.0; 3]).expect("grid");
+        let kept = |v: [usize; 3]| v.iter().all(|i| (5..31).contains(i)) && !is_cut(v);
+        let data: Vec<u8> = (0..grid.len()).map(|at| u8::from(kept(grid.voxel(at)))).collect();
+        let field = Volume::new(grid, data.iter().map(|&l| f32::from(l)).collect()).expect("count");
+        let labels = Volume::new(grid, data).expect("count");
+        voids(&labels, &|l| l == 1, &Field::new(smoothed(field, false)))
+    }
+
+    #[test]
+    fn closed_cavities_are_found_with_the_volumes_of_their_voxels_and_open_ones_are_none() {
+        let within =
+            |v: [usize; 3], low: [usize; 3], size: usize| (0..3).all(|a| (low[a]..low[a] + size).contains(&v[a]));
+        assert_eq!(of_block(|_| false), []);
+        let two = of_block(|v| within(v, [8; 3], 8) || within(v, [20, 20, 9], 5));
+        let boxes: Vec<(f64, V3, V3)> = two.iter().map(|v| (v.volume, v.low, v.high)).collect();
+        assert_eq!(boxes, [(512.0, [8.0; 3], [15.0; 3]), (125.0, [20.0, 20.0, 9.0], [24.0, 24.0, 13.0])]);
+        assert!(two[0].is_like(450.0, [7.5; 3], [15.5; 3]) && !two[1].is_like(450.0, [7.5; 3], [15.5; 3]));
+        // A channel one voxel wide that the smooth field closes leads out of it.
+        assert_eq!(of_block(|v| within(v, [8; 3], 8) || (v[0] == 12 && v[1] == 12 && v[2] < 9)), []);
+        assert_eq!(of_block(|v| within(v, [8; 3], 8) || within(v, [10, 10, 3], 6)), []);
+        assert_eq!(of_block(|v| within(v, [8; 3], 2)), [], "too small");
+    }
+}
