@@ -2,6 +2,7 @@
 
 use super::fields::Field;
 use super::vec3::V3;
+use crate::surface::even::Extent;
 use monro_geometry::{DisjointSets, Volume};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -112,25 +113,27 @@ fn enclosed<T: Copy>(
 ) -> Option<Void> {
     let grid = labels.grid();
     let place = |[i, j, k]: [usize; 3]| union.volume().grid().centre(i, j, k);
-    let corners: Vec<V3> = (0..8usize)
-        .map(|c| [0, 1, 2].map(|a| if c >> a & 1 == 0 { cells.low[a] } else { cells.high[a] }))
-        .map(|corner| grid.voxel_from_patient().point(place(corner)).to_array())
-        .collect();
-    let end = |a: usize, pick: fn(f64, f64) -> f64| corners.iter().map(|c| c[a]).reduce(pick).unwrap_or(0.0);
-    let low = [0, 1, 2].map(|a| (end(a, f64::min) - AROUND).floor().max(0.0) as usize);
-    let high = [0, 1, 2].map(|a| ((end(a, f64::max) + AROUND).ceil() as usize).min(grid.dims()[a] - 1));
+    let voxel = |corner| grid.voxel_from_patient().point(place(corner)).to_array();
+    let [low, high] = ends(corners(cells.low, cells.high).map(voxel))?;
+    let low = low.map(|x| (x - AROUND).floor().max(0.0) as usize);
+    let high = [0, 1, 2].map(|a| ((high[a] + AROUND).ceil() as usize).min(grid.dims()[a] - 1));
     let first = grid.containing(place(cells.inside))?;
     let is_free = |[i, j, k]: [usize; 3]| !is_kept(labels.data()[grid.index(i, j, k)]);
     let found = flood(first, (low, high), is_free)?;
-    let centres = found.iter().map(|&[i, j, k]| grid.centre(i, j, k).to_array());
-    let fold = |from: f64, pick: fn(f64, f64) -> f64| {
-        centres.clone().fold([from; 3], |sum, p| [0, 1, 2].map(|a| pick(sum[a], p[a])))
-    };
-    Some(Void {
-        volume: found.len() as f64 * grid.voxel_volume(),
-        low: fold(f64::INFINITY, f64::min),
-        high: fold(f64::NEG_INFINITY, f64::max),
-    })
+    let centre = |[i, j, k]: [usize; 3]| grid.centre(i, j, k).to_array();
+    let [low, high] = ends(corners(found.low, found.high).map(centre))?;
+    Some(Void { volume: found.count as f64 * grid.voxel_volume(), low, high })
+}
+
+/// The corners of a box.
+fn corners(low: [usize; 3], high: [usize; 3]) -> impl Iterator<Item = [usize; 3]> + Clone {
+    (0..8usize).map(move |c| [0, 1, 2].map(|a| if c >> a & 1 == 0 { low[a] } else { high[a] }))
+}
+
+/// The box of some points; `None` where there are none.
+pub(super) fn ends(points: impl Iterator<Item = V3> + Clone) -> Option<[V3; 2]> {
+    let end = |pick: fn(f64, f64) -> f64| points.clone().reduce(|e, p| [0, 1, 2].map(|a| pick(e[a], p[a])));
+    Some([end(f64::min)?, end(f64::max)?])
 }
 
 /// The voxels within a box that are joined to `first` by faces; `None` where they reach its sides.
@@ -138,7 +141,7 @@ fn flood(
     first: [usize; 3],
     (low, high): ([usize; 3], [usize; 3]),
     is_free: impl Fn([usize; 3]) -> bool,
-) -> Option<Vec<[usize; 3]>> {
+) -> Option<Extent> {
     let size = [0, 1, 2].map(|a| high[a] + 1 - low[a]);
     let at = |v: [usize; 3]| (v[0] - low[0]) + size[0] * ((v[1] - low[1]) + size[1] * (v[2] - low[2]));
     if !(0..3).all(|a| (low[a]..=high[a]).contains(&first[a])) || !is_free(first) {
@@ -146,24 +149,21 @@ fn flood(
     }
     let mut seen = vec![false; size.iter().product()];
     seen[at(first)] = true;
-    let mut all = vec![first];
-    let mut next = 0;
-    while let Some(&v) = all.get(next) {
-        next += 1;
-        for a in 0..3 {
-            if v[a] == low[a] || v[a] == high[a] {
-                return None;
-            }
-            for x in [v[a] - 1, v[a] + 1] {
-                let mut other = v;
-                other[a] = x;
-                if !std::mem::replace(&mut seen[at(other)], true) && is_free(other) {
-                    all.push(other);
-                }
+    let (mut edge, mut found) = (vec![first], Extent { low: first, high: first, count: 0 });
+    while let Some(v) = edge.pop() {
+        if (0..3).any(|a| v[a] == low[a] || v[a] == high[a]) {
+            return None;
+        }
+        found = found.joined(Extent { low: v, high: v, count: 1 });
+        for (a, x) in (0..3).flat_map(|a| [(a, v[a] - 1), (a, v[a] + 1)]) {
+            let mut other = v;
+            other[a] = x;
+            if !std::mem::replace(&mut seen[at(other)], true) && is_free(other) {
+                edge.push(other);
             }
         }
     }
-    Some(all)
+    Some(found)
 }
 
 impl Void {

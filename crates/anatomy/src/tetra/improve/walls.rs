@@ -2,6 +2,7 @@
 //! its cavity, and what a label around it wins by that made up for what it lost outside.
 
 use super::super::vec3::{V3, cross, dot, sub};
+use super::super::voids::ends;
 use super::work::Work;
 use monro_geometry::DisjointSets;
 use std::collections::BTreeMap;
@@ -49,9 +50,7 @@ impl Work<'_> {
         let mut free: Vec<_> = self.fields.voids.iter().collect();
         for faces in self.outer_parts(faces) {
             let found = -volume(&faces, &self.points);
-            let corners = || faces.iter().flatten().map(|&v| self.points[v as usize]);
-            let end = |pick: fn(f64, f64) -> f64| corners().reduce(|e, p| [0, 1, 2].map(|a| pick(e[a], p[a])));
-            let (Some(low), Some(high)) = (end(f64::min), end(f64::max)) else { continue };
+            let Some([low, high]) = ends(faces.iter().flatten().map(|&v| self.points[v as usize])) else { continue };
             let Some(which) = free.iter().position(|v| v.is_like(found, low, high)) else { continue };
             let Ok(number) = u8::try_from(labels + walls.wanted.len()) else { break };
             walls.wanted.push(free.remove(which).volume);
