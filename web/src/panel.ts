@@ -38,8 +38,9 @@ const ROWS: Row[] = [
 export const isRegistered = ({ phase }: Guidance): boolean => phase === "registered" || phase === "checked" || phase === "navigating";
 
 /** What must not be missed, with a way out. */
-export function alarm({ reference_moved_mm: moved, solver_fault: fault, solver_faults: faults }: Guidance): string {
+export function alarm({ reference_moved_mm: moved, tissue_doubt: doubt, solver_fault: fault, solver_faults: faults }: Guidance): string {
   if (moved !== null) return `The reference has moved by ${moved.toFixed(1)} mm: check a landmark or register again.`;
+  if (doubt !== null) return `What is drawn of the tissue is no result: ${doubt}.`;
   return fault ? `The soft body had a fault and went back to its last good state (${faults} so far): deformed values may be behind.` : "";
 }
 

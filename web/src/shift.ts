@@ -25,6 +25,7 @@ export class Shift {
   readonly #came = make("output", { id: "shift-came" });
   readonly #said = make("p", { id: "shift-said", className: "said bad", hidden: true });
   readonly #drained = make("input", { type: "number", step: "1" });
+  #filled = "";
   readonly #lies = make("select");
   readonly #share = make("input", { type: "number", min: "0", max: "200", step: "10" });
 
@@ -47,7 +48,7 @@ export class Shift {
 
   #fill({ drain_ml, gravity_m_s2 }: Tissue): void {
     const [lies, share] = posture(gravity_m_s2);
-    this.#drained.value = drain_ml === null ? "" : String(drain_ml);
+    this.#drained.value = this.#filled = drain_ml === null ? "" : String(drain_ml);
     this.#lies.replaceChildren(...[AS_SCANNED, ...Object.keys(POSTURES), ...(lies === OTHER ? [OTHER] : [])].map((text) => make("option", { textContent: text })));
     this.#lies.value = lies;
     this.#share.valueAsNumber = share;
@@ -56,7 +57,8 @@ export class Shift {
   /** What is to be done, as the inputs say. */
   #wanted(): object {
     const [ml, percent, way] = [this.#drained.valueAsNumber, this.#share.valueAsNumber, POSTURES[this.#lies.value]];
-    const drained = Number.isFinite(ml) ? { drain_ml: ml } : {};
+    // What was left as it is stays, as a pressure that was given at the start does.
+    const drained = this.#drained.value === this.#filled ? {} : { drain_ml: Number.isFinite(ml) ? ml : null };
     if (this.#lies.value === OTHER) return drained;
     const size = Number.isFinite(percent) ? (G_M_S2 * percent) / 100 : G_M_S2;
     return { ...drained, gravity_m_s2: (way ?? [0, 0, 0]).map((w) => w * size) };

@@ -65,6 +65,8 @@ pub(crate) struct Guidance {
     /// What the ventricles have lost so far, ml.
     drained_ml: f64,
     csf_pressure_change_mmhg: f64,
+    /// Why the tissue as it is drawn is no result.
+    tissue_doubt: Option<String>,
     solver_fault: bool,
     /// Steps of the soft body so far that had one.
     solver_faults: u64,
@@ -81,7 +83,10 @@ fn why_no_numbers(s: &Snapshot) -> Option<String> {
     }
     match &s.numbers {
         None => Some(format!("no pose of {} (catheter and patient's reference are needed)", s.missing.join(" and "))),
-        Some(n) if n.soft.is_none() => Some("the soft body has fallen behind the catheter".to_owned()),
+        Some(n) if n.soft.is_none() => Some(match s.deformed.doubt {
+            Some(doubt) => doubt.to_string(),
+            None => "the soft body has fallen behind the catheter".to_owned(),
+        }),
         Some(_) => None,
     }
 }
@@ -124,6 +129,7 @@ impl Guidance {
             drained_asked_ml: if let Csf::Drained { ml } = s.loads.csf { Some(ml) } else { None },
             drained_ml: -s.deformed.csf_change_ml,
             csf_pressure_change_mmhg: s.deformed.csf_change_kpa / KPA_PER_MMHG,
+            tissue_doubt: s.deformed.doubt.map(|doubt| doubt.to_string()),
             solver_fault: s.deformed.fault,
             solver_faults: s.deformed.faults,
             reference_moved_mm: s.reference_alarm.map(|b| b.shift),
@@ -151,6 +157,7 @@ impl Guidance {
         words.extend(self.drained_asked_ml.map(|ml| format!("drained {:.1} of {ml:.1} ml", self.drained_ml)));
         words.extend(mm("predicted error", self.predicted_tre_mm));
         words.extend(mm("REFERENCE MOVED", self.reference_moved_mm));
+        words.extend(self.tissue_doubt.clone());
         words.extend(self.solver_fault.then(|| "solver fault".to_owned()));
         words.join("; ")
     }

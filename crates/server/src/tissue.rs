@@ -9,7 +9,7 @@ use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use monro_case::Case;
 use monro_session::{Csf, KPA_PER_MMHG, LoadError, Loads, Mode, ModelSettings, StructureVolumes};
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -46,24 +46,36 @@ impl Tissue {
     }
 }
 
-/// What shall be done from now on; what is not said stays as it is, and of fluid one thing can be said.
+/// What shall be done from now on; what is not said stays as it is, `null` is nothing, and of fluid one thing can be said.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct TissueRequest {
-    drain_ml: Option<f64>,
-    csf_pressure_mmhg: Option<f64>,
-    gravity_m_s2: Option<[f64; 3]>,
+    #[serde(default, deserialize_with = "given")]
+    drain_ml: Option<Option<f64>>,
+    #[serde(default, deserialize_with = "given")]
+    csf_pressure_mmhg: Option<Option<f64>>,
+    #[serde(default, deserialize_with = "given")]
+    gravity_m_s2: Option<Option<[f64; 3]>>,
+}
+
+/// What is given as `null` is not what is left out.
+fn given<'de, D: Deserializer<'de>, T: Deserialize<'de>>(value: D) -> Result<Option<T>, D::Error> {
+    T::deserialize(value).map(Some)
 }
 
 impl TissueRequest {
     fn loads(&self, now: Loads) -> Result<Loads, &'static str> {
         let csf = match (self.drain_ml, self.csf_pressure_mmhg) {
-            (Some(_), Some(_)) => return Err("give drain_ml or csf_pressure_mmhg: one follows from the other"),
-            (Some(ml), None) => Csf::Drained { ml },
-            (None, Some(mmhg)) => Csf::Pressure { kpa: mmhg * KPA_PER_MMHG },
+            (Some(Some(_)), Some(Some(_))) => {
+                return Err("give drain_ml or csf_pressure_mmhg: one follows from the other");
+            }
+            (Some(Some(ml)), _) => Csf::Drained { ml },
+            (_, Some(Some(mmhg))) => Csf::Pressure { kpa: mmhg * KPA_PER_MMHG },
             (None, None) => now.csf,
+            _ => Csf::AtRest,
         };
-        let gravity_mm_s2 = self.gravity_m_s2.map_or(now.gravity_mm_s2, |gravity| gravity.map(|g| g * 1e3));
+        let gravity = self.gravity_m_s2.map(|gravity| gravity.unwrap_or_default().map(|g| g * 1e3));
+        let gravity_mm_s2 = gravity.unwrap_or(now.gravity_mm_s2);
         Ok(Loads { csf, gravity_mm_s2 })
     }
 }

@@ -45,6 +45,10 @@ async fn the_ventricles_are_drained_while_the_session_runs_and_filled_again() {
     let (_, now) = served.post("/api/tissue", r#"{"drain_ml":0}"#).await;
     assert_eq!((number(&now, "drain_ml"), &now["gravity_m_s2"][1]), (0.0, &4.9.into()));
     served.until(|g| number(g, "drained_ml").abs() < 0.1).await;
+    // Nothing any more.
+    let (_, now) = served.post("/api/tissue", r#"{"drain_ml":null,"gravity_m_s2":null}"#).await;
+    assert!(now["drain_ml"].is_null() && now["gravity_m_s2"][1] == 0.0, "{now}");
+    served.until(|g| g["drained_asked_ml"].is_null() && number(g, "target_shift_mm") < 0.05).await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

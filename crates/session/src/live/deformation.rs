@@ -1,7 +1,7 @@
 //! The deformation loop: the soft body follows the newest needle pose, as fast as it can.
 
 use super::room::Room;
-use super::{Cue, Deformed};
+use super::{Cue, Deformed, Doubt};
 use crate::loads::Ramp;
 use crate::tissue_model::{self, ModelSettings};
 use crate::{Loads, SessionError, StructureVolumes};
@@ -27,10 +27,14 @@ const OUTSIDE_MM: f64 = 0.1;
 const SHORTEST_STEP_S: f64 = 1.0 / 1000.0;
 /// Time step in which the loads that there are from the start come on, s.
 const STARTING_STEP_S: f64 = 1.0 / 60.0;
+/// They are waited for so long at most, s.
+const MOST_STARTING_S: f64 = 8.0;
 /// What was let go of is given this time to come to rest, s.
 const RELAX_S: f64 = 0.5;
 /// A way that nobody has seen counts as one of so long, s: deformed numbers come back with the second half of it.
 const UNSEEN_S: f64 = 1.0;
+/// Elements that are turned inside out for so long do not find back: the tissue begins anew at rest, s.
+const TANGLED_S: f64 = 2.0;
 /// For how long a fault is told after the step that had it, s of steps: a display must not miss it, nor a surgeon who has
 /// just looked away.
 const FAULT_TOLD_S: f64 = 3.0;
@@ -58,6 +62,10 @@ pub struct Deformation {
     followed: Cue,
     /// For how much longer tissue that was let go of may move, s.
     relax_s: f64,
+    /// For how long elements have been turned inside out, s.
+    tangled_s: f64,
+    /// Whether nobody has seen how the catheter went in.
+    is_unseen: bool,
     /// How a step goes, but for its time and the loads.
     frame: FrameSettings,
     /// The loads, as they come on.
@@ -96,12 +104,16 @@ impl Deformation {
             fault_left_s: 0.0,
             followed: Cue { loads, ..Cue::default() },
             relax_s: 0.0,
+            tangled_s: 0.0,
+            is_unseen: false,
             frame,
             ramp: Ramp::default(),
             room: Room::new(&case.tets.vertices),
         };
         let start = Cue { loads, ..Cue::default() };
-        while out.follow(&start, STARTING_STEP_S).is_some() {}
+        // Loads that tear it apart would do so again and again.
+        let mut steps = 0..(MOST_STARTING_S / STARTING_STEP_S) as u32;
+        while steps.next().is_some() && out.follow(&start, STARTING_STEP_S).is_some() {}
         out.steps = 0;
         out.now.step = 0;
         Ok(out)
@@ -115,7 +127,12 @@ impl Deformation {
     /// Whether nothing would move.
     pub fn is_settled(&self, cue: &Cue) -> bool {
         let is_known = cue.placement == self.followed.placement || self.last.is_none();
-        cue.needle.is_none() && is_known && self.ramp.to() == cue.loads && self.ramp.is_settled() && self.relax_s <= 0.0
+        cue.needle.is_none() && is_known && self.ramp.to() == cue.loads && self.is_at_rest()
+    }
+
+    /// Whether tissue that nothing touches has come to rest.
+    fn is_at_rest(&self) -> bool {
+        self.ramp.is_settled() && self.relax_s <= 0.0 && self.tangled_s <= 0.0
     }
 
     /// Goes on by `dt_s` seconds with what there is to follow; `None` where nothing moves. Loads must have passed
@@ -132,7 +149,7 @@ impl Deformation {
         }
         match cue.needle {
             Some((needle, seen_at)) => Some(self.advance(&needle, seen_at, dt_s)),
-            None if self.ramp.is_settled() && self.relax_s <= 0.0 => None,
+            None if self.is_at_rest() => None,
             None => {
                 let motion = self.last.map(|(pose, _)| motion(pose, pose));
                 Some(self.step(motion, self.last.map(|(_, time)| time), dt_s))
@@ -161,6 +178,7 @@ impl Deformation {
     pub(super) fn advance(&mut self, needle: &NeedlePose, pose_time_s: f64, dt_s: f64) -> Deformed {
         let (wanted, inside) = self.wanted(needle);
         let (from, from_time) = self.begin(&wanted, inside, pose_time_s);
+        self.is_unseen = if inside > 0.0 { self.is_unseen || self.last.is_none() } else { false };
         let aim = if inside > 0.0 { wanted } else { self.withdrawn(&from).unwrap_or(wanted) };
         let share = (FARTHEST_MM / way(&from, &aim)).min(1.0);
         let to = ToolPose { tip: from.tip.lerp(aim.tip, share), tail: from.tail.lerp(aim.tail, share) };
@@ -178,7 +196,21 @@ impl Deformation {
         self.relax_s -= dt_s;
         self.note_faults(&report, dt_s);
         self.now = self.result(&report, pose_time_s);
+        self.tangled_s = if report.inverted > 0 { self.tangled_s + dt_s } else { 0.0 };
+        if self.tangled_s > TANGLED_S {
+            self.begin_anew();
+        }
         self.now.clone()
+    }
+
+    /// Puts tissue that does not find back to rest, from where loads come on again and the catheter goes in again.
+    fn begin_anew(&mut self) {
+        self.state = self.model.rest_state();
+        (self.last, self.relax_s, self.tangled_s) = (None, RELAX_S, 0.0);
+        self.ramp = Ramp::default();
+        self.ramp.aim(self.followed.loads, 0.0, 0.0);
+        self.faults += 1;
+        self.fault_left_s = FAULT_TOLD_S;
     }
 
     /// Where the tool was before it goes to `wanted`, which is `inside` mm from the air along its axis, and when. From air to
@@ -219,11 +251,14 @@ impl Deformation {
             .map(|v| self.model.displacement(&self.state, v).to_array().map(|d| d as f32))
             .collect();
         let at_tip = report.tools.first().and_then(|t| t.label).and_then(Structure::from_label);
+        let target = self.target_now();
         Deformed {
             step: self.steps,
+            placement: self.followed.placement,
             pose_time_s,
             displacements,
-            target: self.target_now(),
+            target,
+            doubt: Doubt::of(report.inverted, target.distance(self.plan.target())),
             at_tip,
             csf_depth_mm: self.csf_depth_mm(at_tip),
             axial_force_mn: self.axial_force_mn(report),
@@ -235,11 +270,11 @@ impl Deformation {
         }
     }
 
-    /// How deep the tip was when it first was in a ventricle, since it was outside of the tissue.
+    /// How deep the tip was when it first was in a ventricle, since it was outside of the tissue; `None` where nobody saw it go in.
     fn csf_depth_mm(&self, at_tip: Option<Structure>) -> Option<f64> {
         let depth = |(pose, _): (ToolPose, f64)| (pose.tip - self.plan.entry()).dot(self.plan.direction());
         let first = || self.last.filter(|_| at_tip.is_some_and(Structure::is_ventricle)).map(depth);
-        at_tip.and_then(|_| self.now.csf_depth_mm.or_else(first))
+        at_tip.filter(|_| !self.is_unseen).and_then(|_| self.now.csf_depth_mm.or_else(first))
     }
 
     /// The middle one of the last three forces along the shaft: a single one may be of a jump of the tissue. `None` where they have no

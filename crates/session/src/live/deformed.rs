@@ -1,5 +1,6 @@
 //! What the soft body looks like at one moment, and what it says.
 
+use core::fmt;
 use monro_geometry::{Patient, Point, Structure};
 
 /// The soft body at one moment. Immutable once made, so that displays can share it.
@@ -7,6 +8,8 @@ use monro_geometry::{Patient, Point, Structure};
 pub struct Deformed {
     /// Counts the steps; 0 is before any.
     pub step: u64,
+    /// How the needle followed from the poses then ([`Cue::placement`](super::Cue::placement)).
+    pub placement: u32,
     /// Time of the needle pose that it answers to, s; `None` before the first.
     pub pose_time_s: Option<f64>,
     /// Displacement of each node from rest, mm, in the order of the case's mesh.
@@ -27,11 +30,43 @@ pub struct Deformed {
     pub csf_change_ml: f64,
     /// How much more pressure there is in the middle of their fluid than at rest, kPa.
     pub csf_change_kpa: f64,
+    /// Why it is no result: nothing may be read off it.
+    pub doubt: Option<Doubt>,
     /// Whether the solver had to take a step back, and hold or retry, within the last three seconds that it ran: shown,
     /// not hidden.
     pub fault: bool,
     /// Steps so far that were taken back or held.
     pub faults: u64,
+}
+
+/// Why a soft body shows no result.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Doubt {
+    /// So many elements are turned inside out.
+    Inverted(usize),
+    /// The target's tissue has moved so far, mm.
+    Far(f64),
+}
+
+/// The target's tissue does not move further than this, mm: beyond the models are not believed.
+const FARTHEST_TARGET_MM: f64 = 20.0;
+
+impl Doubt {
+    /// What there is to doubt in tissue with so many elements turned inside out, whose target has moved so far (mm).
+    pub(super) fn of(inverted: usize, target_shift_mm: f64) -> Option<Self> {
+        let far = || (target_shift_mm > FARTHEST_TARGET_MM).then_some(Self::Far(target_shift_mm));
+        if inverted > 0 { Some(Self::Inverted(inverted)) } else { far() }
+    }
+}
+
+impl fmt::Display for Doubt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Inverted(count) => write!(f, "{count} elements of the soft body are turned inside out"),
+            Self::Far(mm) => write!(f, "the soft body has the target {mm:.0} mm from its place"),
+        }?;
+        f.write_str(": ask for less drainage, pressure or gravity, or draw the catheter out")
+    }
 }
 
 impl Deformed {
@@ -40,6 +75,7 @@ impl Deformed {
         let displacements = vec![[0.0; 3]; nodes];
         Self {
             step: 0,
+            placement: 0,
             pose_time_s: None,
             displacements,
             target,
@@ -49,6 +85,7 @@ impl Deformed {
             largest_mm: 0.0,
             csf_change_ml: 0.0,
             csf_change_kpa: 0.0,
+            doubt: None,
             fault: false,
             faults: 0,
         }

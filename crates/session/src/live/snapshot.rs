@@ -109,6 +109,8 @@ impl Session {
         let deformation_age_s = deformed.pose_time_s.map(|t| now - t);
         // A soft body that has fallen behind as far as a lost tool would say where the tissue was, not where it is.
         let fresh = deformation_age_s.is_some_and(|age| self.expiry().signal(age) != Signal::Lost);
+        // Nor does one that has followed a needle that was not there, or is none.
+        let fresh = fresh && deformed.placement == self.placement() && deformed.doubt.is_none();
         let numbers = match (self.plan(), &needle) {
             (Some(plan), Some(needle)) if self.phase() == Phase::Navigating => {
                 Some(Numbers::new(plan, needle, fresh.then_some(&**deformed)))
@@ -136,6 +138,7 @@ impl Session {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::live::Doubt;
     use crate::live::session::PlainEvent;
     use crate::live::session::tests::{navigating, plan};
     use crate::live::{Script, SessionEvent};
@@ -143,7 +146,8 @@ mod tests {
 
     /// The soft body's answer to a pose seen at `time_s`.
     fn answer(time_s: f64) -> Deformed {
-        Deformed { pose_time_s: Some(time_s), ..Deformed::at_rest(plan().target(), 0) }
+        // A case, a calibration, a registration.
+        Deformed { placement: 3, pose_time_s: Some(time_s), ..Deformed::at_rest(plan().target(), 0) }
     }
 
     #[test]
@@ -196,6 +200,8 @@ mod tests {
         let soft = |d: Deformed| s.snapshot(2.0, &Arc::new(d)).numbers.expect("navigating").soft;
         assert!(soft(answer(1.6)).is_some());
         assert!(soft(answer(1.4)).is_none() && soft(Deformed::at_rest(plan().target(), 0)).is_none());
+        assert!(soft(Deformed { placement: 2, ..answer(2.0) }).is_none(), "registered anew since");
+        assert!(soft(Deformed { doubt: Some(Doubt::Inverted(7)), ..answer(2.0) }).is_none());
     }
 
     #[test]
