@@ -399,6 +399,8 @@ const tests = {
     await p.getByLabel("Drained from the ventricles in all, ml").fill("500");
     await p.getByRole("button", { name: "Set", exact: true }).click();
     await until("a refusal", async () => /500 ml/.test(await text(p, "#shift-said")));
+    // The slices that follow the tip go through the brain then.
+    await until("the catheter at the target", async () => (await sliding.api("/api/guidance")).distance_to_target_rigid_mm < 0.5);
     await sliding.api("/api/tracker", { paused: true });
     await until("lost", async () => (await text(p, "#signal span")) === "Lost");
     await p.getByLabel("Drained from the ventricles in all, ml").fill("6");
@@ -419,10 +421,10 @@ const tests = {
     });
     await shot(p, "shifted");
     for (const { name, deformed, asScanned, compared } of await deformedSlices(p, browser, sliding.case)) {
-      console.log(`      ${name}: ${compared} pixels; grey levels off, mean ${deformed.mean.toFixed(3)}, as scanned ${asScanned.mean.toFixed(3)}`);
-      // All along the gap a pixel may fall to either side of its border.
-      assert.ok(deformed.beyond < 0.003 && deformed.mean < 0.15, `${name}, shifted: ${JSON.stringify(deformed)}`);
-      assert.ok(asScanned.beyond > 5 * deformed.beyond, `${name}, as scanned: ${JSON.stringify(asScanned)}`);
+      console.log(`      ${name}: ${compared} pixels; grey levels off, mean ${deformed.mean.toFixed(3)}, as scanned ${asScanned.mean.toFixed(3)}; more than 4 off ${deformed.beyond.toFixed(5)}, as scanned ${asScanned.beyond.toFixed(5)}`);
+      // All along the borders of the gap, a thousand pixels or so, each may fall to either side.
+      assert.ok(deformed.beyond < 0.007 && deformed.mean < 0.3, `${name}, shifted: ${JSON.stringify(deformed)}`);
+      assert.ok(asScanned.beyond > 3 * deformed.beyond && asScanned.mean > 3 * deformed.mean, `${name}, as scanned: ${JSON.stringify(asScanned)}`);
     }
     assert.deepEqual(p.faults.filter((f) => !/422/.test(f)), []);
     const { code } = await sliding.api("/api/pairing", { role: "viewer" });

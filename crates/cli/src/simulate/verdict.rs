@@ -8,13 +8,11 @@ use super::{Run, beside, coarse, crossed, misplaced, restless, walls, withdrawal
 use crate::soft_body;
 use monro_cli::report::{Finding, Severity};
 use monro_geometry::Structure;
+use monro_session::live::MOST_SHIFT_MM;
 use monro_session::{KPA_PER_MMHG, Skull};
 use monro_tissue::Csf;
 use serde_json::{Value, json};
 
-/// A target deep in the brain that moved further than this is not believed, mm: a choice, beyond the largest that any pressure
-/// up to 150 mmHg made of three heads (14 mm).
-const MOST_SHIFT_MM: f64 = 20.0;
 /// Share of the fluid asked for that may be missing at the end.
 const MOST_MISSING: f64 = 0.1;
 /// and beyond what is read of it, ml.

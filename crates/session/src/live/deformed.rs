@@ -48,13 +48,14 @@ pub enum Doubt {
     Far(f64),
 }
 
-/// The target's tissue does not move further than this, mm: beyond the models are not believed.
-const FARTHEST_TARGET_MM: f64 = 20.0;
+/// Farthest that the tissue of a target deep in the brain is believed to move, mm: a choice, beyond the largest that any pressure up
+/// to 150 mmHg made of three heads that the skull holds (14 mm).
+pub const MOST_SHIFT_MM: f64 = 20.0;
 
 impl Doubt {
     /// What there is to doubt in tissue with so many elements turned inside out, whose target has moved so far (mm).
     pub(super) fn of(inverted: usize, target_shift_mm: f64) -> Option<Self> {
-        let far = || (target_shift_mm > FARTHEST_TARGET_MM).then_some(Self::Far(target_shift_mm));
+        let far = || (target_shift_mm > MOST_SHIFT_MM).then_some(Self::Far(target_shift_mm));
         if inverted > 0 { Some(Self::Inverted(inverted)) } else { far() }
     }
 }

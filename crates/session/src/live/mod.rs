@@ -29,7 +29,7 @@ mod tracking;
 
 pub use cue::Cue;
 pub use deformation::Deformation;
-pub use deformed::{Deformed, Doubt};
+pub use deformed::{Deformed, Doubt, MOST_SHIFT_MM};
 pub use phase::{Event, Phase, Refusal, ToFirst};
 pub use playback::{Playback, PlaybackError};
 pub use registering::{Registering, Touch, TouchError, TouchMark};
