@@ -189,14 +189,16 @@ impl Deformation {
 
     /// One step of the soft body, with what comes of it.
     fn step(&mut self, motion: Option<ToolMotion>, pose_time_s: Option<f64>, dt_s: f64) -> Deformed {
-        let dt_s = if dt_s.is_nan() { SHORTEST_STEP_S } else { dt_s.clamp(SHORTEST_STEP_S, LONGEST_STEP_S) };
+        // Steps of what is torn apart take long, and people wait.
+        let passed_s = if dt_s.is_nan() { SHORTEST_STEP_S } else { dt_s.clamp(SHORTEST_STEP_S, TANGLED_S) };
+        let dt_s = passed_s.min(LONGEST_STEP_S);
         let frame = self.ramp.advance(dt_s).on(FrameSettings { dt_s, ..self.frame });
         let report = self.stepper.step(&self.model, &mut self.state, motion.as_slice(), &frame);
         self.steps += 1;
         self.relax_s -= dt_s;
         self.note_faults(&report, dt_s);
         self.now = self.result(&report, pose_time_s);
-        self.tangled_s = if report.inverted > 0 { self.tangled_s + dt_s } else { 0.0 };
+        self.tangled_s = if report.inverted > 0 { self.tangled_s + passed_s } else { 0.0 };
         if self.tangled_s > TANGLED_S {
             self.begin_anew();
         }
