@@ -134,12 +134,10 @@ impl EventRequest {
             Self::Calibrated { tip_mm, axis, .. } => {
                 let calibration = Calibration { tip: Point::from_array(tip_mm), axis: Vector::from_array(axis) };
                 let away = calibration.tip.distance(Point::ORIGIN);
-                if !(0.0..=LONGEST_TOOL_MM).contains(&away) || calibration.axis.normalized().is_none() {
-                    return Err("the tip must lie within 2 m of its body (mm) and the axis must have a direction");
-                }
-                let ahead =
-                    calibration.axis.normalized().map_or(0.0, |axis| (calibration.tip - Point::ORIGIN).dot(axis));
-                if ahead < -FURTHEST_BEHIND_MM {
+                let axis = calibration.axis.normalized().filter(|_| (0.0..=LONGEST_TOOL_MM).contains(&away));
+                let axis =
+                    axis.ok_or("the tip must lie within 2 m of its body (mm) and the axis must have a direction")?;
+                if (calibration.tip - Point::ORIGIN).dot(axis) < -FURTHEST_BEHIND_MM {
                     return Err("the axis points from the tip back to its body: it must point from the hub to the tip");
                 }
                 return Ok(SessionEvent::Calibrated(calibration));

@@ -2,8 +2,8 @@
 
 use monro_geometry::{Display, Patient, Point, Rigid, Structure};
 use monro_guidance::{Kakarla, TargetEye};
+use monro_session::KPA_PER_MMHG;
 use monro_session::live::{Deformed, Expiry, Session, Snapshot, ToolNames};
-use monro_session::{Csf, KPA_PER_MMHG};
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -126,7 +126,7 @@ impl Guidance {
             display_age_ms: ms(s.display_from_patient.map(|(age, _)| age)),
             target_shift_mm: s.deformed.target.distance(planned),
             largest_displacement_mm: s.deformed.largest_mm,
-            drained_asked_ml: if let Csf::Drained { ml } = s.loads.csf { Some(ml) } else { None },
+            drained_asked_ml: s.loads.drained_ml(),
             drained_ml: -s.deformed.csf_change_ml,
             csf_pressure_change_mmhg: s.deformed.csf_change_kpa / KPA_PER_MMHG,
             tissue_doubt: s.deformed.doubt.map(|doubt| doubt.to_string()),

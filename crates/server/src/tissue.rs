@@ -18,29 +18,24 @@ use std::sync::Arc;
 pub(crate) struct Tissue {
     model: ModelSettings,
     has_septa: bool,
-    volumes: StructureVolumes,
+    ventricles_ml: f64,
 }
 
 impl Tissue {
     /// Of the soft body of a case.
     pub(crate) fn new(case: &Case, model: &ModelSettings) -> Self {
         let has_septa = model.skull.wants_septa() && case.septa.is_some();
-        Self { model: *model, has_septa, volumes: StructureVolumes::new(&case.tets) }
+        Self { model: *model, has_septa, ventricles_ml: StructureVolumes::new(&case.tets).ventricles_ml() }
     }
 
     fn describe(&self, loads: &Loads) -> Value {
-        let (drained_ml, pressure_mmhg) = match loads.csf {
-            Csf::AtRest => (None, None),
-            Csf::Drained { ml } => (Some(ml), None),
-            Csf::Pressure { kpa } => (None, Some(kpa / KPA_PER_MMHG)),
-        };
         json!({
             "mode": if matches!(self.model.mode, Mode::Physical(_)) { "physical" } else { "paper" },
             "skull": if self.model.skull.slides() { "slides" } else { "held" },
             "septa": self.has_septa,
-            "ventricles_ml": self.volumes.ventricles_ml(),
-            "drain_ml": drained_ml,
-            "csf_pressure_mmhg": pressure_mmhg,
+            "ventricles_ml": self.ventricles_ml,
+            "drain_ml": loads.drained_ml(),
+            "csf_pressure_mmhg": loads.pressure_mmhg(),
             "gravity_m_s2": loads.gravity_mm_s2.map(|g| g * 1e-3),
         })
     }
@@ -96,7 +91,7 @@ pub(crate) async fn post(
         Ok(loads) => loads,
         Err(why) => return refuse(StatusCode::UNPROCESSABLE_ENTITY, why),
     };
-    match loads.check_on(shared.tissue.model.mode, &shared.tissue.volumes) {
+    match loads.check_on(shared.tissue.model.mode, shared.tissue.ventricles_ml) {
         Ok(()) => {
             shared.live.load(loads);
             Json(shared.tissue.describe(&loads)).into_response()

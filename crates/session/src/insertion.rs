@@ -94,7 +94,7 @@ impl Insertion {
         if !DIAMETER_MM.contains(&settings.diameter_mm) {
             return Err(SessionError::Diameter(settings.diameter_mm));
         }
-        Loads::of(&settings.frame).check_on(settings.model.mode, &StructureVolumes::new(&case.tets))?;
+        Loads::of(&settings.frame).check_on(settings.model.mode, StructureVolumes::new(&case.tets).ventricles_ml())?;
         let openings = openings(case, beside)?;
         stand_apart(&case.plan, beside, settings.diameter_mm)?;
         let model = Model::new(&case.tets, &tissue_model::options(case, &openings, &settings.model))?;

@@ -1,6 +1,5 @@
 //! What is done to the fluid of the ventricles, and gravity: the causes of brain shift.
 
-use crate::StructureVolumes;
 use monro_tissue::{Csf, FrameSettings, Mode};
 use thiserror::Error;
 
@@ -37,13 +36,13 @@ pub enum LoadError {
     )]
     Paper,
     /// More than anybody drains.
-    #[error("{0} ml to be drained: wanted -150 to 150, and no more than the ventricles hold")]
+    #[error("{0} ml to be drained: wanted -{MOST_FLUID} to {MOST_FLUID}, and no more than the ventricles hold")]
     Volume(f64),
     /// More than any head bears.
-    #[error("a pressure of {0} mmHg more than in the scan: wanted -150 to 150")]
+    #[error("a pressure of {0} mmHg more than in the scan: wanted -{MOST_FLUID} to {MOST_FLUID}")]
     Pressure(f64),
     /// More than twice the Earth's.
-    #[error("a gravity of {0} m/s2: wanted at most 20 (the Earth's is 9.81; are these mm/s2?)")]
+    #[error("a gravity of {0} m/s2: wanted at most {MOST_GRAVITY_M_S2} (the Earth's is 9.81; are these mm/s2?)")]
     Gravity(f64),
     /// More fluid is to be drained than there is.
     #[error("{ml} ml cannot be drained: the ventricles of the case hold {holds_ml:.1} ml")]
@@ -90,23 +89,31 @@ impl Loads {
         }
     }
 
-    /// As [`Loads::check`], and that the ventricles hold what is to be drained of them.
+    /// What is to be drained, ml; `None` where the fluid is not held at a volume.
+    pub const fn drained_ml(&self) -> Option<f64> {
+        if let Csf::Drained { ml } = self.csf { Some(ml) } else { None }
+    }
+
+    /// The pressure that the fluid is held at, mmHg; `None` where it is not.
+    pub fn pressure_mmhg(&self) -> Option<f64> {
+        if let Csf::Pressure { kpa } = self.csf { Some(kpa / KPA_PER_MMHG) } else { None }
+    }
+
+    /// As [`Loads::check`], and that the ventricles, of which there are `holds_ml`, hold what is to be drained of them.
     ///
     /// # Errors
     /// As there, and more fluid than there is.
-    pub fn check_on(&self, mode: Mode, volumes: &StructureVolumes) -> Result<(), LoadError> {
+    pub fn check_on(&self, mode: Mode, holds_ml: f64) -> Result<(), LoadError> {
         self.check(mode)?;
-        match self.csf {
-            Csf::Drained { ml } if ml >= volumes.ventricles_ml() => {
-                Err(LoadError::Drained { ml, holds_ml: volumes.ventricles_ml() })
-            }
+        match self.drained_ml() {
+            Some(ml) if ml >= holds_ml => Err(LoadError::Drained { ml, holds_ml }),
             _ => Ok(()),
         }
     }
 
     /// How long they are waited for once they are on, s; nothing where there are none.
     pub(crate) const fn rest_s(&self) -> f64 {
-        if matches!(self.csf, Csf::Drained { .. }) { DRAIN_S } else { SETTLE_S }
+        if self.drained_ml().is_some() { DRAIN_S } else { SETTLE_S }
     }
 }
 

@@ -54,7 +54,6 @@ pub struct Deformation {
     forces_mn: [f64; 3],
     /// Pose of the tool in the tissue, and the time at which it was seen there.
     last: Option<(ToolPose, f64)>,
-    steps: u64,
     faults: u64,
     /// For how much longer a fault is told, s.
     fault_left_s: f64,
@@ -84,7 +83,7 @@ impl Deformation {
     /// A mesh that cannot be simulated, a path beside the brain, loads that cannot be put on.
     pub fn new(case: &Case, settings: &ModelSettings, frame: FrameSettings) -> Result<Self, SessionError> {
         let loads = Loads::of(&frame);
-        loads.check_on(settings.mode, &StructureVolumes::new(&case.tets))?;
+        loads.check_on(settings.mode, StructureVolumes::new(&case.tets).ventricles_ml())?;
         let (opening, _) = tissue_model::opening(&case.tets, &case.plan)?;
         let model = Model::new(&case.tets, &tissue_model::options(case, &[opening], settings))?;
         let state = model.rest_state();
@@ -99,7 +98,6 @@ impl Deformation {
             model,
             state,
             last: None,
-            steps: 0,
             faults: 0,
             fault_left_s: 0.0,
             followed: Cue { loads, ..Cue::default() },
@@ -114,7 +112,6 @@ impl Deformation {
         // Loads that tear it apart would do so again and again.
         let mut steps = 0..(MOST_STARTING_S / STARTING_STEP_S) as u32;
         while steps.next().is_some() && out.follow(&start, STARTING_STEP_S).is_some() {}
-        out.steps = 0;
         out.now.step = 0;
         Ok(out)
     }
@@ -194,7 +191,6 @@ impl Deformation {
         let dt_s = passed_s.min(LONGEST_STEP_S);
         let frame = self.ramp.advance(dt_s).on(FrameSettings { dt_s, ..self.frame });
         let report = self.stepper.step(&self.model, &mut self.state, motion.as_slice(), &frame);
-        self.steps += 1;
         self.relax_s -= dt_s;
         self.note_faults(&report, dt_s);
         self.now = self.result(&report, pose_time_s);
@@ -255,7 +251,7 @@ impl Deformation {
         let at_tip = report.tools.first().and_then(|t| t.label).and_then(Structure::from_label);
         let target = self.target_now();
         Deformed {
-            step: self.steps,
+            step: self.now.step + 1,
             placement: self.followed.placement,
             pose_time_s,
             displacements,
