@@ -4,6 +4,7 @@
 //! they are cut off ([`cutting_order`]). Inside, a point carries the label of the largest field, so a septum thinner than a
 //! cell survives between two ventricles.
 
+use super::cells::Cells;
 use super::gaps::between_slices;
 use super::nearby::Nearby;
 use super::order::cutting_order;
@@ -12,7 +13,7 @@ use super::smooth::smoothed;
 use super::vec3::{V3, sub};
 use super::voids::{Void, voids};
 use crate::surface::even::{Extent, even, even_step, extents};
-use monro_geometry::{Affine, Grid, Patient, Point, Volume, Voxel};
+use monro_geometry::{Grid, Volume};
 use std::ops::Range;
 
 /// Most cells of the common even grid over everything kept.
@@ -34,13 +35,17 @@ pub(super) const ABSENT: f64 = 0.1;
 #[derive(Debug, Clone)]
 pub(super) struct Field {
     volume: Volume<f32>,
-    voxel_from_patient: Affine<Voxel, Patient>,
+    cells: Cells,
     outside: f64,
 }
 
 impl Field {
     pub(super) fn new(volume: Volume<f32>) -> Self {
-        Self { voxel_from_patient: *volume.grid().voxel_from_patient(), volume, outside: 0.0 }
+        Self { cells: Cells::new(volume.grid()), volume, outside: 0.0 }
+    }
+
+    pub(super) const fn cells(&self) -> &Cells {
+        &self.cells
     }
 
     pub(super) const fn volume(&self) -> &Volume<f32> {
@@ -52,21 +57,21 @@ impl Field {
     }
 
     pub(super) fn at(&self, p: V3) -> f64 {
-        let Some((at, t)) = self.cell(p) else { return self.outside };
-        let d = self.volume.grid().dims();
+        let Some((at, t)) = self.cells.find(p) else { return self.outside };
+        let [up, over] = self.cells.steps();
         let data = self.volume.data();
         let mix = |a: f64, b: f64, t: f64| a + (b - a) * t;
         let line = |at: usize| match data[at..] {
             [low, high, ..] => mix(f64::from(low), f64::from(high), t[0]),
             _ => 0.0,
         };
-        let sheet = |at: usize| mix(line(at), line(at + d[0]), t[1]);
-        mix(sheet(at), sheet(at + d[0] * d[1]), t[2])
+        let sheet = |at: usize| mix(line(at), line(at + up), t[1]);
+        mix(sheet(at), sheet(at + over), t[2])
     }
 
     /// Where the first cell of `other`, a field on the same lattice, lies in this one.
     pub(super) fn offset_of(&self, other: &Self) -> [isize; 3] {
-        let first = self.voxel_from_patient.point(other.volume.grid().centre(0, 0, 0)).to_array();
+        let first = self.volume.grid().voxel_from_patient().point(other.volume.grid().centre(0, 0, 0)).to_array();
         first.map(|x| x.round() as isize)
     }
 
@@ -116,37 +121,22 @@ impl Field {
 
     /// The value and its gradient per mm inside the cell.
     pub(super) fn with_slope(&self, p: V3) -> (f64, V3) {
-        let Some((at, t)) = self.cell(p) else { return (self.outside, [0.0; 3]) };
-        let d = self.volume.grid().dims();
+        let Some((at, t)) = self.cells.find(p) else { return (self.outside, [0.0; 3]) };
+        let [up, over] = self.cells.steps();
         let data = self.volume.data();
         let line = |at: usize| {
             let (low, high) = (f64::from(data[at]), f64::from(data[at + 1]));
             (low + (high - low) * t[0], high - low)
         };
         let sheet = |at: usize| {
-            let (low, high) = (line(at), line(at + d[0]));
+            let (low, high) = (line(at), line(at + up));
             let mix = |a: f64, b: f64| a + (b - a) * t[1];
             (mix(low.0, high.0), mix(low.1, high.1), high.0 - low.0)
         };
-        let (low, high) = (sheet(at), sheet(at + d[0] * d[1]));
+        let (low, high) = (sheet(at), sheet(at + over));
         let mix = |a: f64, b: f64| a + (b - a) * t[2];
         let g = [mix(low.1, high.1), mix(low.2, high.2), high.0 - low.0];
-        let rows = self.voxel_from_patient.linear.rows;
-        let slope = std::array::from_fn(|a| rows[0][a] * g[0] + rows[1][a] * g[1] + rows[2][a] * g[2]);
-        (mix(low.0, high.0), slope)
-    }
-
-    /// First index of the cell around a point and the fractions inside; `None` outside of the box.
-    pub(super) fn cell(&self, p: V3) -> Option<(usize, V3)> {
-        let v = self.voxel_from_patient.point(Point::from_array(p)).to_array();
-        let d = self.volume.grid().dims();
-        if !(0..3).all(|a| v[a] >= 0.0 && v[a] < (d[a] - 1) as f64) {
-            return None;
-        }
-        // Conversions to 32 bits take one instruction each.
-        let base = v.map(|x| x as i32);
-        let [i, j, k] = base.map(|b| b as usize);
-        Some(((k * d[1] + j) * d[0] + i, std::array::from_fn(|a| v[a] - f64::from(base[a]))))
+        (mix(low.0, high.0), self.cells.per_mm(g))
     }
 }
 
@@ -268,7 +258,7 @@ impl LabelFields {
 
     /// Whether a point may lie on the inner side of surface `s`: off the box of its label it does not.
     pub(super) fn may_be_inside(&self, s: usize, p: V3) -> bool {
-        s == 0 || self.parts[s - 1].cell(p).is_some()
+        s == 0 || self.parts[s - 1].cells.find(p).is_some()
     }
 
     /// The labels but the last that may have something at a point, by their indices, in order.

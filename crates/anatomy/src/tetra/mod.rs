@@ -26,6 +26,7 @@
 
 mod adjacency;
 mod along;
+mod cells;
 mod census;
 mod cleared;
 mod coarse;

@@ -1,8 +1,9 @@
 //! Which labels have anything near a place, so that of many only few are asked.
 
+use super::cells::Cells;
 use super::fields::Field;
 use super::vec3::V3;
-use monro_geometry::{Affine, Patient, Point, Voxel, by_point};
+use monro_geometry::by_point;
 
 /// Cells along the edge of a block.
 const BLOCK: usize = 8;
@@ -10,7 +11,7 @@ const BLOCK: usize = 8;
 /// The fields that are not zero everywhere in each block of the lattice that all of them share.
 #[derive(Debug, Clone)]
 pub(super) struct Nearby {
-    voxel_from_patient: Affine<Voxel, Patient>,
+    cells: Cells,
     /// Blocks along each axis.
     blocks: [usize; 3],
     /// Where the labels of each block begin, and one end more.
@@ -32,12 +33,12 @@ impl Nearby {
             near.extend((0..).zip(&has).filter(|(_, has)| **has).map(|(block, _)| (block, label)));
         }
         let (first, labels) = by_point(near.into_iter(), count);
-        Self { voxel_from_patient: *grid.voxel_from_patient(), blocks, first, labels }
+        Self { cells: *whole.cells(), blocks, first, labels }
     }
 
     /// The parts that may not be zero at a point, in their order.
     pub(super) fn at(&self, p: V3) -> &[u8] {
-        let v = self.voxel_from_patient.point(Point::from_array(p)).to_array();
+        let v = self.cells.coordinates(p);
         let [i, j, k] = std::array::from_fn(|a| (v[a] as usize / BLOCK).min(self.blocks[a] - 1));
         let block = (k * self.blocks[1] + j) * self.blocks[0] + i;
         &self.labels[self.first[block] as usize..self.first[block + 1] as usize]

@@ -1,42 +1,45 @@
 //! Where a label is, or nothing, for sure: most places can be told without a look at the fields.
 
-use super::fields::{Field, LabelFields};
+use super::cells::Cells;
+use super::fields::LabelFields;
 use super::vec3::V3;
+use monro_geometry::Volume;
 
 /// The cells of a field's lattice at all eight corners of which its values are of one kind, and so everywhere between.
 pub(super) struct Solid {
-    field: Field,
+    cells: Cells,
     /// By the cell's first corner.
-    cells: Vec<bool>,
+    solid: Vec<bool>,
 }
 
 impl Solid {
     /// Those in which there is nothing but label `l`. Its margins are the least of fields that are mixed from the corners in
     /// each cell: where they are positive at all eight, all these fields are so everywhere between.
     pub(super) fn new(fields: &LabelFields, l: usize) -> Self {
-        Self::of(Field::new(fields.margins(l)), |v| v > 0.0)
+        Self::of(&fields.margins(l), |v| v > 0.0)
     }
 
     /// Those in which there is none of the labels.
     pub(super) fn outside(fields: &LabelFields) -> Self {
-        Self::of(fields.union.clone(), |v| v < 0.5)
+        Self::of(fields.union.volume(), |v| v < 0.5)
     }
 
-    fn of(field: Field, is: impl Fn(f32) -> bool) -> Self {
-        let (dims, data) = (field.volume().grid().dims(), field.volume().data());
-        let mut cells: Vec<bool> = data.iter().map(|&v| is(v)).collect();
+    fn of(field: &Volume<f32>, is: impl Fn(f32) -> bool) -> Self {
+        let cells = Cells::new(field.grid());
+        let mut solid: Vec<bool> = field.data().iter().map(|&v| is(v)).collect();
+        let [up, over] = cells.steps();
         // What follows a row's or a slice's end is no neighbour, but no cell begins there either.
-        for step in [1, dims[0], dims[0] * dims[1]] {
-            for at in 0..cells.len() {
-                cells[at] &= cells.get(at + step).is_some_and(|&next| next);
+        for step in [1, up, over] {
+            for at in 0..solid.len() {
+                solid[at] &= solid.get(at + step).is_some_and(|&next| next);
             }
         }
-        Self { field, cells }
+        Self { cells, solid }
     }
 
     /// Whether `p` is in such a cell; elsewhere it may be alike.
     pub(super) fn holds(&self, p: V3) -> bool {
-        self.field.cell(p).is_some_and(|(at, _)| self.cells[at])
+        self.cells.find(p).is_some_and(|(at, _)| self.solid[at])
     }
 }
 
