@@ -1,5 +1,6 @@
 //! The JSON API.
 
+use crate::body::Body;
 use crate::calibrate;
 use crate::door::{self, Role, refuse};
 use crate::listener::Peer;
@@ -9,14 +10,13 @@ use crate::register;
 use crate::server::Shared;
 use crate::tissue;
 use axum::body::Bytes;
-use axum::extract::rejection::JsonRejection;
 use axum::extract::{ConnectInfo, State};
 use axum::http::header::CONTENT_TYPE;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
-use monro_geometry::{Point, Rigid, Vector};
+use monro_geometry::{Patient, Point, Rigid, Tool, Vector};
 use monro_session::live::{Calibration, PlainEvent, Registration, SessionEvent};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -120,38 +120,21 @@ enum EventRequest {
     Stopped {},
 }
 
-/// What a tool, the way from a reference body to a scan's origin, and an error of a registration can be, mm: what is beyond is in another
-/// unit, or garbled.
+/// How far from its body's origin a tip can be, mm: farther is another unit, or garbled.
 const LONGEST_TOOL_MM: f64 = 2000.0;
-/// How far behind its body's origin, along the axis, a tip can be: markers lie at the hub, or about the shaft.
+/// How far behind its body's origin, along the axis, a tip can be, mm: markers lie at the hub, or about the shaft.
 const FURTHEST_BEHIND_MM: f64 = 20.0;
+/// How far from a reference body the origin of a scan can be, mm.
 const FURTHEST_REFERENCE_MM: f64 = 10_000.0;
+/// What the error of a registration can be, mm.
 const MOST_TRE_MM: f64 = 100.0;
 
 impl EventRequest {
-    fn event(&self) -> Result<SessionEvent, &'static str> {
+    fn event(&self) -> Result<SessionEvent, String> {
         let plain = match *self {
-            Self::Calibrated { tip_mm, axis, .. } => {
-                let calibration = Calibration { tip: Point::from_array(tip_mm), axis: Vector::from_array(axis) };
-                let away = calibration.tip.distance(Point::ORIGIN);
-                let axis = calibration.axis.normalized().filter(|_| (0.0..=LONGEST_TOOL_MM).contains(&away));
-                let axis =
-                    axis.ok_or("the tip must lie within 2 m of its body (mm) and the axis must have a direction")?;
-                if (calibration.tip - Point::ORIGIN).dot(axis) < -FURTHEST_BEHIND_MM {
-                    return Err("the axis points from the tip back to its body: it must point from the hub to the tip");
-                }
-                return Ok(SessionEvent::Calibrated(calibration));
-            }
+            Self::Calibrated { tip_mm, axis, .. } => return calibrated(tip_mm, axis),
             Self::Registered { quaternion_wxyz, translation_mm, predicted_tre_mm } => {
-                let rigid = Rigid::from_quaternion(quaternion_wxyz, Vector::from_array(translation_mm));
-                let patient_from_reference = rigid.ok_or("the quaternion has no length, or a number is not finite")?;
-                if patient_from_reference.translation().norm() > FURTHEST_REFERENCE_MM {
-                    return Err("the translation must be within 10 m (mm)");
-                }
-                if predicted_tre_mm.is_some_and(|t| !(0.0..=MOST_TRE_MM).contains(&t)) {
-                    return Err("predicted_tre_mm must be a distance of 0 to 100 mm");
-                }
-                return Ok(SessionEvent::Registered(Registration { patient_from_reference, predicted_tre_mm }));
+                return registered(rigid(quaternion_wxyz, translation_mm)?, predicted_tre_mm);
             }
             Self::ToolChanged {} => PlainEvent::ToolChanged,
             Self::ReferenceMoved {} => PlainEvent::ReferenceMoved,
@@ -164,11 +147,45 @@ impl EventRequest {
     }
 }
 
-async fn event(State(shared): State<Arc<Shared>>, body: Result<Json<EventRequest>, JsonRejection>) -> Response {
-    let Json(request) = match body {
-        Ok(json) => json,
-        Err(e) => return refuse(e.status(), &e.body_text()),
-    };
+fn calibrated(tip: [f64; 3], axis: [f64; 3]) -> Result<SessionEvent, String> {
+    let calibration = Calibration { tip: Point::from_array(tip), axis: Vector::from_array(axis) };
+    let away = calibration.tip.distance(Point::ORIGIN);
+    if !(0.0..=LONGEST_TOOL_MM).contains(&away) {
+        return Err(format!("the tip lies {away:.0} mm from its body; up to {LONGEST_TOOL_MM} mm can be"));
+    }
+    let axis = calibration.axis.normalized().ok_or_else(|| format!("the axis {axis:?} has no direction"))?;
+    let along = (calibration.tip - Point::ORIGIN).dot(axis);
+    if along < -FURTHEST_BEHIND_MM {
+        return Err(format!(
+            "the axis points from the tip back to its body, which lies {:.0} mm ahead along it: it must point from the hub to the tip",
+            -along
+        ));
+    }
+    Ok(SessionEvent::Calibrated(calibration))
+}
+
+fn registered(
+    patient_from_reference: Rigid<Patient, Tool>,
+    predicted_tre_mm: Option<f64>,
+) -> Result<SessionEvent, String> {
+    let away = patient_from_reference.translation().norm();
+    if away > FURTHEST_REFERENCE_MM {
+        return Err(format!("the translation is {away:.0} mm long; up to {FURTHEST_REFERENCE_MM} mm can be"));
+    }
+    if let Some(tre) = predicted_tre_mm.filter(|t| !(0.0..=MOST_TRE_MM).contains(t)) {
+        return Err(format!("predicted_tre_mm is {tre}; it must be a distance of 0 to {MOST_TRE_MM} mm"));
+    }
+    Ok(SessionEvent::Registered(Registration { patient_from_reference, predicted_tre_mm }))
+}
+
+/// A pose as requests give it.
+fn rigid<To, From>(quaternion_wxyz: [f64; 4], translation_mm: [f64; 3]) -> Result<Rigid<To, From>, String> {
+    Rigid::from_quaternion(quaternion_wxyz, Vector::from_array(translation_mm)).ok_or_else(|| {
+        format!("the quaternion {quaternion_wxyz:?} has no length, or a number of {translation_mm:?} is not finite")
+    })
+}
+
+async fn event(State(shared): State<Arc<Shared>>, Body(request): Body<EventRequest>) -> Response {
     if let EventRequest::Calibrated { markers_mm: Some(markers), .. } = &request
         && let Some(words) = shared.live.calibrated_with(markers)
     {
@@ -179,7 +196,7 @@ async fn event(State(shared): State<Arc<Shared>>, body: Result<Json<EventRequest
     match request.event().map(|e| shared.live.apply(e)) {
         Ok(Ok(phase)) => Json(json!({ "phase": phase.name() })).into_response(),
         Ok(Err(refusal)) => refuse(StatusCode::CONFLICT, &refusal.to_string()),
-        Err(e) => refuse(StatusCode::UNPROCESSABLE_ENTITY, e),
+        Err(e) => refuse(StatusCode::UNPROCESSABLE_ENTITY, &e),
     }
 }
 
@@ -191,17 +208,13 @@ struct GlassesRequest {
     translation_mm: [f64; 3],
 }
 
-async fn glasses(State(shared): State<Arc<Shared>>, body: Result<Json<GlassesRequest>, JsonRejection>) -> Response {
-    let Json(request) = match body {
-        Ok(json) => json,
-        Err(e) => return refuse(e.status(), &e.body_text()),
-    };
-    match Rigid::from_quaternion(request.quaternion_wxyz, Vector::from_array(request.translation_mm)) {
-        Some(display_from_glasses) => {
+async fn glasses(State(shared): State<Arc<Shared>>, Body(request): Body<GlassesRequest>) -> Response {
+    match rigid(request.quaternion_wxyz, request.translation_mm) {
+        Ok(display_from_glasses) => {
             shared.live.wear(Some(display_from_glasses));
             Json(json!({ "worn": true })).into_response()
         }
-        None => refuse(StatusCode::UNPROCESSABLE_ENTITY, "the quaternion has no length, or a number is not finite"),
+        Err(e) => refuse(StatusCode::UNPROCESSABLE_ENTITY, &e),
     }
 }
 
@@ -212,17 +225,12 @@ struct TrackerRequest {
     paused: bool,
 }
 
-async fn tracker(State(shared): State<Arc<Shared>>, body: Result<Json<TrackerRequest>, JsonRejection>) -> Response {
+async fn tracker(State(shared): State<Arc<Shared>>, Body(request): Body<TrackerRequest>) -> Response {
     if !shared.simulated {
         return refuse(StatusCode::CONFLICT, "only the scripted tracker (sim:) can be paused");
     }
-    match body {
-        Ok(Json(request)) => {
-            shared.live.paused.store(request.paused, Ordering::Relaxed);
-            Json(json!({ "paused": request.paused })).into_response()
-        }
-        Err(e) => refuse(e.status(), &e.body_text()),
-    }
+    shared.live.paused.store(request.paused, Ordering::Relaxed);
+    Json(json!({ "paused": request.paused })).into_response()
 }
 
 /// A code that somebody has read from the operator's screen.
@@ -235,12 +243,8 @@ struct PairRequest {
 async fn pair(
     State(shared): State<Arc<Shared>>,
     ConnectInfo(Peer(peer)): ConnectInfo<Peer>,
-    body: Result<Json<PairRequest>, JsonRejection>,
+    Body(request): Body<PairRequest>,
 ) -> Response {
-    let Json(request) = match body {
-        Ok(json) => json,
-        Err(e) => return refuse(e.status(), &e.body_text()),
-    };
     let redeemed = shared.keys.pairing().redeem(&request.code, peer.ip().to_canonical(), Instant::now());
     match redeemed {
         Ok(role) => Json(json!({ "token": shared.keys.token(role), "role": role })).into_response(),
@@ -261,11 +265,7 @@ struct PairingRequest {
     role: Role,
 }
 
-async fn offer(State(shared): State<Arc<Shared>>, body: Result<Json<PairingRequest>, JsonRejection>) -> Response {
-    let Json(PairingRequest { role }) = match body {
-        Ok(json) => json,
-        Err(e) => return refuse(e.status(), &e.body_text()),
-    };
+async fn offer(State(shared): State<Arc<Shared>>, Body(PairingRequest { role }): Body<PairingRequest>) -> Response {
     let offered = shared.keys.pairing().offer(role, Instant::now());
     match offered {
         Ok(code) => Json(json!({ "code": code, "role": role, "seconds": pairing::LIFE.as_secs() })).into_response(),

@@ -1,11 +1,11 @@
 //! `/api/calibration`: the catheter's tip by pivoting about it and its axis by turning about that, with the same code as
 //! `monro calibrate`; then both are taken into the session.
 
+use crate::body::Body;
 use crate::door::refuse;
 use crate::server::Shared;
 use axum::Json;
 use axum::extract::State;
-use axum::extract::rejection::JsonRejection;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use monro_geometry::{Point, Rigid, Tool, Tracker};
@@ -31,7 +31,7 @@ const MOST_S: f64 = 60.0;
 pub(crate) struct Calibrating {
     tip: Option<PivotCalibration>,
     axis: Option<AxisCalibration>,
-    /// How often all was forgotten: what was watched in an earlier round is void.
+    /// How often all was forgotten, or another tip found: what was watched in an earlier round is void.
     round: u64,
 }
 
@@ -39,6 +39,11 @@ impl Calibrating {
     /// Forgets what was found of a catheter that is not there any more.
     pub(crate) fn forget(&mut self) {
         *self = Self { round: self.round + 1, ..Self::default() };
+    }
+
+    /// Takes another tip: an axis that was found, or is being watched, belongs to the old one.
+    fn take_tip(&mut self, tip: PivotCalibration) {
+        *self = Self { tip: Some(tip), axis: None, round: self.round + 1 };
     }
 }
 
@@ -71,7 +76,9 @@ enum Why {
     NoTip,
     #[error("turn the catheter about its axis first")]
     NoAxis,
-    #[error("the catheter was exchanged, or its body defined anew, while it was watched: do it again")]
+    #[error(
+        "the catheter was exchanged, its body defined anew, or another tip found, while it was watched: do it again"
+    )]
     Voided,
     #[error("seconds must be from {LEAST_S} to {MOST_S}")]
     Seconds,
@@ -87,11 +94,7 @@ pub(crate) async fn get(State(shared): State<Arc<Shared>>) -> Json<Value> {
 }
 
 /// `POST /api/calibration`.
-pub(crate) async fn post(State(shared): State<Arc<Shared>>, body: Result<Json<Action>, JsonRejection>) -> Response {
-    let Json(action) = match body {
-        Ok(json) => json,
-        Err(e) => return refuse(e.status(), &e.body_text()),
-    };
+pub(crate) async fn post(State(shared): State<Arc<Shared>>, Body(action): Body<Action>) -> Response {
     match act(&shared, action).await {
         Ok(()) => Json(describe(&shared)).into_response(),
         Err(why @ Why::Phase(_)) => refuse(StatusCode::CONFLICT, &why.to_string()),
@@ -102,16 +105,17 @@ pub(crate) async fn post(State(shared): State<Arc<Shared>>, body: Result<Json<Ac
 async fn act(shared: &Shared, action: Action) -> Result<(), Why> {
     match action {
         Action::Pivot { seconds } => {
-            let found = calibrate_pivot(&watch(shared, seconds).await?, &PivotOptions::default())?;
-            // Another tip: the axis belonged to the old one.
-            let mut calibrating = lock(shared);
-            (calibrating.tip, calibrating.axis) = (Some(found), None);
+            let (poses, round) = watch(shared, seconds).await?;
+            let found = calibrate_pivot(&poses, &PivotOptions::default())?;
+            still(shared, round)?.take_tip(found);
         }
         Action::Turn { seconds, hub_mm } => {
-            let tip = lock(shared).tip.as_ref().map(|t| t.tip).ok_or(Why::NoTip)?;
+            let tip = || lock(shared).tip.as_ref().map(|t| t.tip).ok_or(Why::NoTip);
+            tip()?;
+            let (poses, round) = watch(shared, seconds).await?;
             let hub = hub_mm.map_or(Point::ORIGIN, Point::from_array);
-            let found = calibrate_axis(&watch(shared, seconds).await?, (hub, tip))?;
-            lock(shared).axis = Some(found);
+            let found = calibrate_axis(&poses, (hub, tip()?))?;
+            still(shared, round)?.axis = Some(found);
         }
         Action::Accept => {
             // Held meanwhile: what voids it comes before or after.
@@ -124,8 +128,14 @@ async fn act(shared: &Shared, action: Action) -> Result<(), Why> {
     Ok(())
 }
 
-/// The catheter's poses during a motion, as long as it is seen.
-async fn watch(shared: &Shared, seconds: Option<f64>) -> Result<Vec<Rigid<Tracker, Tool>>, Why> {
+/// What was found so far, if what was watched in this round still counts.
+fn still(shared: &Shared, round: u64) -> Result<MutexGuard<'_, Calibrating>, Why> {
+    let calibrating = lock(shared);
+    if calibrating.round == round { Ok(calibrating) } else { Err(Why::Voided) }
+}
+
+/// The catheter's poses during a motion, as long as it is seen, and the round they belong to.
+async fn watch(shared: &Shared, seconds: Option<f64>) -> Result<(Vec<Rigid<Tracker, Tool>>, u64), Why> {
     let seconds = seconds.unwrap_or(WATCHED_S);
     if !(LEAST_S..=MOST_S).contains(&seconds) {
         return Err(Why::Seconds);
@@ -141,7 +151,8 @@ async fn watch(shared: &Shared, seconds: Option<f64>) -> Result<Vec<Rigid<Tracke
         }
         sleep(LOOK).await;
     }
-    if lock(shared).round == round { Ok(distinct(poses)) } else { Err(Why::Voided) }
+    drop(still(shared, round)?);
+    Ok((distinct(poses), round))
 }
 
 fn describe(shared: &Shared) -> Value {

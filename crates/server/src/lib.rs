@@ -13,6 +13,7 @@
 //!   page says how to build it.
 
 mod api;
+mod body;
 mod bound;
 mod calibrate;
 mod case_data;

@@ -54,7 +54,9 @@ impl Shape {
     }
 }
 
-/// The running session. Locks are held for microseconds: nothing is computed, written or awaited under them.
+/// The running session. Locks are held for microseconds: nothing is written to a disk or awaited under them, and nothing computed
+/// but registrations and checks of some landmarks. Who holds one may take those below it, never one above: `calibrating`,
+/// `registering`, `session`, the others. Held by whoever applies an event, the first two must not be what that event voids.
 #[derive(Debug)]
 pub(crate) struct Live {
     pub(crate) clock: Clock,

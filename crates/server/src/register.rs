@@ -1,11 +1,11 @@
 //! `/api/registration`: landmarks are touched, solved for, accepted and checked. The rules are those of
 //! `monro_session::live::Registering`; here the tip is watched while it rests.
 
+use crate::body::Body;
 use crate::door::refuse;
 use crate::server::Shared;
 use axum::Json;
 use axum::extract::State;
-use axum::extract::rejection::JsonRejection;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use monro_case::Case;
@@ -69,11 +69,7 @@ pub(crate) async fn get(State(shared): State<Arc<Shared>>) -> Json<Value> {
 }
 
 /// `POST /api/registration`.
-pub(crate) async fn post(State(shared): State<Arc<Shared>>, body: Result<Json<Action>, JsonRejection>) -> Response {
-    let Json(action) = match body {
-        Ok(json) => json,
-        Err(e) => return refuse(e.status(), &e.body_text()),
-    };
+pub(crate) async fn post(State(shared): State<Arc<Shared>>, Body(action): Body<Action>) -> Response {
     match act(&shared, action).await {
         Ok(checked) => Json(describe(&shared, checked)).into_response(),
         Err(Why::Phase(e)) => refuse(StatusCode::CONFLICT, &e.to_string()),
@@ -89,8 +85,8 @@ fn lock(shared: &Shared) -> MutexGuard<'_, Registering> {
 async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
     match action {
         Action::Touch { name } => {
-            let touch = watch(shared).await?;
-            lock(shared).touch(&name, touch)?;
+            let (touch, round) = watch(shared).await?;
+            still(shared, round)?.touch(&name, touch)?;
         }
         Action::Forget { name } => lock(shared).forget(&name)?,
         Action::Mark { name, position_lps_mm } => lock(shared).mark(&name, Point::from_array(position_lps_mm))?,
@@ -104,8 +100,10 @@ async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
             *registering = tried;
         }
         Action::Check { name } => {
-            let touch = watch(shared).await?;
-            let (used, mut tried) = (shared.live.registration(), lock(shared).clone());
+            let (touch, round) = watch(shared).await?;
+            // Held until it is told, as above.
+            let mut registering = still(shared, round)?;
+            let (used, mut tried) = (shared.live.registration(), registering.clone());
             let found = tried.check(&name, &touch, used.as_ref())?;
             let hidden = shared.live.hidden_motion(touch.at, &found).filter(|_| found.holds());
             let said = json!({
@@ -118,15 +116,21 @@ async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
             }
             let event = if found.holds() { PlainEvent::CheckPassed } else { PlainEvent::CheckFailed };
             shared.live.apply(SessionEvent::Plain(event))?;
-            *lock(shared) = tried;
+            *registering = tried;
             return Ok(Some(said));
         }
     }
     Ok(None)
 }
 
-/// Watches the tip while it rests.
-async fn watch(shared: &Shared) -> Result<Touch, TouchError> {
+/// The landmarks, if what was watched in this round still counts; nothing voids it while they are held.
+fn still(shared: &Shared, round: u64) -> Result<MutexGuard<'_, Registering>, TouchError> {
+    let registering = lock(shared);
+    if registering.round() == round { Ok(registering) } else { Err(TouchError::Voided) }
+}
+
+/// Watches the tip while it rests: the touch, and the round it belongs to.
+async fn watch(shared: &Shared) -> Result<(Touch, u64), TouchError> {
     let (live, round) = (&shared.live, lock(shared).round());
     if live.phase() < Phase::Calibrated {
         return Err(TouchError::NotCalibrated);
@@ -141,11 +145,11 @@ async fn watch(shared: &Shared) -> Result<Touch, TouchError> {
         }
         sleep(LOOK).await;
     }
-    let is_void = lock(shared).round() != round;
-    let touch = if is_void { Err(TouchError::Voided) } else { Touch::new(&samples) }?;
+    drop(still(shared, round)?);
+    let touch = Touch::new(&samples)?;
     // From any phase in which the tip is known: refused only where that has just been lost, and then it is void.
     live.apply(SessionEvent::Plain(PlainEvent::Touched)).map_err(|_| TouchError::Voided)?;
-    Ok(touch)
+    Ok((touch, round))
 }
 
 fn describe(shared: &Shared, checked: Option<Value>) -> Value {

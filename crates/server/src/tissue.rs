@@ -1,10 +1,10 @@
 //! The soft body of the session, and what is done to it: `/api/tissue`.
 
+use crate::body::Body;
 use crate::door::refuse;
 use crate::server::Shared;
 use axum::Json;
 use axum::extract::State;
-use axum::extract::rejection::JsonRejection;
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use monro_case::Case;
@@ -79,14 +79,7 @@ pub(crate) async fn get(State(shared): State<Arc<Shared>>) -> Response {
     Json(shared.tissue.describe(&shared.live.loads())).into_response()
 }
 
-pub(crate) async fn post(
-    State(shared): State<Arc<Shared>>,
-    body: Result<Json<TissueRequest>, JsonRejection>,
-) -> Response {
-    let Json(request) = match body {
-        Ok(json) => json,
-        Err(e) => return refuse(e.status(), &e.body_text()),
-    };
+pub(crate) async fn post(State(shared): State<Arc<Shared>>, Body(request): Body<TissueRequest>) -> Response {
     let loads = match request.loads(shared.live.loads()) {
         Ok(loads) => loads,
         Err(why) => return refuse(StatusCode::UNPROCESSABLE_ENTITY, why),

@@ -3,12 +3,12 @@
 use super::Shared;
 use super::job::Task;
 use crate::api;
+use crate::body::Body;
 use crate::door::{self, Door, refuse};
 use crate::guidance::Guidance;
 use crate::listener;
 use crate::{headers, web};
 use axum::body::Bytes;
-use axum::extract::rejection::JsonRejection;
 use axum::extract::{DefaultBodyLimit, State};
 use axum::http::StatusCode;
 use axum::http::header::CONTENT_TYPE;
@@ -80,14 +80,13 @@ enum Action {
     Open,
 }
 
-async fn act(State(shared): State<Arc<Shared>>, body: Result<Json<Action>, JsonRejection>) -> Response {
-    let started = match body {
-        Ok(Json(Action::Start { scan, side })) => start(&shared, &scan, side.as_deref()),
-        Ok(Json(Action::Path { entry_lps_mm, target_lps_mm })) => {
+async fn act(State(shared): State<Arc<Shared>>, Body(request): Body<Action>) -> Response {
+    let started = match request {
+        Action::Start { scan, side } => start(&shared, &scan, side.as_deref()),
+        Action::Path { entry_lps_mm, target_lps_mm } => {
             Ok(Task::Path([entry_lps_mm, target_lps_mm].map(Point::from_array)))
         }
-        Ok(Json(Action::Open)) => return open(&shared).await,
-        Err(e) => return refuse(e.status(), &e.body_text()),
+        Action::Open => return open(&shared).await,
     };
     match started.map(|task| shared.job.start(task)) {
         Ok(true) => Json(shared.job.describe()).into_response(),

@@ -2,7 +2,7 @@
 
 use crate::common::{options, write_case};
 use crate::{Served, numbers, until_all};
-use monro_geometry::{Rigid, Vector};
+use monro_geometry::{Point, Rigid, Tool, Vector};
 use monro_server::{Tracker, start};
 use monro_tracking::{Batch, Health, Source, TrackingError};
 use monro_wire::TimedPose;
@@ -122,6 +122,58 @@ async fn landmarks_touched_with_the_old_tip_stayed_touched_when_the_catheter_was
     // What was found of a catheter is not another's.
     assert_eq!(served.post("/api/session", r#"{"event":"tool_changed"}"#).await.0, 200);
     assert_eq!(served.post("/api/calibration", r#"{"action":"accept"}"#).await.0, 422);
+}
+
+/// A catheter that is swung in a cone about its tip, 20 mm below its body, and turned meanwhile.
+struct Swinging(Resting);
+
+impl Source for Swinging {
+    fn next(&mut self, wait: Duration) -> Result<Option<Batch>, TrackingError> {
+        let Some(mut batch) = self.0.next(wait)? else { return Ok(None) };
+        let s = self.0.0.elapsed().as_secs_f64();
+        let tilted = Rigid::from_axis_angle(Vector::new((3.0 * s).cos(), (3.0 * s).sin(), 0.0), 0.5, Vector::ZERO);
+        let turned: Rigid<Tool, Tool> =
+            Rigid::from_axis_angle(Vector::new(0.0, 0.0, 1.0), 2.0 * s, Vector::ZERO).expect("axis");
+        let swung = tilted.expect("axis").after(&turned);
+        let tip = swung.point(Point::new(0.0, 0.0, -20.0)) - Point::ORIGIN;
+        let there = Rigid::from_axis_angle(Vector::new(0.0, 0.0, 1.0), 0.0, Vector::new(110.0, 0.0, -20.0) - tip)
+            .expect("axis");
+        batch.poses[0] = TimedPose::new("Catheter", None, self.now(), Ok((there.after(&swung), None)));
+        Ok(Some(batch))
+    }
+
+    fn now(&self) -> f64 {
+        self.0.now()
+    }
+
+    fn diagnosis(&self, _: &[&str]) -> Health {
+        Health::well("swinging")
+    }
+
+    fn facts(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+/// An axis turned about the old tip stood beside a tip that was found meanwhile, and was accepted with it.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn an_axis_that_is_watched_while_another_tip_is_found_is_void() {
+    let dir = tempfile::tempdir().expect("temp");
+    let mut o = options(write_case(dir.path(), false));
+    let source = Box::new(Swinging(Resting(std::time::Instant::now())));
+    o.tracker = Tracker::Source { name: "test:".into(), source };
+    let served = Served { running: start(o).await.expect("start"), _dir: dir };
+    served.until(|g| g["state"] == "live").await;
+    let pivot = r#"{"action":"pivot","seconds":3}"#;
+    let (status, said) = served.post("/api/calibration", pivot).await;
+    let tip = numbers(&said["tip"]["tip_mm"]);
+    assert!(status == 200 && tip.iter().zip([0.0, 0.0, -20.0]).all(|(a, b)| (a - b).abs() < 0.1), "{said}");
+    let turn = r#"{"action":"turn","seconds":5,"hub_mm":[0,0,100]}"#;
+    let ((turned, why), (pivoted, _)) =
+        tokio::join!(served.post("/api/calibration", turn), served.post("/api/calibration", pivot));
+    assert_eq!((turned, pivoted), (422, 200), "{why}");
+    assert!(why["error"].as_str().is_some_and(|e| e.contains("another tip")), "{why}");
+    assert_eq!(served.get("/api/calibration").await["axis"], Value::Null);
 }
 
 /// The same from a server that tells of the bodies; how far (mm) the markers of each lie from where they lay at first.
