@@ -328,6 +328,16 @@ fn given_labels_are_checked_and_resampled() {
         from_labels(&made.ct, empty).expect_err("empty"),
         SegmentError::EmptyStructure { name: "right_lateral_ventricle", label: 6 }
     );
+    // Planes lost in the middle of the head had the foramen 45 mm off, in silence.
+    for (axis, name) in ['i', 'j', 'k'].into_iter().enumerate() {
+        let mut torn = made.labels.clone();
+        let grid = *torn.grid();
+        let plane = grid.dims()[axis] / 2;
+        torn.data_mut().iter_mut().enumerate().filter(|(n, _)| grid.voxel(*n)[axis] == plane).for_each(|(_, l)| *l = 0);
+        let refused = from_labels(&made.ct, torn).expect_err("torn");
+        let wanted = |e: &SegmentError| matches!(e, SegmentError::EmptyPlanes { axis, first, last, .. } if (*axis, *first, *last) == (name, plane, plane));
+        assert!(wanted(&refused), "{name}: {refused}");
+    }
     let strange = made.labels.map(|l| if l == 3 { 77 } else { l });
     assert!(matches!(from_labels(&made.ct, strange), Err(SegmentError::UnknownLabel { label: 77, .. })));
     let outside = outside_head(&made.ct, &shifted(&made.labels, [30.0, 0.0, 0.0]));

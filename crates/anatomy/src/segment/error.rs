@@ -129,6 +129,23 @@ pub enum SegmentError {
         /// Its number.
         label: u8,
     },
+    /// A given label volume lacks planes in the middle of the head.
+    #[error(
+        "the labels have nothing within the skull on the planes {axis} = {first} to {last}, with brain on both sides of them (around \
+         {:.0} {:.0} {:.0} mm LPS): a series that lacks slices, or labels drawn on some slices only? Fill the planes between, in the \
+         editor or where they come from",
+        place_mm[0], place_mm[1], place_mm[2]
+    )]
+    EmptyPlanes {
+        /// Axis of the scan's grid across the planes.
+        axis: char,
+        /// The first of them, from 0.
+        first: usize,
+        /// The last of them.
+        last: usize,
+        /// The middle of the first, LPS mm.
+        place_mm: [f64; 3],
+    },
     /// A grid could not be made.
     #[error(transparent)]
     Grid(#[from] GridError),

@@ -10,7 +10,7 @@ use super::remarks::{share_across, volumes_ml};
 use super::size::Size;
 use super::working::{AIR, Working, any_in_block, block_mean, working};
 use crate::image::{Mask, Raster, distance_to, fill_holes, largest};
-use monro_geometry::{Patient, Plane, Structure, Volume};
+use monro_geometry::{Patient, Plane, Point, Structure, Volume};
 
 /// A voxel further than this from the head is outside it, mm; smoothed and coarse labels stand out by less.
 const BEYOND_MM: f32 = 3.0;
@@ -19,18 +19,21 @@ const BEYOND_ML: f64 = 0.1;
 const BEYOND_PERCENT: f64 = 1.0;
 /// A lateral ventricle with more than this beyond the midplane is on the wrong side.
 const ACROSS_PERCENT: f64 = 60.0;
+/// Planes with nothing within the skull are missing where the next on either side have more than this, mm2: a stray speck has less.
+const GAP_MM2: f64 = 100.0;
 
 /// Takes labels from the editor or from another program. On another grid they are resampled (nearest voxel), and a
 /// finding says so.
 ///
 /// # Errors
-/// [`SegmentError::LabelsElsewhere`], [`SegmentError::UnknownLabel`], [`SegmentError::TooLarge`], [`SegmentError::EmptyStructure`]
-/// (brain, skull or a lateral ventricle without a voxel; scalp, fluid and third ventricle may be missing and become findings).
+/// [`SegmentError::LabelsElsewhere`], [`SegmentError::UnknownLabel`], [`SegmentError::TooLarge`], [`SegmentError::EmptyPlanes`],
+/// [`SegmentError::EmptyStructure`] (brain, skull or a lateral ventricle without a voxel; scalp, fluid and third ventricle may be missing and become findings).
 pub fn from_labels(ct: &Volume<i16>, labels: Volume<u8>) -> Result<Segmentation, SegmentError> {
     let (labels, resampled) = onto_grid(ct.grid(), labels)?;
     let mut findings: Vec<String> = resampled.into_iter().collect();
     check_numbers(&labels)?;
     findings.extend(check_structures(&labels)?);
+    check_planes(&labels)?;
     let working = working(ct);
     let outside = beyond_the_head(&working, &labels);
     if outside.is_empty() {
@@ -67,6 +70,34 @@ fn check_structures(labels: &Volume<u8>) -> Result<Vec<String>, SegmentError> {
     }
     let wanted = [Structure::Scalp, Structure::Csf, Structure::ThirdVentricle];
     Ok(wanted.into_iter().filter(|s| empty(*s)).map(|s| format!("the labels have no {}", s.name())).collect())
+}
+
+/// Refuses labels of which whole planes are missing in the middle of the brain: of a series that lacks slices, or drawn on some
+/// of them only.
+fn check_planes(labels: &Volume<u8>) -> Result<(), SegmentError> {
+    let grid = labels.grid();
+    let dims = grid.dims();
+    let mut areas = dims.map(|d| vec![0.0; d]);
+    let intracranial = |l: u8| Structure::from_label(l).is_some_and(Structure::is_intracranial);
+    for (n, _) in labels.data().iter().enumerate().filter(|(_, l)| intracranial(**l)) {
+        let voxel = grid.voxel(n);
+        (0..3).for_each(|a| areas[a][voxel[a]] += grid.voxel_volume() / grid.spacing()[a]);
+    }
+    for (axis, areas) in areas.iter().enumerate() {
+        let Some((first, last)) = gap(areas) else { continue };
+        let mut place = dims.map(|d| d as f64 / 2.0);
+        place[axis] = first as f64;
+        let place_mm = grid.patient_from_voxel().point(Point::from_array(place)).to_array();
+        return Err(SegmentError::EmptyPlanes { axis: ['i', 'j', 'k'][axis], first, last, place_mm });
+    }
+    Ok(())
+}
+
+/// The first run of planes with nothing on them between two of which each has something, from and to.
+fn gap(areas: &[f64]) -> Option<(usize, usize)> {
+    let filled: Vec<usize> = (0..areas.len()).filter(|&n| areas[n] > 0.0).collect();
+    let torn = |w: &&[usize]| w[1] > w[0] + 1 && areas[w[0]].min(areas[w[1]]) > GAP_MM2;
+    filled.windows(2).find(torn).map(|w| (w[0] + 1, w[1] - 1))
 }
 
 /// Labels of the head where the scan shows air outside every bone: probably shifted or mirrored.

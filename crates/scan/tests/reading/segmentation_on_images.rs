@@ -128,6 +128,24 @@ fn labels_on_a_tilted_series_of_two_spacings_could_be_written_but_not_read() {
 }
 
 #[test]
+fn where_a_slice_of_the_series_is_missing_its_labels_came_back_with_an_empty_plane() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (_, grid) = series(&dir.path().join("series"));
+    std::fs::remove_file(dir.path().join("series/0004.dcm")).expect("there");
+    let options = ReadOptions { any_size: true, ..ReadOptions::default() };
+    let images = Images::of(&dir.path().join("series"), &options).expect("images");
+    let (bytes, _) = encode_on(&drawn(grid), &images).expect("encoded");
+    let file = dir.path().join("labels.dcm");
+    std::fs::write(&file, bytes).expect("write");
+    let back = labels::read(&file).expect("labels").volume;
+    assert!(common::corner_distance(back.grid(), &grid) < 1e-4);
+    // Slice 3 has no image. Its neighbours are alike.
+    for n in 0..grid.len() {
+        assert_eq!(back.data()[n], u16::from(drawn(grid).data()[n]), "{:?}", grid.voxel(n));
+    }
+}
+
+#[test]
 fn labels_of_another_head_are_refused_with_both_geometries() {
     let dir = tempfile::tempdir().expect("temp");
     let (images, _) = series(&dir.path().join("series"));

@@ -159,18 +159,21 @@ struct Layers {
 }
 
 impl Layers {
-    /// From the places of the frames above the lowest, mm. Frames at multiples of `step` fill a slice each. Others fill
-    /// the slices that they are nearest to, if there is one for each of the `images`: a plane that was left out for being
-    /// empty would be filled by its neighbours.
+    /// From the places of the frames above the lowest, mm. Frames at multiples of `step` fill a slice each; where there is one
+    /// for each of the `images`, what lies between them has no image, and is filled by the nearest. So are slices between frames
+    /// at other places, but only if there is one for each image: a plane that was left out for being empty would be filled by its
+    /// neighbours.
     fn of(step: f64, places: &[f64], images: usize) -> Result<Self, Problem> {
-        let even = |s: &f64| ((s / step - (s / step).round()).abs() <= OFF_PLACE).then(|| (s / step).round() as usize);
-        if let Some(slices) = places.iter().map(even).collect::<Option<Vec<usize>>>() {
-            let count = slices.iter().max().map_or(1, |m| m.saturating_add(1));
-            return Ok(Self { step, count, slices: slices.into_iter().map(|k| k..k.saturating_add(1)).collect() });
-        }
         let mut planes = places.to_vec();
         planes.sort_by(f64::total_cmp);
         planes.dedup_by(|a, b| *a - *b < SAME_PLANE_MM);
+        let even = |s: &f64| ((s / step - (s / step).round()).abs() <= OFF_PLACE).then(|| (s / step).round() as usize);
+        if let Some(slices) = places.iter().map(even).collect::<Option<Vec<usize>>>() {
+            let count = slices.iter().max().map_or(1, |m| m.saturating_add(1));
+            if count == planes.len() || planes.len() != images {
+                return Ok(Self { step, count, slices: slices.into_iter().map(|k| k..k.saturating_add(1)).collect() });
+            }
+        }
         if planes.len() != images {
             let found = format!("frames are not multiples of {step} mm apart, and there is not one for each image");
             return Err(header("ImagePositionPatient", found));
