@@ -7,7 +7,7 @@ mod nearest;
 pub(crate) use boxes::{Box3, of_triangle};
 pub use nearest::nearest_on_triangle;
 
-use crate::{Patient, Point, TriangleMesh, Vector};
+use crate::{Patient, Point, TriangleMesh, Vector, bounds};
 use nearest::Four;
 
 const LEAF: usize = 4;
@@ -136,7 +136,7 @@ fn split(
 ) {
     let at = nodes.len();
     if order.len() <= LEAF {
-        let (low, high) = bounds(order.iter().flat_map(|&t| all[t as usize].map(Point::to_array)));
+        let [low, high] = bounds(order.iter().flat_map(|&t| all[t as usize].map(Point::to_array))).unwrap_or_default();
         nodes.push(Node { low, high, first, count: order.len() as u32 });
         return;
     }
@@ -147,23 +147,17 @@ fn split(
     split(nodes, left, first, all, halve);
     let other = nodes.len();
     split(nodes, right, first + middle as u32, all, halve);
-    let (low, high) = bounds([at + 1, other].iter().flat_map(|&n| [nodes[n].low, nodes[n].high]));
+    let [low, high] = bounds([at + 1, other].iter().flat_map(|&n| [nodes[n].low, nodes[n].high])).unwrap_or_default();
     nodes[at] = Node { low, high, first: other as u32, count: 0 };
 }
 
 /// Parts triangles at the median along the longest axis of their centroids.
 fn halve(order: &mut [u32], centroids: &[[f64; 3]]) {
-    let (low, high) = bounds(order.iter().map(|&t| centroids[t as usize]));
+    let [low, high] = bounds(order.iter().map(|&t| centroids[t as usize])).unwrap_or_default();
     let axis = (0..3).fold(0, |best, a| if high[a] - low[a] > high[best] - low[best] { a } else { best });
     order.select_nth_unstable_by(order.len() / 2, |&a, &b| {
         centroids[a as usize][axis].total_cmp(&centroids[b as usize][axis]).then(a.cmp(&b))
     });
-}
-
-fn bounds(points: impl Iterator<Item = [f64; 3]>) -> ([f64; 3], [f64; 3]) {
-    points.fold(([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]), |(low, high), p| {
-        (core::array::from_fn(|a| low[a].min(p[a])), core::array::from_fn(|a| high[a].max(p[a])))
-    })
 }
 
 fn ray_meets_box(node: &Node, origin: Point<Patient>, direction: Vector<Patient>) -> bool {

@@ -1,6 +1,6 @@
 //! A voxel grid placed in the patient frame.
 
-use crate::{Affine, Matrix3, Patient, Point, Vector, Voxel};
+use crate::{Affine, Matrix3, Patient, Point, Vector, Voxel, bounds};
 use thiserror::Error;
 
 /// Why a grid was refused.
@@ -143,6 +143,11 @@ impl Grid {
             let at = |a: usize| if c >> a & 1 == 0 { -0.5 } else { self.dims[a] as f64 - 0.5 };
             self.patient_from_voxel.point(Point::new(at(0), at(1), at(2)))
         })
+    }
+
+    /// The lowest and highest coordinates of the grid's box (outer voxel faces), patient mm.
+    pub fn bounds(&self) -> [[f64; 3]; 2] {
+        bounds(self.corners().map(Point::to_array)).unwrap_or_default()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Elements that meet without sharing what they meet in: hanging nodes, and vertices that are doubled but for rounding.
 
-use crate::tetrahedra::{FACES, sorted};
+use crate::tetrahedra::{TET_FACES, sorted};
 use crate::{Bvh, NO_TET, Patient, Point, TetMesh, TriangleMesh, nearest_on_triangle, tet_neighbours};
 
 /// Vertices within this share of a face's longest edge lie on it.
@@ -72,7 +72,7 @@ impl Boundary {
         let behind = tet_neighbours(&mesh.tets, mesh.vertices.len());
         let (mut triangles, mut tets) = (Vec::new(), Vec::new());
         for ((t, tet), behind) in (0u32..).zip(&mesh.tets).zip(&behind) {
-            for (face, _) in FACES.iter().zip(behind).filter(|(_, b)| **b == NO_TET) {
+            for (face, _) in TET_FACES.iter().zip(behind).filter(|(_, b)| **b == NO_TET) {
                 triangles.push(face.map(|i| tet[i]));
                 tets.push(t);
             }

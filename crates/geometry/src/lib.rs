@@ -45,7 +45,7 @@ pub use normals::SurfaceNormals;
 pub use plane::Plane;
 pub use rigid::Rigid;
 pub use structure::Structure;
-pub use tetrahedra::{TetMesh, TetMeshError, TetQuality, tet_signed_volume};
+pub use tetrahedra::{TET_EDGES, TET_FACES, TetMesh, TetMeshError, TetQuality, tet_signed_volume};
 pub use triangles::{Topology, TriangleMesh, TriangleMeshError};
 pub use vector::{Point, Vector, bounds};
 pub use volume::Volume;

@@ -1,11 +1,10 @@
 //! Which elements share which faces.
 
+use crate::TET_FACES;
 use crate::buckets::by_point;
 
 /// No element behind a face.
 pub const NO_TET: u32 = u32::MAX;
-/// Corners of the face opposite to each corner.
-const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]];
 
 /// The element behind the face opposite to each corner of each element, [`NO_TET`] where there is none: on
 /// the boundary of the mesh.
@@ -35,13 +34,13 @@ pub fn tet_neighbours(tets: &[[u32; 4]], points: usize) -> Vec<[u32; 4]> {
 /// The lowest point of a face (`4 element + corner`).
 fn lowest_point(tets: &[[u32; 4]], face: u32) -> u32 {
     let t = tets[face as usize / 4];
-    FACES[face as usize % 4].iter().map(|&k| t[k]).min().unwrap_or(0)
+    TET_FACES[face as usize % 4].iter().map(|&k| t[k]).min().unwrap_or(0)
 }
 
 /// The two higher points of a face as one number.
 fn upper_points(tets: &[[u32; 4]], face: u32) -> u64 {
     let t = tets[face as usize / 4];
-    let mut f = FACES[face as usize % 4].map(|k| t[k]);
+    let mut f = TET_FACES[face as usize % 4].map(|k| t[k]);
     f.sort_unstable();
     u64::from(f[1]) << 32 | u64::from(f[2])
 }

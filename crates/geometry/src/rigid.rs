@@ -1,6 +1,6 @@
 //! Rigid transforms between two frames: a unit quaternion and a translation.
 
-use crate::{Affine, Frame, Matrix3, Point, Vector};
+use crate::{Frame, Matrix3, Point, Vector};
 use core::marker::PhantomData;
 
 /// The rigid map `x -> R x + t` from frame `From` to frame `To` (mm). Read a variable `to_from_from`, as `patient_from_tracker`.
@@ -120,11 +120,6 @@ impl<To, From> Rigid<To, From> {
         let n = q.iter().map(|v| v * v).sum::<f64>().sqrt();
         let translation = self.point(Point::from_array(first.translation.to_array())) - Point::ORIGIN;
         Rigid { quaternion_wxyz: q.map(|v| v / n), translation, frames: PhantomData }
-    }
-
-    /// The same map as an affine one.
-    pub fn to_affine(&self) -> Affine<To, From> {
-        Affine::new(self.rotation(), self.translation.to_array())
     }
 }
 

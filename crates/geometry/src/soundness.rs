@@ -1,7 +1,7 @@
 //! What makes a mesh from elsewhere plainly broken, besides faulty numbers: nothing sensible can be done with such a mesh.
 //! Meshes that are merely odd (open, pinched, badly shaped) pass.
 
-use crate::tetrahedra::{FACES, sorted};
+use crate::tetrahedra::{TET_FACES, sorted};
 use crate::{TetMesh, TetMeshError, TriangleMesh, TriangleMeshError};
 use std::collections::HashMap;
 
@@ -60,7 +60,7 @@ impl TetMesh {
         }
         let mut faces: Vec<([u32; 3], [u32; 3], u32)> = Vec::with_capacity(4 * self.tets.len());
         for (t, tet) in (0u32..).zip(&self.tets) {
-            for face in FACES.map(|f| f.map(|i| tet[i])) {
+            for face in TET_FACES.map(|f| f.map(|i| tet[i])) {
                 faces.push((sorted(face.map(|v| place[v as usize])), sorted(face), t));
             }
         }

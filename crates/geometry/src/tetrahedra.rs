@@ -5,8 +5,12 @@ use crate::triangles::is_somewhere;
 use crate::{Patient, Point, TriangleMesh};
 use thiserror::Error;
 
-/// Faces seen from outside of a positively oriented element.
-pub(crate) const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+/// Corners of the face of a tetrahedron opposite to each of its corners, counter-clockwise as seen from outside of a positively
+/// oriented one.
+pub const TET_FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+
+/// Corners of the edges of a tetrahedron, the lower one first.
+pub const TET_EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 
 /// Corners in order: the same for all that share them.
 pub(crate) fn sorted<const N: usize>(mut corners: [u32; N]) -> [u32; N] {
@@ -174,7 +178,7 @@ impl TetMesh {
         // The corners of each face in order, whether the element lies on the side from which they run clockwise, the element.
         let mut faces: Vec<([u32; 3], bool, u32)> = Vec::with_capacity(4 * self.tets.len());
         for (t, tet) in (0u32..).zip(&self.tets) {
-            for [a, b, c] in FACES.map(|f| f.map(|i| tet[i])) {
+            for [a, b, c] in TET_FACES.map(|f| f.map(|i| tet[i])) {
                 faces.push((sorted([a, b, c]), (a > b) ^ (b > c) ^ (a > c), t));
             }
         }
@@ -230,7 +234,7 @@ impl TetMesh {
         let mut faces: Vec<([u32; 3], [u32; 3])> = Vec::new();
         for (t, &label) in self.tets.iter().zip(&self.labels) {
             if keep(label) {
-                for f in FACES {
+                for f in TET_FACES {
                     let face = f.map(|i| t[i]);
                     faces.push((sorted(face), face));
                 }
@@ -260,10 +264,9 @@ impl TetMesh {
 
     /// Distinct edges, each `[lower, higher]`, sorted.
     pub fn edges(&self) -> Vec<[u32; 2]> {
-        const PAIRS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
         let mut edges: Vec<[u32; 2]> = Vec::with_capacity(self.tets.len() * 6);
         for t in &self.tets {
-            edges.extend(PAIRS.map(|[a, b]| [t[a].min(t[b]), t[a].max(t[b])]));
+            edges.extend(TET_EDGES.map(|[a, b]| [t[a].min(t[b]), t[a].max(t[b])]));
         }
         let mut edges = sorted_by_point(&edges, self.vertices.len(), |edge| edge[0]);
         edges.dedup();
@@ -277,7 +280,7 @@ impl TetMesh {
 }
 
 fn quality(p: [Point<Patient>; 4]) -> TetQuality {
-    let areas = FACES.map(|[a, b, c]: [usize; 3]| (p[b] - p[a]).cross(p[c] - p[a]) * 0.5);
+    let areas = TET_FACES.map(|[a, b, c]: [usize; 3]| (p[b] - p[a]).cross(p[c] - p[a]) * 0.5);
     let (mut low, mut high) = (f64::INFINITY, 0f64);
     for i in 0..4 {
         for j in i + 1..4 {

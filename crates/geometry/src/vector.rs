@@ -219,8 +219,8 @@ impl<F> Div<f64> for Vector<F> {
 }
 
 /// The lowest and highest coordinates of some points; `None` where there is none.
-pub fn bounds<F>(points: &[Point<F>]) -> Option<[[f64; 3]; 2]> {
-    let mut all = points.iter().map(|p| p.to_array());
+pub fn bounds(points: impl IntoIterator<Item = [f64; 3]>) -> Option<[[f64; 3]; 2]> {
+    let mut all = points.into_iter();
     let first = all.next()?;
     Some(all.fold([first; 2], |[low, high], p| {
         [core::array::from_fn(|a| low[a].min(p[a])), core::array::from_fn(|a| high[a].max(p[a]))]

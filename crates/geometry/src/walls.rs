@@ -1,6 +1,6 @@
 //! Walls of a body that pass through each other when it deforms, for nothing keeps its parts from each other.
 
-use crate::tetrahedra::{FACES, sorted};
+use crate::tetrahedra::{TET_FACES, sorted};
 use crate::{Patient, Point, TetMesh, TriangleMesh};
 
 /// A face at the boundary or between elements of different labels.
@@ -19,7 +19,7 @@ impl TetMesh {
     pub fn walls(&self) -> Vec<Wall> {
         let mut faces: Vec<([u32; 3], u16, [u32; 3])> = Vec::with_capacity(4 * self.tets.len());
         for (tet, &label) in self.tets.iter().zip(&self.labels) {
-            for face in FACES.map(|f| f.map(|i| tet[i])) {
+            for face in TET_FACES.map(|f| f.map(|i| tet[i])) {
                 faces.push((sorted(face), label, face));
             }
         }

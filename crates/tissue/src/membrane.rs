@@ -1,6 +1,7 @@
 //! Membranes: the faces where tissue meets the outside or another region.
 
 use crate::bytes;
+use monro_geometry::TET_FACES;
 
 /// Stands for the outside on one side of a membrane.
 pub(crate) const OUTSIDE: u8 = u8::MAX;
@@ -38,14 +39,11 @@ impl Membranes {
     }
 }
 
-/// Faces of a positive tetrahedron, seen from outside; face `i` lies opposite corner `i`.
-pub(crate) const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
-
 /// Finds the membranes of a conforming mesh whose element `t` belongs to region `region[t]`.
 pub(crate) fn find(tets: &[[u32; 4]], region: &[u8]) -> Membranes {
     let mut all: Vec<([u32; 3], u32, u8)> = Vec::with_capacity(tets.len() * 4);
     for (t, tet) in tets.iter().enumerate() {
-        for (f, face) in FACES.iter().enumerate() {
+        for (f, face) in TET_FACES.iter().enumerate() {
             let mut key = face.map(|i| tet[i]);
             key.sort_unstable();
             all.push((key, t as u32, f as u8));
@@ -59,7 +57,7 @@ pub(crate) fn find(tets: &[[u32; 4]], region: &[u8]) -> Membranes {
         let outer = same.get(1).map_or(OUTSIDE, |s| region[s.1 as usize]);
         if inner != outer {
             out.behind.push((t, f, out.faces.len() as u32));
-            out.faces.push(Membrane { nodes: FACES[f as usize].map(|i| tets[t as usize][i]), inner, outer });
+            out.faces.push(Membrane { nodes: TET_FACES[f as usize].map(|i| tets[t as usize][i]), inner, outer });
         }
     }
     out.behind.sort_unstable();

@@ -13,7 +13,7 @@ use crate::sphere_tree::SphereTree;
 use crate::vec3::{six_volume, unit, xyz};
 use crate::volumes::Volumes;
 use crate::{Material, ModelError, State, validate};
-use monro_geometry::{Patient, Point, TetMesh, Vector};
+use monro_geometry::{Patient, Point, TetMesh, Vector, bounds};
 use std::collections::BTreeMap;
 
 /// A region: a label and what it is made of.
@@ -260,11 +260,6 @@ impl Model {
         chosen.map(|t| f64::from(six_volume(self.corners(state, t))) / 6.0).sum()
     }
 
-    /// Current signed volume of element `tet` of the mesh, mm3.
-    pub fn tet_volume_mm3(&self, state: &State, tet: usize) -> f64 {
-        f64::from(six_volume(self.corners(state, self.tet_number[tet] as usize))) / 6.0
-    }
-
     /// Whether forces come in mN (physical mode) or are only relative (paper mode).
     pub(crate) const fn forces_are_physical(&self) -> bool {
         match self.solver {
@@ -310,13 +305,7 @@ fn held(vertices: usize, options: &ModelOptions) -> Vec<bool> {
 }
 
 fn centre(mesh: &TetMesh) -> Point<Patient> {
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for p in &mesh.vertices {
-        for (a, v) in p.to_array().into_iter().enumerate() {
-            low[a] = low[a].min(v);
-            high[a] = high[a].max(v);
-        }
-    }
+    let [low, high] = bounds(mesh.vertices.iter().map(|p| p.to_array())).unwrap_or_default();
     // Whole millimetres: subtracting them loses nothing.
     Point::from_array(core::array::from_fn(|a| (0.5 * (low[a] + high[a])).round()))
 }

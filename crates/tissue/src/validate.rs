@@ -4,7 +4,7 @@ use crate::ModelError;
 use crate::options::{AttachmentKind, Mode, ModelOptions};
 use crate::physical::elastic::volume_gradient;
 use crate::vec3::xyz;
-use monro_geometry::TetMesh;
+use monro_geometry::{TET_EDGES, TetMesh};
 
 /// An element thinner than this share of its longest edge cubed is flat.
 const FLAT: f64 = 1e-7;
@@ -25,8 +25,7 @@ pub(crate) fn mesh(mesh: &TetMesh) -> Result<(), ModelError> {
 
 fn longest_edge(mesh: &TetMesh, tet: usize) -> f64 {
     let p = mesh.corners(tet);
-    let pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
-    pairs.iter().map(|&(a, b)| p[a].distance(p[b])).fold(0.0, f64::max)
+    TET_EDGES.iter().map(|&[a, b]| p[a].distance(p[b])).fold(0.0, f64::max)
 }
 
 fn flat(mesh: &TetMesh, tet: usize) -> ModelError {

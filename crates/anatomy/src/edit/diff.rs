@@ -39,11 +39,6 @@ impl Diff {
         self.changes.iter().map(|c| c.length).sum()
     }
 
-    /// The changed ranges as (first flat offset, number of voxels, label before, label after).
-    pub fn ranges(&self) -> impl Iterator<Item = (usize, usize, u8, u8)> + '_ {
-        self.changes.iter().map(|c| (c.start, c.length, c.before, c.after))
-    }
-
     /// Whether the labels are those the edit was made on.
     pub(super) fn fits(&self, labels: &Volume<u8>) -> bool {
         self.changes.iter().all(|c| {

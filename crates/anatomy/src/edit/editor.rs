@@ -31,13 +31,6 @@ impl Rule {
         out
     }
 
-    /// No voxel that carries one of these labels now.
-    pub fn never_over(labels: &[u8]) -> Self {
-        let mut out = Self::anything();
-        labels.iter().for_each(|&l| out.over[usize::from(l)] = false);
-        out
-    }
-
     /// Also only inside a selection (the mask of another label, a threshold).
     #[must_use]
     pub fn within(mut self, mask: Selection) -> Self {

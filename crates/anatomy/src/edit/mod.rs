@@ -27,7 +27,7 @@ pub use islands::{islands, largest_island, without_small_islands};
 pub use journal::{Recovery, ReplayError};
 pub use selection::Selection;
 pub use smooth::smoothed;
-pub use threshold::{threshold, threshold_slice};
+pub use threshold::threshold;
 
 use thiserror::Error;
 

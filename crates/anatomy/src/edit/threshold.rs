@@ -2,7 +2,6 @@
 
 use super::selection::check_grid;
 use super::{EditError, Selection};
-use crate::livewire::{Axis, Mask};
 use monro_geometry::Volume;
 use std::ops::RangeInclusive;
 
@@ -24,31 +23,6 @@ pub fn threshold(
     let mut out = Selection::empty(*ct.grid());
     within.voxels().filter(|&n| range.contains(&ct.data()[n])).for_each(|n| out.push(n, n + 1));
     Ok(out)
-}
-
-/// The same on one slice only, quick enough to follow a slider.
-///
-/// # Errors
-/// The range is empty; there is no such slice.
-pub fn threshold_slice(
-    ct: &Volume<i16>,
-    axis: Axis,
-    index: usize,
-    range: RangeInclusive<i16>,
-) -> Result<Mask, EditError> {
-    check_range(&range)?;
-    let dims = ct.grid().dims();
-    let count = dims[axis.number()];
-    let no_slice = EditError::Slice { index, last: count - 1 };
-    if index >= count {
-        return Err(no_slice);
-    }
-    let [w, h] = axis.in_plane().map(|a| dims[a]);
-    let inside = |n: usize| {
-        let [i, j, k] = axis.voxel(index, n % w, n / w);
-        range.contains(&ct.at(i, j, k))
-    };
-    Mask::new(w, h, (0..w * h).map(inside).collect()).map_err(|_| no_slice)
 }
 
 fn check_range(range: &RangeInclusive<i16>) -> Result<(), EditError> {

@@ -117,18 +117,6 @@ impl HeadModel {
         Some(of * self.scale)
     }
 
-    /// Distance to the brain with its ventricles filled in.
-    pub fn brain_distance(&self, p: Point<Patient>) -> f64 {
-        let q = self.head(p);
-        self.brain.distance(q, cranium::cavity(q), self.ventricles.distances(q).whole) * self.scale
-    }
-
-    /// Distance to the cranial cavity (inner table of the skull, foramen magnum).
-    pub fn intracranial_distance(&self, p: Point<Patient>) -> f64 {
-        let q = self.head(p);
-        cranium::cavity(q).max(FORAMEN_MAGNUM_Z - q.z) * self.scale
-    }
-
     /// Distance to the skin.
     pub fn skin_distance(&self, p: Point<Patient>) -> f64 {
         self.skin_at(self.head(p)) * self.scale

@@ -114,9 +114,7 @@ fn padding(ct: &Volume<i16>) -> Option<i16> {
 /// The box of the head: bounds of the largest body at 4 mm, at most [`TALLEST`] from its top down.
 fn head_box(ct: &Volume<i16>, binned: &Binned, masked_with: Option<i16>) -> (Lattice, [usize; 3]) {
     const COARSE: f64 = 4.0;
-    let corners = ct.grid().corners().map(Point::to_array);
-    let low: [f64; 3] = core::array::from_fn(|a| corners.iter().map(|c| c[a]).fold(f64::INFINITY, f64::min));
-    let high: [f64; 3] = core::array::from_fn(|a| corners.iter().map(|c| c[a]).fold(f64::NEG_INFINITY, f64::max));
+    let [low, high] = ct.grid().bounds();
     let dims: [usize; 3] = core::array::from_fn(|a| (((high[a] - low[a]) / COARSE).ceil() as usize).max(1));
     let coarse = Lattice { origin: low.map(|v| v + COARSE / 2.0), step: COARSE };
     let hu = sample(binned, &coarse, dims);

@@ -4,6 +4,7 @@
 //! one global order. Both sides of each face see the same order, so the mesh conforms whatever meets where; three labels
 //! in one element are just two surfaces after each other. Only elements near a label are looked at for it.
 
+use super::adjacency::EDGES;
 use super::fields::{ABSENT, LabelFields};
 use super::lattice::PackedMap;
 use super::quality::quality;
@@ -159,10 +160,9 @@ impl<'a> Cut<'a> {
     }
 
     fn crossings(&self) -> Vec<Crossing> {
-        const PAIRS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
         let mut keys = Vec::new();
         for t in pending(self.mesh, &self.is_near) {
-            for [i, j] in PAIRS {
+            for [i, j] in EDGES {
                 if self.crosses([t[i], t[j]]) {
                     keys.push(edge_key(t[i], t[j]));
                 }

@@ -5,6 +5,7 @@ use super::fields::LabelFields;
 use super::quality::quality;
 use super::thickness::Thin;
 use super::vec3::{V3, distance, volume6};
+use monro_geometry::bounds;
 
 /// A middle is reached where a point in its part is within this many cells of the fields.
 const REACHED: f64 = 0.75;
@@ -49,8 +50,7 @@ fn held(points: &[V3], tets: &[[u32; 4]], thin: &Thin) -> Vec<(u8, V3, u32)> {
     let mut found = Vec::new();
     for (t, tet) in (0u32..).zip(tets) {
         let c = tet.map(|v| points[v as usize]);
-        let low: V3 = std::array::from_fn(|a| c.iter().map(|p| p[a]).fold(f64::INFINITY, f64::min));
-        let high: V3 = std::array::from_fn(|a| c.iter().map(|p| p[a]).fold(f64::NEG_INFINITY, f64::max));
+        let [low, high]: [V3; 2] = bounds(c).unwrap_or_default();
         let holds = |p: V3| {
             (0..4).all(|i| {
                 let mut d = c;

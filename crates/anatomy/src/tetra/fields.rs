@@ -403,6 +403,7 @@ fn front(own: &Field, union: &Field, parts: &[Field]) -> Field {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use monro_geometry::Point;
 
     #[test]
     fn smoothing_keeps_a_ball_of_four_cells_at_its_size() {

@@ -50,9 +50,7 @@ impl SizeField {
     /// `growth` mm a mm up to `coarsest` times the finest. With nothing to be fine about, all edges are alike.
     pub(super) fn new(fields: &LabelFields, fine: &[usize], options: &MeshOptions) -> Option<Self> {
         let &MeshOptions { path, growth, coarsest, .. } = options;
-        let corners = fields.union.volume().grid().corners().map(Point::to_array);
-        let low: [f64; 3] = std::array::from_fn(|a| corners.iter().map(|c| c[a]).fold(f64::INFINITY, f64::min));
-        let high: [f64; 3] = std::array::from_fn(|a| corners.iter().map(|c| c[a]).fold(f64::NEG_INFINITY, f64::max));
+        let [low, high] = fields.union.volume().grid().bounds();
         let step = STEP * fields.unit;
         let dims: [usize; 3] = std::array::from_fn(|a| ((high[a] - low[a]) / step).ceil() as usize + 3);
         let grid = Grid::axis_aligned(dims, [step; 3], low.map(|x| x - step)).ok()?;

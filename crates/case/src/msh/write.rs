@@ -16,7 +16,7 @@ pub fn encode(mesh: &TetMesh) -> Vec<u8> {
     out.extend_from_slice(&1i32.to_le_bytes());
     out.extend_from_slice(b"\n$EndMeshFormat\n");
     out.extend_from_slice(names(&labels, &interfaces).as_bytes());
-    let bounds = bounds(&mesh.vertices).unwrap_or_default();
+    let bounds = bounds(mesh.vertices.iter().map(|p| p.to_array())).unwrap_or_default();
     section(&mut out, "Entities", |out| entities(out, &labels, &interfaces, bounds));
     section(&mut out, "Nodes", |out| nodes(out, mesh, &labels));
     section(&mut out, "Elements", |out| elements(out, mesh, &labels, &interfaces));

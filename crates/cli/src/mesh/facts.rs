@@ -83,7 +83,7 @@ pub(super) fn label_facts(label: u16, elements: usize, volume: f64, surface: &Su
 
 /// The lowest and highest coordinates, LPS mm; zeros where there is no point.
 pub(super) fn bounds(points: &[Point<Patient>]) -> [[f64; 3]; 2] {
-    monro_geometry::bounds(points).unwrap_or_default()
+    monro_geometry::bounds(points.iter().map(|p| p.to_array())).unwrap_or_default()
 }
 
 /// A place in words.

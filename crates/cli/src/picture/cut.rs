@@ -9,7 +9,7 @@ use super::scene::{Body, render};
 use super::slice::{Legend, Overlay, overlay, pixels};
 use super::svg::{Stroke, path_data, rimmed_text, text};
 use super::view::SliceView;
-use monro_geometry::{Patient, Plane, Point, Structure, TetMesh, TriangleMesh, Vector};
+use monro_geometry::{Patient, Plane, Point, Structure, TET_FACES, TetMesh, TriangleMesh, Vector};
 
 /// What the colour of an element says.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -173,10 +173,9 @@ fn middle(mesh: &TetMesh, t: usize) -> Point<Patient> {
 
 /// Faces that belong to one of the elements only, and that element.
 fn outer_faces(mesh: &TetMesh, elements: &[usize]) -> (TriangleMesh, Vec<usize>) {
-    const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
     let mut faces: Vec<([u32; 3], [u32; 3], usize)> = Vec::with_capacity(elements.len() * 4);
     for &t in elements {
-        for f in FACES {
+        for f in TET_FACES {
             let face = f.map(|i| mesh.tets[t][i]);
             let mut key = face;
             key.sort_unstable();
@@ -190,7 +189,9 @@ fn outer_faces(mesh: &TetMesh, elements: &[usize]) -> (TriangleMesh, Vec<usize>)
 }
 
 fn extent(mesh: &TetMesh) -> (Point<Patient>, f64) {
-    let Some([low, high]) = monro_geometry::bounds(&mesh.vertices) else { return (Point::ORIGIN, 1.0) };
+    let Some([low, high]) = monro_geometry::bounds(mesh.vertices.iter().map(|p| p.to_array())) else {
+        return (Point::ORIGIN, 1.0);
+    };
     let size = (0..3).map(|a| high[a] - low[a]).fold(1.0, f64::max);
     (Point::from_array(low).lerp(Point::from_array(high), 0.5), size)
 }

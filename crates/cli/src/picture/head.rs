@@ -7,7 +7,7 @@ use super::scene::{Body, render};
 use super::shapes::{cylinder, sphere};
 use super::slice::{Legend, pixels};
 use super::svg::{Stroke, text};
-use monro_geometry::{Patient, Point, TriangleMesh, Vector};
+use monro_geometry::{Patient, Point, TriangleMesh, Vector, bounds};
 
 /// What a picture of the head shows.
 #[derive(Debug, Clone, Default)]
@@ -134,14 +134,8 @@ fn legend(scene: &HeadScene<'_>, width: f64) -> Legend {
 
 /// Middle and largest diameter of all bodies together, with a margin.
 fn extent(bodies: &[Body<'_>]) -> (Point<Patient>, f64) {
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for p in bodies.iter().flat_map(|b| &b.mesh.vertices) {
-        let p = p.to_array();
-        (low, high) = (core::array::from_fn(|a| low[a].min(p[a])), core::array::from_fn(|a| high[a].max(p[a])));
-    }
-    if low[0] > high[0] {
-        return (Point::ORIGIN, 1.0);
-    }
+    let all = bodies.iter().flat_map(|b| &b.mesh.vertices);
+    let Some([low, high]) = bounds(all.map(|p| p.to_array())) else { return (Point::ORIGIN, 1.0) };
     let size = (0..3).map(|a| high[a] - low[a]).fold(1.0, f64::max);
     (Point::from_array(low).lerp(Point::from_array(high), 0.5), size * 1.12)
 }

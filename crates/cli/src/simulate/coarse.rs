@@ -1,6 +1,6 @@
 //! Whether the elements along the path are small enough for where the catheter breaks through not to depend on them.
 
-use monro_geometry::{TetLocator, TetMesh};
+use monro_geometry::{TET_EDGES, TetLocator, TetMesh};
 use monro_guidance::Plan;
 
 /// The elements that hold the path are looked at in such steps, mm.
@@ -31,7 +31,7 @@ fn mean_edge_mm(rest: &TetMesh, plan: &Plan) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0.0);
     for located in (0..=steps).filter_map(|i| locator.locate(plan.at_depth(i as f64 * STEP_MM))) {
         let p = rest.corners(located.tet);
-        for (a, b) in [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)] {
+        for [a, b] in TET_EDGES {
             sum += p[a].distance(p[b]);
             count += 1.0;
         }

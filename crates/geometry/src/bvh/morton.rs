@@ -1,11 +1,13 @@
 //! Points in the order of a Morton curve: near on the curve is mostly near in space.
 
+use crate::bounds;
+
 /// Steps of the curve's lattice along an axis: three times 21 bits fill a number.
 const STEPS: f64 = 2_097_151.0;
 
 /// The numbers of points along the curve through their bounding box; those in one cell of it in order of their numbers.
 pub(super) fn order(points: impl Iterator<Item = [f64; 3]> + Clone) -> Vec<u32> {
-    let (low, high) = super::bounds(points.clone());
+    let [low, high] = bounds(points.clone()).unwrap_or_default();
     let longest = (0..3).map(|a| high[a] - low[a]).fold(f64::MIN_POSITIVE, f64::max);
     // What is not finite ends at 0 or at the last step.
     let step = |p: [f64; 3], a: usize| ((p[a] - low[a]) / longest * STEPS) as u64;

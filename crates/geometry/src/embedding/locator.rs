@@ -1,13 +1,13 @@
 //! Which tetrahedron holds a point.
 
-use crate::{Bvh, NO_TET, Nearest, Patient, Point, TetMesh, TetMeshError, TriangleMesh, tet_neighbours};
+use crate::{
+    Bvh, NO_TET, Nearest, Patient, Point, TET_FACES, TetMesh, TetMeshError, TriangleMesh, bounds, tet_neighbours,
+};
 
 /// Marks, instead of a neighbour behind a face, the number of that face on the boundary.
 const BOUNDARY: u32 = 1 << 31;
 /// Weights this far below zero still count as inside: rounding must not open gaps between elements.
 const SLACK: f64 = -1e-9;
-/// Faces of an element, each opposite to the corner of the same index, seen from outside.
-const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
 
 /// A point inside an element.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,7 +62,7 @@ impl TetLocator {
     pub fn new(mesh: &TetMesh) -> Result<Self, TetMeshError> {
         mesh.validate()?;
         let (neighbours, behind) = adjacency(&mesh.tets, mesh.vertices.len());
-        let triangles = behind.iter().map(|&(t, c)| FACES[c as usize].map(|i| mesh.tets[t as usize][i])).collect();
+        let triangles = behind.iter().map(|&(t, c)| TET_FACES[c as usize].map(|i| mesh.tets[t as usize][i])).collect();
         let boundary = Bvh::new(&TriangleMesh { vertices: mesh.vertices.clone(), triangles });
         let cells = Cells::new(mesh);
         Ok(Self { vertices: mesh.vertices.clone(), tets: mesh.tets.clone(), neighbours, cells, boundary, behind })
@@ -139,7 +139,7 @@ impl TetLocator {
     }
 
     /// As [`TetLocator::nearest_face`], faster where `near` is a face thought to be near.
-    pub fn nearest_face_from(&self, near: usize, p: Point<Patient>) -> Option<NearestFace> {
+    fn nearest_face_from(&self, near: usize, p: Point<Patient>) -> Option<NearestFace> {
         self.boundary.nearest_from(near, p).map(|n| self.face(&n))
     }
 
@@ -204,7 +204,7 @@ pub(super) struct Cells {
 
 impl Cells {
     fn new(mesh: &TetMesh) -> Self {
-        let (low, high) = bounds(mesh.vertices.iter().copied());
+        let [low, high] = bounds(mesh.vertices.iter().map(|p| p.to_array())).unwrap_or_default();
         let size: [f64; 3] = core::array::from_fn(|a| (high[a] - low[a]).max(1e-9));
         // About two cells per element.
         let step = (size.iter().product::<f64>() / (2 * mesh.tets.len().max(1)) as f64).cbrt();
@@ -236,7 +236,7 @@ impl Cells {
     }
 
     fn touched(&self, mesh: &TetMesh, t: usize, mut each: impl FnMut(usize)) {
-        let (low, high) = bounds(mesh.corners(t).into_iter());
+        let [low, high] = bounds(mesh.corners(t).map(Point::to_array)).unwrap_or_default();
         let index = |x: f64, a: usize| (((x - self.origin[a]) * self.inverse_step) as usize).min(self.dims[a] - 1);
         for k in index(low[2], 2)..=index(high[2], 2) {
             for j in index(low[1], 1)..=index(high[1], 1) {
@@ -273,12 +273,6 @@ impl Cells {
         let c = (at[2] * self.dims[1] + at[1]) * self.dims[0] + at[0];
         &self.list[self.first[c] as usize..self.first[c + 1] as usize]
     }
-}
-
-fn bounds(points: impl Iterator<Item = Point<Patient>>) -> ([f64; 3], [f64; 3]) {
-    points.map(Point::to_array).fold(([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]), |(low, high), p| {
-        (core::array::from_fn(|a| low[a].min(p[a])), core::array::from_fn(|a| high[a].max(p[a])))
-    })
 }
 
 #[cfg(test)]

@@ -20,4 +20,4 @@ pub use landmarks::{
 };
 pub use recheck::{Recheck, recheck};
 pub use surface::{RefineOptions, Refined, Surface, SurfaceError, SurfaceResidual, SurfaceSample, refine_on_surface};
-pub use tre::{PoseUncertainty, fitzpatrick_tre};
+pub use tre::PoseUncertainty;

@@ -52,37 +52,9 @@ impl<F> PoseUncertainty<F> {
         Covariance::of(&(j * self.covariance * j.transpose()))
     }
 
-    /// Standard deviation of the rotation about its worst axis, rad.
-    pub fn worst_rotation(&self) -> f64 {
-        self.covariance.fixed_view::<3, 3>(0, 0).symmetric_eigenvalues().max().max(0.0).sqrt()
-    }
-
     /// The same with all variances multiplied, as when the residuals are larger than assumed.
     #[must_use]
     pub fn scaled(&self, variance_factor: f64) -> Self {
         Self::of(self.centre, self.covariance * variance_factor)
     }
-}
-
-/// Root mean square target registration error (mm) for `fle` mm root mean square localisation error, equal and isotropic
-/// at all `landmarks`, by the closed formula `fle^2 / N * (1 + 1/3 sum_k d_k^2 / f_k^2)`: `d_k` the distance of the target
-/// from principal axis `k` of the landmarks, `f_k` their root mean square distance from it. `None` for fewer than three
-/// landmarks or landmarks on a line.
-pub fn fitzpatrick_tre<F>(landmarks: &[Point<F>], target: Point<F>, fle: f64) -> Option<f64> {
-    let n = landmarks.len() as f64;
-    let centre = landmarks.iter().map(|p| vec3(p.to_array())).sum::<Vector3<f64>>() / n;
-    let arms: Vec<Vector3<f64>> = landmarks.iter().map(|p| vec3(p.to_array()) - centre).collect();
-    let spread = arms.iter().map(|a| a * a.transpose()).sum::<nalgebra::Matrix3<f64>>();
-    let axes = spread.symmetric_eigen().eigenvectors;
-    let to_target = vec3(target.to_array()) - centre;
-    let mut sum = 0.0;
-    for k in 0..3 {
-        let axis = axes.column(k).into_owned();
-        let f2 = arms.iter().map(|a| a.cross(&axis).norm_squared()).sum::<f64>() / n;
-        if landmarks.len() < 3 || f2 <= 1e-9 * spread.trace() / n {
-            return None;
-        }
-        sum += to_target.cross(&axis).norm_squared() / f2;
-    }
-    Some((fle * fle / n * (1.0 + sum / 3.0)).sqrt())
 }

@@ -223,7 +223,7 @@ impl Session {
     }
 
     /// The catheter in the patient, and when it was seen, s.
-    pub fn needle_and_time(&self, now: f64) -> Option<(NeedlePose, f64)> {
+    pub(super) fn needle_and_time(&self, now: f64) -> Option<(NeedlePose, f64)> {
         Some((self.needle(now)?, now - self.age(now)?))
     }
 

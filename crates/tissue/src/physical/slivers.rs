@@ -2,6 +2,7 @@
 
 use super::elastic::{D3, Elastic, dot, sub};
 use crate::volumes::regular_edge;
+use monro_geometry::TET_EDGES;
 
 /// An element is a sliver when a regular one of its volume has edges shorter than this share of its own (their root mean
 /// square). It has a fifth of the volume that it would have if it were regular.
@@ -26,5 +27,5 @@ pub(super) fn most_beyond(elastic: &Elastic) -> Vec<f32> {
 /// Root mean square of the six edges.
 fn edge(p: [D3; 4]) -> f64 {
     let square = |a: usize, b: usize| dot(sub(p[a], p[b]), sub(p[a], p[b]));
-    ([(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)].iter().map(|&(a, b)| square(a, b)).sum::<f64>() / 6.0).sqrt()
+    (TET_EDGES.iter().map(|&[a, b]| square(a, b)).sum::<f64>() / 6.0).sqrt()
 }

@@ -7,6 +7,7 @@
 //! Old vertices keep their numbers; new ones follow, each the midpoint of two earlier ones.
 
 use super::edges::{self, Edges};
+use monro_geometry::TET_EDGES;
 use std::collections::BTreeMap;
 
 /// Coordinates, mm.
@@ -28,8 +29,6 @@ pub(super) struct Fine {
 
 /// Midpoint of each edge cut in one pass.
 pub(super) type Cuts = BTreeMap<[u32; 2], u32>;
-
-pub(super) const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 
 pub(super) fn key(a: u32, b: u32) -> [u32; 2] {
     [a.min(b), a.max(b)]
@@ -57,7 +56,7 @@ impl Fine {
 
     /// The longest of the edges that `keep` accepts; equal lengths go by vertex numbers, the same for every element.
     fn longest(&self, tet: [u32; 4], keep: impl Fn([u32; 2]) -> bool) -> Option<[u32; 2]> {
-        self.longest_of(EDGES.map(|[i, j]| key(tet[i], tet[j])).into_iter().filter(|&e| keep(e)))
+        self.longest_of(TET_EDGES.map(|[i, j]| key(tet[i], tet[j])).into_iter().filter(|&e| keep(e)))
     }
 
     pub(super) fn longest_of(&self, edges: impl Iterator<Item = [u32; 2]>) -> Option<[u32; 2]> {
@@ -130,7 +129,7 @@ impl Fine {
     pub(super) fn eight(&mut self) -> Cuts {
         let mut cuts = Cuts::new();
         for (t, (label, whole)) in self.taken() {
-            let [ab, ac, ad, bc, bd, cd] = EDGES.map(|[i, j]| self.midpoint(&mut cuts, key(t[i], t[j])));
+            let [ab, ac, ad, bc, bd, cd] = TET_EDGES.map(|[i, j]| self.midpoint(&mut cuts, key(t[i], t[j])));
             self.tets.extend([[t[0], ab, ac, ad], [ab, t[1], bc, bd], [ac, bc, t[2], cd], [ad, bd, cd, t[3]]]);
             // The octahedron around one of its three diagonals, with the four others in a ring.
             let rings = [([ab, cd], [ac, bc, bd, ad]), ([ac, bd], [ab, ad, cd, bc]), ([ad, bc], [ab, bd, cd, ac])];

@@ -1,6 +1,7 @@
 //! The edges of a mesh, numbered, so that marks on them are looked up and not searched for.
 
-use super::bisect::{EDGES, Fine, key};
+use super::bisect::{Fine, key};
+use monro_geometry::TET_EDGES;
 
 /// Edges of the elements.
 pub(super) struct Edges {
@@ -19,7 +20,7 @@ pub(super) fn any(edges: &[u32; 6], marked: &[bool]) -> bool {
 
 impl Edges {
     pub(super) fn of(mesh: &Fine) -> Self {
-        let all = mesh.tets.iter().flat_map(|t| EDGES.map(|[i, j]| key(t[i], t[j])));
+        let all = mesh.tets.iter().flat_map(|t| TET_EDGES.map(|[i, j]| key(t[i], t[j])));
         let mut places: Vec<([u32; 2], u32)> = all.zip(0..).collect();
         places.sort_unstable();
         let (mut ends, mut around) = (Vec::new(), vec![[0; 6]; mesh.tets.len()]);

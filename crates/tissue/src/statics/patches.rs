@@ -7,6 +7,7 @@
 //! edges of elements whose four vertices the set holds always count.
 
 use super::bisect::key;
+use monro_geometry::TET_FACES;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Displacement (mm) at which each vertex is held in one component; `None` where it is free.
@@ -76,7 +77,7 @@ impl Reading {
 fn faces(tets: &[[u32; 4]], labels: &[u16], held: &Held) -> BTreeMap<[u32; 3], Place> {
     let mut out = BTreeMap::<[u32; 3], (u16, Place)>::new();
     for (tet, &label) in tets.iter().zip(labels) {
-        for corners in crate::membrane::FACES {
+        for corners in TET_FACES {
             let mut face = corners.map(|i| tet[i]);
             if face.iter().filter(|&&v| held[v as usize].is_some()).count() < 2 {
                 continue;

@@ -16,6 +16,7 @@ mod volume;
 mod walls;
 mod work;
 
+use super::adjacency::EDGES;
 use super::vec3::distance;
 pub(super) use coarsen::Coarse;
 pub(super) use mask::MOST_LABELS;
@@ -56,8 +57,6 @@ const ANY: f64 = 0.3;
 const SHORT: f64 = 0.3;
 /// A merge may leave a surface by this part of the element's longest edge.
 const SAG: f64 = 0.03;
-
-const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 
 impl Work<'_> {
     /// Improves until the bars are met or the passes are used up.

@@ -3,12 +3,10 @@
 //! An element with all corners on surfaces has little to gain from moving them. On the other side of its surface it may be
 //! flipped away like any other, and a flat one changes neither the shape nor the volume of the labels to speak of.
 
+use super::super::adjacency::{EDGES, FACES};
 use super::super::vec3::{V3, cross, distance, dot, sub};
 use super::mask::Mask;
 use super::work::Work;
-
-const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]];
-const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
 
 /// What is on the other side of a face.
 #[derive(Debug, Clone, Copy, PartialEq)]

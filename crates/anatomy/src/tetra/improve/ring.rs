@@ -1,6 +1,7 @@
 //! Replacing the elements around an edge (Shewchuk 2002: edge removal by Klincsek's dynamic programming), also where the
 //! edge lies between two labels or on the outer surface: then the surface's edge is flipped with it.
 
+use super::super::adjacency::FACES;
 use super::work::Work;
 
 /// Longest ring that is looked at.
@@ -224,9 +225,9 @@ impl Work<'_> {
 
     /// Replaces the face of `t` opposite to its corner `i` by the edge across (two elements become three).
     pub(super) fn swap_face(&mut self, t: u32, i: usize) -> bool {
-        const FACES: [[usize; 3]; 4] = [[1, 3, 2], [0, 2, 3], [0, 3, 1], [0, 1, 2]];
         let tet = self.tets[t as usize];
-        let [p, q, r] = FACES[i].map(|k| tet[k]);
+        // As seen from within.
+        let [p, r, q] = FACES[i].map(|k| tet[k]);
         let d = tet[i];
         let holds = |&x: &u32| x != t && [q, r].iter().all(|v| self.tets[x as usize].contains(v));
         let Some(other) = self.stars[p as usize].iter().copied().find(holds) else { return false };

@@ -5,6 +5,7 @@
 //! and mean curvature H, about a quarter of that height. The part is solved for, so the volume is met and not just
 //! approached.
 
+use super::super::adjacency::FACES;
 use super::super::vec3::{V3, add, cross, dot, scale, sub};
 use super::relax::{Freedom, Pair};
 use super::walls::Walls;
@@ -149,7 +150,6 @@ impl Work<'_> {
 
     /// Faces between labels, or to the outside, seen from outside of the lower label, and whether to the outside.
     fn surface_faces(&self) -> Vec<([u32; 3], bool)> {
-        const FACES: [[usize; 3]; 4] = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
         let mut faces: Vec<([u32; 3], u8, [u32; 3])> = Vec::new();
         for (t, &label) in self.tets.iter().zip(&self.labels).filter(|(_, l)| **l != DEAD) {
             for f in FACES.map(|f| f.map(|i| t[i])) {

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use monro_anatomy::surface::{SurfaceOptions, decimate, label_surface};
 use monro_geometry::{
-    Binder, Embedding, Patient, Point, SurfaceNormals, TetLocator, TetMesh, TriangleMesh, Vector, Volume,
+    Binder, Embedding, Patient, Point, SurfaceNormals, TetLocator, TetMesh, TriangleMesh, Vector, Volume, bounds,
 };
 use monro_guidance::simulation::quantile;
 use rayon::prelude::*;
@@ -138,12 +138,7 @@ fn quartered(mesh: &TriangleMesh) -> TriangleMesh {
 }
 
 fn twist(tets: &TetMesh) -> impl Fn(Point<Patient>) -> Point<Patient> {
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for p in &tets.vertices {
-        for (a, x) in p.to_array().into_iter().enumerate() {
-            (low[a], high[a]) = (low[a].min(x), high[a].max(x));
-        }
-    }
+    let [low, high] = bounds(tets.vertices.iter().map(|p| p.to_array())).unwrap_or_default();
     let centre: [f64; 3] = core::array::from_fn(|a| 0.5 * (low[a] + high[a]));
     let per_mm = TWIST / (high[2] - low[2]).max(f64::MIN_POSITIVE);
     move |p| {
