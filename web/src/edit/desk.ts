@@ -57,7 +57,7 @@ export interface Answer {
   snapped?: Point;
   path?: Point[];
   closes?: boolean;
-  preview?: { ml: number; stopped: boolean };
+  preview?: { ml: number; stopped: boolean; number: number };
 }
 
 export interface Rebuilding {

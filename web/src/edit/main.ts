@@ -25,6 +25,8 @@ class Editor {
   #painting: { last: [number, number]; erase: boolean } | undefined;
   #moving: number | undefined;
   #hovering = false;
+  /** Number of the preview that this page was shown last. */
+  #shown: number | undefined;
   #hoverNext: Hand | undefined;
   #before = 0.45;
   #busy: Promise<unknown> = Promise.resolve();
@@ -307,9 +309,10 @@ class Editor {
       const hand = this.#hoverNext;
       this.#hoverNext = undefined;
       const begun = performance.now();
-      const answer = await this.#desk.ask("hover", { ...this.#place(hand), time: begun / 1000 });
+      const asked = this.#place(hand);
+      const answer = await this.#desk.ask("hover", { ...asked, time: begun / 1000 });
       document.body.dataset["hoverMs"] = (performance.now() - begun).toFixed(2);
-      if (this.#tool !== "wire" || hand.pane.index !== this.#place(hand).slice) continue;
+      if (this.#tool !== "wire" || hand.pane.index !== asked.slice) continue;
       hand.pane.snapped = answer.snapped ?? null;
       hand.pane.path = answer.path ?? [];
       hand.pane.closes = answer.closes ?? false;
@@ -385,6 +388,7 @@ class Editor {
     const answer = await this.#edit("preview", { tool, target: this.#target() });
     if (!answer.preview) return;
     const { ml, stopped } = answer.preview;
+    this.#shown = answer.preview.number;
     this.#say(stopped
       ? `Stopped at ${ml.toFixed(1)} ml: this is a leak. Narrow the values or widen the neck.`
       : `${ml.toFixed(2)} ml; Apply (Enter) takes it, Escape drops it.`);
@@ -406,7 +410,7 @@ class Editor {
   }
 
   async #apply(): Promise<void> {
-    const answer = await this.#edit("apply", { target: this.#target() });
+    const answer = await this.#edit("apply", { target: this.#target(), preview: this.#shown });
     if (!answer.error) this.#say(`${answer.changed ?? 0} voxels changed`);
   }
 

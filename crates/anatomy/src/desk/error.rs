@@ -46,6 +46,17 @@ pub enum DeskError {
         /// Name of the structure.
         label: &'static str,
     },
+    /// Another preview than the one to apply.
+    #[error(
+        "what is shown is another preview, of {shown}, than the one of {wanted} to apply: another page or tool has replaced it; \
+         preview again"
+    )]
+    OtherPreview {
+        /// Name of the structure that is shown.
+        shown: &'static str,
+        /// Name of the structure to change.
+        wanted: &'static str,
+    },
     /// Nothing to apply.
     #[error("there is no preview to apply; choose a tool first")]
     NoPreview,

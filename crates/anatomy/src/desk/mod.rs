@@ -59,6 +59,8 @@ pub struct Desk {
     scout: Option<wire::Wire>,
     wire_options: WireOptions,
     preview: Option<Preview>,
+    /// Previews made so far.
+    previews: u64,
     stroke: Option<Stroke>,
 }
 
@@ -81,7 +83,7 @@ impl Desk {
             return Err(DeskError::Grid { labels, scan });
         }
         let wire_options = WireOptions::default();
-        Ok(Self { ct, editor, wire: None, scout: None, wire_options, preview: None, stroke: None })
+        Ok(Self { ct, editor, wire: None, scout: None, wire_options, preview: None, previews: 0, stroke: None })
     }
 
     /// The scan.

@@ -3,6 +3,7 @@ use crate::edit::Editor;
 use monro_geometry::Grid;
 
 const LEFT: u8 = 5;
+const RIGHT: u8 = 6;
 const BRAIN: u8 = 4;
 
 /// A fluid ball of 12 mm radius in brain, and its true labels; voxels of 1 x 1 x 2 mm.
@@ -154,15 +155,30 @@ fn a_stroke_that_changes_nothing_draws_no_slice_and_one_beyond_the_scan_is_refus
 }
 
 #[test]
+fn the_preview_of_another_page_was_applied_for_the_own_one() {
+    let (mut desk, _) = desk();
+    let (left, right) = (Target::of(LEFT), Target::of(RIGHT));
+    let own = desk.preview(&Tool::Threshold { range: 0..=15 }, &left).expect("threshold").number;
+    let other = desk.preview(&Tool::Threshold { range: 0..=20 }, &right).expect("threshold").number;
+    let before = desk.labels().clone();
+    for (target, number) in [(&left, Some(own)), (&left, None), (&right, Some(own)), (&left, Some(other))] {
+        let refused = desk.apply(target, number);
+        assert!(matches!(refused, Err(DeskError::OtherPreview { .. })), "{refused:?}");
+    }
+    assert_eq!(*desk.labels(), before);
+    assert!(desk.apply(&right, Some(other)).expect("the one that is shown") > 0);
+}
+
+#[test]
 fn a_preview_older_than_the_labels_is_not_applied() {
     let (mut desk, truth) = desk();
     let target = Target::of(LEFT);
     desk.preview(&Tool::Threshold { range: 0..=15 }, &target).expect("threshold");
-    desk.apply(&target).expect("applied");
+    desk.apply(&target, None).expect("applied");
     desk.preview(&Tool::Margin { mm: 1.0 }, &target).expect("margin");
     assert!(desk.brush(&target, (Axis::K, 2), &[[5.0, 5.0]], (3.0, false, false)).expect("dab") > 0);
     desk.end_stroke();
-    assert_eq!(desk.apply(&target), Err(DeskError::NoPreview));
+    assert_eq!(desk.apply(&target, None), Err(DeskError::NoPreview));
     let inside = desk.labels().data().iter().zip(truth.data()).filter(|(a, b)| a != b && **a == LEFT).count();
     assert!(inside > 0, "the dab is still there");
 }
@@ -172,7 +188,7 @@ fn previews_of_new_shapes_promise_what_the_limits_allow() {
     let (mut desk, _) = desk();
     // A shell of another label around the ball, on one side only.
     desk.preview(&Tool::Threshold { range: 0..=15 }, &Target::of(LEFT)).expect("threshold");
-    desk.apply(&Target::of(LEFT)).expect("applied");
+    desk.apply(&Target::of(LEFT), None).expect("applied");
     desk.brush(
         &Target { over: Some(vec![BRAIN]), ..Target::of(3) },
         (Axis::K, 15),
@@ -187,7 +203,7 @@ fn previews_of_new_shapes_promise_what_the_limits_allow() {
         (Tool::Smooth { sigma_mm: 2.0 }, Target { range: Some(6..=100), ..Target::of(LEFT) }),
     ] {
         let shown = desk.preview(&tool, &limit).expect("shown").selection.clone();
-        desk.apply(&limit).expect("applied");
+        desk.apply(&limit, None).expect("applied");
         assert_eq!(Selection::of_label(desk.labels(), LEFT), shown, "{tool:?}");
         assert!(desk.undo());
     }
@@ -209,7 +225,7 @@ fn limits_hold_for_every_way_of_drawing() {
     desk.brush(&Target::of(LEFT), (Axis::K, 15), &[[31.0, 29.0]], (20.0, false, true)).expect("erased");
     assert_eq!(desk.volumes_ml()[5], 0.0);
     assert!(matches!(desk.preview(&Tool::LargestIsland, &Target::of(LEFT)), Err(DeskError::Edit(_))));
-    assert!(matches!(desk.apply(&Target::of(LEFT)), Err(DeskError::NoPreview)));
+    assert!(matches!(desk.apply(&Target::of(LEFT), None), Err(DeskError::NoPreview)));
     assert!(desk.interpolate(Axis::I, &Target::of(LEFT)).is_err());
 }
 
@@ -222,7 +238,7 @@ fn tools_show_first_and_change_then() {
     assert_eq!(shown, wanted);
     let slice = desk.slice_labels(Axis::K, 15).expect("slice");
     assert!(slice.contains(&(BRAIN | 0x80)) && desk.volumes_ml()[5] == 0.0);
-    assert_eq!(desk.apply(&target).expect("applied"), wanted);
+    assert_eq!(desk.apply(&target, None).expect("applied"), wanted);
     assert_eq!(*desk.labels(), truth);
     desk.brush(&target, (Axis::K, 2), &[[5.0, 5.0]], (3.0, false, false)).expect("island");
     desk.end_stroke();
@@ -236,7 +252,7 @@ fn tools_show_first_and_change_then() {
         (Tool::Grow { seed: [31, 29, 15], range: 0..=15, neck_mm: 2.0, most_ml: 20.0 }, 0),
     ] {
         desk.preview(&tool, &target).unwrap_or_else(|e| panic!("{tool:?}: {e}"));
-        desk.apply(&target).expect("applied");
+        desk.apply(&target, None).expect("applied");
         let now = desk.labels().data().iter().filter(|l| **l == LEFT).count();
         assert!(volume == 0 || now == volume, "{tool:?}: {now}");
     }

@@ -87,10 +87,14 @@ pub struct Preview {
     pub selection: Selection,
     /// Whether the label loses its other voxels.
     pub reshapes: bool,
-    /// The label.
+    /// The label that the voxels get.
     pub label: u8,
+    /// The label that it was asked for.
+    pub asked: u8,
     /// Whether a guard stopped a growing region: it is a leak, not the structure.
     pub stopped: bool,
+    /// Counts the previews of a desk, from 1: who applies one says which.
+    pub number: u64,
 }
 
 impl Desk {
@@ -102,14 +106,21 @@ impl Desk {
         self.end_stroke();
         self.preview = None;
         let made = self.made(tool, target)?;
+        self.previews = made.number;
         Ok(self.preview.insert(made))
     }
 
-    /// Does what the preview shows, in one step; returns the number of voxels changed.
+    /// Does what the preview shows, in one step; returns the number of voxels changed. `number` says which preview was seen,
+    /// where that is known: another user of the desk may have put theirs in its place.
     ///
     /// # Errors
-    /// There is no preview.
-    pub fn apply(&mut self, target: &Target) -> Result<usize, DeskError> {
+    /// There is no preview, or it is another one, or of another label than `target`'s.
+    pub fn apply(&mut self, target: &Target, number: Option<u64>) -> Result<usize, DeskError> {
+        let shown = self.preview.as_ref().ok_or(DeskError::NoPreview)?;
+        let name = |label| Structure::from_label(label).map_or("an unknown label", Structure::name);
+        if number.is_some_and(|n| n != shown.number) || target.label != shown.asked {
+            return Err(DeskError::OtherPreview { shown: name(shown.asked), wanted: name(target.label) });
+        }
         let preview = self.preview.take().ok_or(DeskError::NoPreview)?;
         let target = Target { label: preview.label, ..target.clone() };
         self.as_one_step(|desk| {
@@ -127,14 +138,16 @@ impl Desk {
     }
 
     fn made(&self, tool: &Tool, target: &Target) -> Result<Preview, DeskError> {
-        let label = target.label;
+        let (label, number) = (target.label, self.previews + 1);
         let structure = Structure::from_label(label).ok_or(DeskError::Label(label))?;
         let now = Selection::of_label(self.labels(), label);
         let reshaped = |shape: Selection| {
             let selection = self.allowed_shape(&now, &shape, target)?;
-            Ok(Preview { selection, reshapes: true, label, stopped: false })
+            Ok(Preview { selection, reshapes: true, label, asked: label, stopped: false, number })
         };
-        let added = |selection, label, stopped| Ok(Preview { selection, reshapes: false, label, stopped });
+        let added = |selection, into, stopped| {
+            Ok(Preview { selection, reshapes: false, label: into, asked: label, stopped, number })
+        };
         let needs_voxels = !matches!(tool, Tool::Threshold { .. } | Tool::Grow { .. } | Tool::Combine { .. });
         if needs_voxels && now.is_empty() {
             return Err(crate::edit::EditError::Empty { what: structure.name(), verb: "work on" }.into());

@@ -42,17 +42,48 @@ pub(super) fn parse(text: &str) -> Result<Request, Value> {
 #[serde(tag = "op", rename_all = "snake_case")]
 enum Action {
     State,
-    Hover { axis: usize, slice: usize, at: [f64; 2], time: f64 },
-    Click { axis: usize, slice: usize, at: [f64; 2] },
-    MoveAnchor { anchor: usize, at: [f64; 2] },
-    Close { target: TargetJson, mode: FillJson, interpolate: bool },
+    Hover {
+        axis: usize,
+        slice: usize,
+        at: [f64; 2],
+        time: f64,
+    },
+    Click {
+        axis: usize,
+        slice: usize,
+        at: [f64; 2],
+    },
+    MoveAnchor {
+        anchor: usize,
+        at: [f64; 2],
+    },
+    Close {
+        target: TargetJson,
+        mode: FillJson,
+        interpolate: bool,
+    },
     DropWire,
-    WireOptions { window: [f32; 2], snap_radius: f64, cooling: bool, training: bool },
-    Interpolate { axis: usize, target: TargetJson },
+    WireOptions {
+        window: [f32; 2],
+        snap_radius: f64,
+        cooling: bool,
+        training: bool,
+    },
+    Interpolate {
+        axis: usize,
+        target: TargetJson,
+    },
     Brush(BrushJson),
     EndStroke(EndJson),
-    Preview { tool: ToolJson, target: TargetJson },
-    Apply { target: TargetJson },
+    Preview {
+        tool: ToolJson,
+        target: TargetJson,
+    },
+    Apply {
+        target: TargetJson,
+        /// The number of the preview that was seen.
+        preview: Option<u64>,
+    },
     Discard,
     Undo,
     Redo,
@@ -203,9 +234,9 @@ fn act(desk: &mut Desk, action: Action) -> Result<Value, Said> {
         Action::Preview { tool, target } => {
             let voxel_ml = desk.ct().grid().voxel_volume() / 1000.0;
             let shown = desk.preview(&tool.tool()?, &target.into())?;
-            json!({ "preview": { "ml": shown.selection.count() as f64 * voxel_ml, "stopped": shown.stopped } })
+            json!({ "preview": { "ml": shown.selection.count() as f64 * voxel_ml, "stopped": shown.stopped, "number": shown.number } })
         }
-        Action::Apply { target } => json!({ "changed": desk.apply(&target.into())? }),
+        Action::Apply { target, preview } => json!({ "changed": desk.apply(&target.into(), preview)? }),
         Action::Discard => json!({ "done": desk.discard() }),
         Action::Undo => json!({ "done": desk.undo() }),
         Action::Redo => json!({ "done": desk.redo() }),
