@@ -20,10 +20,23 @@ pub struct HeadScene<'a> {
     pub solids: Vec<(&'a TriangleMesh, Colour, &'a str)>,
     /// Planned path: entry and target.
     pub path: Option<[Point<Patient>; 2]>,
-    /// Catheter: outer end and tip, and its diameter in mm.
-    pub catheter: Option<([Point<Patient>; 2], f64)>,
+    /// Catheters.
+    pub catheters: Vec<HeadCatheter<'a>>,
     /// Caption of the figure.
     pub caption: String,
+}
+
+/// A catheter in a picture of the head.
+#[derive(Debug, Clone, Copy)]
+pub struct HeadCatheter<'a> {
+    /// Outer end and tip.
+    pub ends: [Point<Patient>; 2],
+    /// Its diameter, mm.
+    pub diameter: f64,
+    /// Its colour.
+    pub colour: Colour,
+    /// Its name; those of one name and colour have one line in the legend.
+    pub name: &'a str,
 }
 
 /// From where the head is seen.
@@ -113,9 +126,9 @@ fn extras(scene: &HeadScene<'_>) -> Vec<(TriangleMesh, Colour)> {
         out.push((sphere(entry, 2.5, 4), Colour::PLAN));
         out.push((sphere(target, 2.5, 4), Colour::PLAN));
     }
-    if let Some(([end, tip], diameter)) = scene.catheter {
-        out.push((cylinder(end, tip, diameter / 2.0), Colour::CATHETER));
-        out.push((sphere(tip, diameter / 2.0, 4), Colour::CATHETER));
+    for &HeadCatheter { ends: [end, tip], diameter, colour, .. } in &scene.catheters {
+        out.push((cylinder(end, tip, diameter / 2.0), colour));
+        out.push((sphere(tip, diameter / 2.0, 4), colour));
     }
     out
 }
@@ -126,9 +139,10 @@ fn legend(scene: &HeadScene<'_>, width: f64) -> Legend {
         items.push(("planned path", Stroke::solid(Colour::PLAN, 3.0)));
         items.push(("target", Stroke::solid(Colour::PLAN, 6.0)));
     }
-    if scene.catheter.is_some() {
-        items.push(("catheter", Stroke::solid(Colour::GREY, 5.0)));
-    }
+    // White would not be seen on the page.
+    let shown = |c: &HeadCatheter<'_>| if c.colour == Colour::CATHETER { Colour::GREY } else { c.colour };
+    items.extend(scene.catheters.iter().map(|c| (c.name, Stroke::solid(shown(c), 5.0))));
+    items.dedup_by(|a, b| a.0 == b.0);
     Legend::of(items.into_iter(), width)
 }
 
@@ -152,7 +166,12 @@ mod tests {
             skin: Some(&ball),
             solids: vec![(&ball, Colour::SKY, "left lateral ventricle")],
             path: Some([Point::new(0.0, -20.0, 0.0), Point::ORIGIN]),
-            catheter: Some(([Point::new(0.0, -30.0, 0.0), Point::ORIGIN], 3.0)),
+            catheters: vec![HeadCatheter {
+                ends: [Point::new(0.0, -30.0, 0.0), Point::ORIGIN],
+                diameter: 3.0,
+                colour: Colour::CATHETER,
+                name: "catheter",
+            }],
             caption: "Head".into(),
             ..HeadScene::default()
         };

@@ -24,7 +24,7 @@ pub use colour::{Colour, SERIES};
 pub use contour::{Contour, of_labels as contours_of_labels, of_mesh as contours_of_mesh};
 pub use cut::{ColourBy, draw_path, mesh_cut_figure, mesh_open_figure};
 pub use figure::{Figure, PictureError};
-pub use head::{HeadScene, Look, head_figure};
+pub use head::{HeadCatheter, HeadScene, Look, head_figure};
 pub use image::Image;
 pub use scene::{Body, render};
 pub use shapes::{cylinder, sphere};

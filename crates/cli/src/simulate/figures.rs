@@ -7,11 +7,12 @@ use crate::NOTICE;
 use anyhow::Result;
 use monro_case::Case;
 use monro_cli::picture::{
-    Colour, ColourBy, Figure, HeadScene, Look, Orientation, Overlay, SliceRequest, SliceView, Stroke, Window,
-    head_figure, mesh_cut_figure, slice_figure,
+    Colour, ColourBy, Figure, HeadCatheter, HeadScene, Look, Orientation, Overlay, SliceRequest, SliceView, Stroke,
+    Window, head_figure, mesh_cut_figure, slice_figure,
 };
 use monro_cli::report::{Finding, Histogram, KeyNumber, LinePlot, ReportInput, Section, Series, Severity, report_html};
 use monro_geometry::{Patient, Point, Structure, Volume};
+use monro_guidance::Plan;
 use monro_scan::ReadOptions;
 use monro_session::{DeformedSampler, Frame, Skull};
 use std::iter;
@@ -102,11 +103,25 @@ fn head_section(case: &Case, done: &Run) -> Result<Section> {
         brain: Some(&done.brain),
         solids: vec![(&done.ventricles, Colour::SKY, "ventricles, deformed")],
         path: Some([entry, target]),
-        catheter: Some(([entry - case.plan.direction() * 40.0, tip], done.settings.diameter_mm)),
+        catheters: catheters(case, done, tip),
         caption: "The head at the end of the insertion. From above, unlike in axial slices, the patient's right is on the right.".into(),
     };
     let looks = [Look::Front, if target.x > entry.x { Look::Right } else { Look::Left }, Look::Above];
     Ok(Section { title: "The head".into(), figures: vec![head_figure(&scene, &looks, 340)?], ..Section::default() })
+}
+
+/// That of the plan, as far as it has come, and those beside it.
+fn catheters(case: &Case, done: &Run, tip: Point<Patient>) -> Vec<HeadCatheter<'static>> {
+    let outer = |plan: &Plan| plan.entry() - plan.direction() * 40.0;
+    let one = |plan: &Plan, tip, colour, name| HeadCatheter {
+        ends: [outer(plan), tip],
+        diameter: done.settings.diameter_mm,
+        colour,
+        name,
+    };
+    let own = one(&case.plan, tip, Colour::CATHETER, "catheter");
+    let others = done.beside.iter().map(|plan| one(plan, plan.target(), Colour::PURPLE, "catheter beside"));
+    [own].into_iter().chain(others).collect()
 }
 
 /// Before and after, in the three standard planes through the tip and in the plane of the path.
@@ -153,7 +168,7 @@ fn slice(case: &Case, done: &Run, view: SliceView, sampler: &Sampler<'_>, after:
         overlays.push(Overlay::Catheter { from, tip, diameter, colour, name: "catheter" });
         overlays.extend(done.beside.iter().map(|other| {
             let from = other.entry() - other.direction() * 30.0;
-            let (tip, colour) = (other.target(), Colour::GREY);
+            let (tip, colour) = (other.target(), Colour::PURPLE);
             Overlay::Catheter { from, tip, diameter, colour, name: "catheter beside" }
         }));
     } else {

@@ -3,6 +3,7 @@
 use super::Run;
 use monro_geometry::{Patient, Point, Structure, TetLocator, TetMesh, Vector};
 use monro_session::Frame;
+use monro_tissue::TipShape;
 
 /// A tip with the same structure so far around it, mm, touches no wall.
 const CLEAR: f64 = 0.5;
@@ -46,13 +47,21 @@ fn words(run: &Run) -> Option<String> {
     Some(format!(
         "In {} of the {} meshes looked at the tip lies in another structure than the one it is counted to (the first \
          at {depth_mm:.1} mm under the skin: in {} by the mesh, in {} by the walls that have yielded): the materials' \
-         puncture_force_mn and puncture_depth_mm let a wall yield that is only touched, or none that is gone through. Do not \
+         puncture_force_mn and puncture_depth_mm{} let a wall yield that is only touched, or none that is gone through. Do not \
          rely on what is said of the structures at the tip, nor on CSF.",
         found.len(),
         run.snapshots.len(),
         name(there),
-        name(counted)
+        name(counted),
+        slender(run).unwrap_or_default()
     ))
+}
+
+/// A tip that goes through a wall long before its widest part does.
+fn slender(run: &Run) -> Option<String> {
+    let TipShape::Cone { half_angle } = run.settings.tip else { return None };
+    let mm = 0.5 * run.settings.diameter_mm / half_angle.tan();
+    (mm > run.settings.diameter_mm).then(|| format!(", or a conical tip as long as {mm:.0} mm,"))
 }
 
 /// The structure around a point; `None` where there are several, or where their walls are near, or in a broken mesh.

@@ -2,9 +2,11 @@
 
 mod asked;
 mod beside;
+mod beyond;
 mod coarse;
 mod crossed;
 mod crushed;
+mod cutting;
 mod figures;
 mod misplaced;
 mod output;

@@ -2,9 +2,10 @@
 //! the console.
 
 use super::crushed::Crushed;
+use super::cutting::{self, Cutting};
 use super::output::small;
 use super::run::Row;
-use super::{Run, beside, coarse, crossed, misplaced, restless, walls, withdrawal};
+use super::{Run, beside, beyond, coarse, crossed, misplaced, restless, walls, withdrawal};
 use crate::soft_body;
 use monro_cli::report::{Finding, Severity};
 use monro_geometry::Structure;
@@ -165,11 +166,14 @@ fn doubts(run: &Run) -> Vec<String> {
             from.depth_mm, to.depth_mm, from.time_s, to.time_s
         ));
     }
+    out.extend(beyond::remark(run));
     out.extend(misplaced::on_the_way(run));
     out.extend(coarse::remark(&run.rest, &run.plan));
     out.extend(beside::coarse(run));
     out.extend(walls::hasty(run));
     out.extend(gone_around(run));
+    out.extend(cutting::missed(run));
+    out.extend(cutting::unlike(run));
     let why = match run.settings.model.skull {
         Skull::Held => "a wall is folded around the tip",
         Skull::Slides { .. } => "a wall is folded around the tip or the brain still slides",
@@ -304,6 +308,7 @@ pub(super) fn json(run: &Run) -> Value {
         "rollbacks": trouble.rollbacks,
         "frames_held": trouble.held,
         "self_crossing": crossed::json(&run.snapshots),
+        "cutting": Cutting::of(run).map(Cutting::json),
         "withdrawal": withdrawal::json(run),
         "beside": beside::json(run),
         "drained_ml": asked.map(|ml| json!({ "asked": ml, "reached": run.last().map(|f| -f.step.csf_change_ml) })),

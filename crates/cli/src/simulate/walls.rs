@@ -24,7 +24,7 @@ pub(super) fn unentered(run: &Run) -> Option<String> {
 fn never_in(aim: Option<Structure>, bears: Option<&Insertion>) -> String {
     match (aim, bears) {
         (Some(aim), Some(bears)) => format!(
-            "The tip never entered a ventricle, though the target lies in {}: its wall went ahead of the tip and did not yield, as it does \
+            "The tip never entered a ventricle, though the target lies in {} of the mesh: its wall went ahead of the tip and did not yield, as it does \
              at a dimple of {} mm or {} mN. Plan a target that lies deeper in it than that.",
             aim.words(),
             bears.puncture_depth_mm,
