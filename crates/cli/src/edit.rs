@@ -9,7 +9,7 @@ use monro_anatomy::segment;
 use monro_case::{CASE, Case, Manifest, OutputError, Staging, check_output};
 use monro_geometry::Volume;
 use monro_prepare::{Labels, Observer, Prepared, Request};
-use monro_scan::{ReadOptions, Scan};
+use monro_scan::{ReadOptions, Scan, Source};
 use monro_server::Ready;
 use monro_server::edit::{EditOptions, Known, Rebuilt, Start, StartLabels, Subject, serve_edit};
 use serde_json::json;
@@ -96,11 +96,11 @@ fn of_case(args: &EditArgs, console: &Console) -> Result<Opened> {
     let (origin, start) = match &args.labels {
         Some(file) => given(file, &scan)?,
         None => {
-            let volume = scan.volume.clone();
+            let (volume, source) = (scan.volume.clone(), scan.source.clone());
             let (confidence, doubts) = (case.manifest.confidence.clone(), case.manifest.doubts.clone());
             let earlier = case.manifest.findings.iter().filter_map(|f| f.strip_prefix(BEFORE));
             let known = Known { confidence, doubts, findings: earlier.map(str::to_owned).collect() };
-            let start = move || Ok(Start { labels: read_labels(&labels, &volume)?, known });
+            let start = move || Ok(Start { labels: read_labels(&labels, (&volume, &source))?, known });
             (origin(&case.manifest), Box::new(start) as StartLabels)
         }
     };
@@ -141,16 +141,18 @@ fn automatic(scan: &Scan) -> StartLabels {
 /// Starts with the labels of a file.
 fn given(file: &Path, scan: &Scan) -> Result<(String, StartLabels)> {
     let bytes = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
-    let (path, volume) = (file.to_owned(), scan.volume.clone());
-    let start = move || Ok(Start { labels: read_labels(&path, &volume)?, known: Known::default() });
+    let (path, volume, source) = (file.to_owned(), scan.volume.clone(), scan.source.clone());
+    let start = move || Ok(Start { labels: read_labels(&path, (&volume, &source))?, known: Known::default() });
     // By content: a file that was saved again often keeps its name and its size.
     Ok((monro_case::sha256(&bytes), Box::new(start)))
 }
 
 /// Labels of a file on the scan's grid, checked.
-fn read_labels(file: &Path, scan: &Volume<i16>) -> Result<Volume<u8>, String> {
+fn read_labels(file: &Path, (scan, source): (&Volume<i16>, &Source)) -> Result<Volume<u8>, String> {
+    let warn = |w: &String| tell(&format!("warning: {}: {w}", file.display()));
     let found = monro_scan::labels::read(file).map_err(|e| e.to_string())?;
-    found.warnings.iter().for_each(|w| tell(&format!("warning: {}: {w}", file.display())));
+    found.warnings.iter().for_each(warn);
+    found.drawn_on.iter().filter_map(|d| d.unlike(source)).for_each(|w| warn(&w));
     let labels = found.volume;
     if let Some(bad) = labels.data().iter().find(|l| **l > 7) {
         return Err(format!(
@@ -160,7 +162,7 @@ fn read_labels(file: &Path, scan: &Volume<i16>) -> Result<Volume<u8>, String> {
     }
     let labels = labels.map(|l| u8::try_from(l).unwrap_or(0));
     let checked = segment::from_labels(scan, labels).map_err(|e| format!("{}: {e}", file.display()))?;
-    checked.findings.iter().for_each(|f| tell(&format!("warning: {}: {f}", file.display())));
+    checked.findings.iter().for_each(warn);
     Ok(checked.labels)
 }
 

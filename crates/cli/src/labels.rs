@@ -8,6 +8,7 @@ use monro_anatomy::segment;
 use monro_geometry::{Structure, Volume};
 use monro_scan::ReadOptions;
 use monro_scan::dicom::seg;
+use monro_scan::labels::DrawnOn;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -21,9 +22,9 @@ pub(crate) fn run(command: &LabelsCommand, console: &Console) -> Result<()> {
     if images.is_some() && format != "dicom" {
         bail!("{}: only a DICOM segmentation (.dcm) refers to images; leave --images away", out.display());
     }
-    let labels = console.stage("read", || read(from, like.as_deref(), console))?;
+    let (labels, drawn_on) = console.stage("read", || read(from, like.as_deref(), console))?;
     let bytes = console.stage("encode", || match images {
-        Some(images) => on_images(&labels, images, series.clone(), console),
+        Some(images) => on_images(&labels, drawn_on.as_ref(), (images, series.clone()), console),
         None => Ok(monro_server::edit::export(&labels, format)?),
     })?;
     std::fs::write(out, bytes).with_context(|| format!("cannot write {}", out.display()))?;
@@ -34,9 +35,20 @@ pub(crate) fn run(command: &LabelsCommand, console: &Console) -> Result<()> {
 }
 
 /// A DICOM segmentation that refers to the images of a folder.
-fn on_images(labels: &Volume<u8>, folder: &Path, series_uid: Option<String>, console: &Console) -> Result<Vec<u8>> {
+fn on_images(
+    labels: &Volume<u8>,
+    drawn_on: Option<&DrawnOn>,
+    (folder, series_uid): (&Path, Option<String>),
+    console: &Console,
+) -> Result<Vec<u8>> {
     ensure!(folder.is_dir(), "--images {}: wanted the folder of the DICOM images", folder.display());
     let images = seg::Images::of(folder, &ReadOptions { series_uid, any_size: true })?;
+    ensure!(
+        !drawn_on.is_some_and(|d| images.is_another_patient(d)),
+        "the labels were drawn on images of another patient than those of {} (another PatientID), whose name they would get. If they \
+         are the same person's, convert them to .nii.gz first, which names nobody",
+        folder.display()
+    );
     let (bytes, remark) = seg::encode_on(labels, &images)?;
     remark.iter().for_each(|r| console.warn(r));
     Ok(bytes)
@@ -50,19 +62,21 @@ fn format_of(out: &Path) -> Result<&'static str> {
     found.with_context(|| format!("{}: give it a name that ends in .nii.gz, .seg.nrrd or .dcm", out.display()))
 }
 
-/// Labels of any file; with a scan, on its grid.
-fn read(from: &Path, like: Option<&Path>, console: &Console) -> Result<Volume<u8>> {
+/// Labels of any file and what they were drawn on; with a scan, on its grid.
+fn read(from: &Path, like: Option<&Path>, console: &Console) -> Result<(Volume<u8>, Option<DrawnOn>)> {
     let found = monro_scan::labels::read(from)?;
     found.warnings.iter().for_each(|w| console.warn(w));
     if let Some(bad) = found.volume.data().iter().find(|l| **l > 7) {
         bail!("{}: label {bad} is unknown; known are 0 (outside) to 7 (third ventricle)", from.display());
     }
     let labels = found.volume.map(|l| u8::try_from(l).unwrap_or(0));
-    let Some(like) = like else { return Ok(labels) };
+    let Some(like) = like else { return Ok((labels, found.drawn_on)) };
     let scan = monro_scan::read(like, &ReadOptions { any_size: true, ..ReadOptions::default() })?;
     let (labels, remark) = segment::onto_grid(scan.volume.grid(), labels)?;
-    remark.into_iter().chain(segment::outside_head(&scan.volume, &labels)).for_each(|r| console.warn(&r));
-    Ok(labels)
+    let other = found.drawn_on.as_ref().and_then(|d| d.unlike(&scan.source));
+    let fit = remark.into_iter().chain(segment::outside_head(&scan.volume, &labels));
+    fit.chain(other).for_each(|r| console.warn(&r));
+    Ok((labels, found.drawn_on))
 }
 
 fn volumes(labels: &Volume<u8>) -> Value {

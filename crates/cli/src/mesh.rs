@@ -206,7 +206,7 @@ fn of_case(dir: &Path) -> Result<Input> {
 
 /// All labels of a file but 0; fine around the ventricles where the numbers are those of a case, else everywhere.
 fn of_file(path: &Path) -> Result<Input> {
-    let CaseLabels { volume: labels, warnings: remarks } = monro_scan::read_labels_with_warnings(path)?;
+    let CaseLabels { volume: labels, warnings: remarks, .. } = monro_scan::read_labels_with_warnings(path)?;
     let mut keep = labels.data().to_vec();
     keep.sort_unstable();
     keep.dedup();

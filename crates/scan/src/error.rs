@@ -172,7 +172,7 @@ pub enum SeriesProblem {
         stray: String,
     },
     /// Two different images at one place.
-    #[error("{} and {} are different images at the same position; move one of them away, and all others of its acquisition", files[0], files[1])]
+    #[error("{}", conflict(files))]
     Conflict {
         /// Names of the files.
         files: [String; 2],
@@ -303,7 +303,8 @@ pub enum ScanError {
     /// No cross-section is as large as that of a head.
     #[error(
         "not a head: its largest cross-section has {area_cm2:.0} cm2 of tissue, a head has at least {needed_cm2:.0} cm2; \
-         where -1024 was added to values that were HU already, add 1024"
+         where -1024 was added to values that were HU already, add 1024; values that are no HU (attenuation per cm, 0 to 1) have to be \
+         converted: 1000 (mu / mu of water - 1)"
     )]
     ThinSection {
         /// Tissue in the fullest plane across the foot-to-head axis, cm2.
@@ -349,4 +350,16 @@ pub(crate) fn header(field: &'static str, problem: impl Into<String>) -> Problem
 /// Shorthand for an unsupported variety.
 pub(crate) fn unsupported(what: impl Into<String>, way_out: &'static str) -> Problem {
     Problem::Unsupported { what: what.into(), way_out }
+}
+
+/// What to do about two images at one place, by the files that they are in.
+fn conflict([one, other]: &[String; 2]) -> String {
+    if one == other {
+        return format!(
+            "two frames of {one} lie at the same position: take each acquisition into a file of its own, and leave copies out"
+        );
+    }
+    format!(
+        "{one} and {other} are different images at the same position; move one of them away, and all others of its acquisition"
+    )
 }

@@ -67,7 +67,7 @@ pub(crate) fn inspect(path: &Path) -> Result<Inspection, ScanError> {
 pub(crate) fn read_labels(path: &Path) -> Result<CaseLabels, ScanError> {
     let labels = |mut raster: Raster<'_>| {
         let warnings = core::mem::take(&mut raster.warnings);
-        Ok(CaseLabels { volume: raster.into_labels()?, warnings })
+        Ok(CaseLabels { volume: raster.into_labels()?, warnings, drawn_on: None })
     };
     with_raster(path, |_, raster| labels(raster)).map_err(|e| match e {
         // Worded for a CT, which nobody said it was.

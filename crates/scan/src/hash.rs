@@ -25,6 +25,11 @@ pub(crate) fn pseudonym(volume: &Volume<i16>) -> String {
     format!("scan-{}", hex(&sha.finalize(), 6))
 }
 
+/// Short hash of a patient's id, to compare and not to keep: ids can be tried. Empty where there is none.
+pub(crate) fn patient_id(id: &str) -> String {
+    if id.is_empty() { String::new() } else { hex(&Sha256::digest(format!("monro patient {id}").as_bytes()), 8) }
+}
+
 /// Short id of a series, from its UID.
 pub(crate) fn series_id(uid: &str) -> String {
     hex(&Sha256::digest(uid.as_bytes()), 4)

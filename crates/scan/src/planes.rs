@@ -10,6 +10,10 @@ const WITHIN: [i16; 2] = [-1000, 1000];
 /// many HU more. In three heads and a phantom it is 0.8 times as much at most, noise or not.
 const TIMES: f64 = 1.5;
 const MORE_HU: f64 = 5.0;
+/// Beside a lost plane more than this share of what another shows is off the lost one's value, by more HU than this: between two
+/// bodies in air there is a plane of air, too.
+const SHOWN: f64 = 0.03;
+const OFF_HU: u16 = 100;
 /// Only every so many voxels of a plane are looked at, in both directions.
 const EVERY: usize = 2;
 /// So many planes are named.
@@ -81,6 +85,12 @@ impl Plane {
         Self { values, is_flat }
     }
 
+    /// Share of the values that are far off another.
+    fn shown_off(&self, value: i16) -> f64 {
+        let off = self.values.iter().filter(|v| v.abs_diff(value) > OFF_HU).count();
+        off as f64 / self.values.len().max(1) as f64
+    }
+
     /// Mean difference of the values, HU.
     fn off(&self, other: &Self) -> f64 {
         let sum: u64 = self.values.iter().zip(&other.values).map(|(&a, &b)| u64::from(a.abs_diff(b))).sum();
@@ -88,7 +98,7 @@ impl Plane {
     }
 }
 
-/// Runs of planes of one value with others before and behind.
+/// Runs of planes of one value between two that show more than the rim of something.
 fn emptied(all: &[Plane]) -> Vec<Range<usize>> {
     let mut out: Vec<Range<usize>> = Vec::new();
     let varied = |k: &usize| !all[*k].is_flat;
@@ -99,6 +109,10 @@ fn emptied(all: &[Plane]) -> Vec<Range<usize>> {
             None => out.push(k..k + 1),
         }
     }
+    out.retain(|run| {
+        let value = all[run.start].values[0];
+        all[run.start - 1].shown_off(value).min(all[run.end].shown_off(value)) > SHOWN
+    });
     out
 }
 
@@ -140,6 +154,21 @@ mod tests {
         };
         let data = (0..grid.len()).map(value).collect();
         Volume::new(grid, data).expect("as many values")
+    }
+
+    #[test]
+    fn air_between_the_head_and_a_ball_beside_it_was_told_as_a_lost_plane() {
+        let [r, ball] = [72.0, 12.0];
+        let grid = Grid::axis_aligned([60, 44, 36], [4.0, 4.0, 5.0], [0.0; 3]).expect("a grid");
+        let value = |n: usize| {
+            let [i, j, k] = grid.voxel(n);
+            let p = grid.centre(i, j, k);
+            let within = |x: f64, r: f64| p.distance(monro_geometry::Point::new(x, 80.0, 80.0)) < r;
+            if within(80.0, r) || within(180.0, ball) { 35 } else { -1000 }
+        };
+        let volume = Volume::new(grid, (0..grid.len()).map(value).collect()).expect("as many values");
+        assert!((0..60).any(|i| i > 20 && Plane::of(&volume, 0, i).is_flat && i < 45), "air between them");
+        assert_eq!(told(&volume), Vec::<String>::new());
     }
 
     #[test]

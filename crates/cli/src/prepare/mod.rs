@@ -37,10 +37,11 @@ pub(crate) fn run(args: &PrepareArgs, console: &Console) -> Result<()> {
     let guard = Guard::new(&staging);
     not_a_case(&args.scan)?;
     let options = ReadOptions { series_uid: args.series.clone(), ..ReadOptions::default() };
-    let scan = console.stage("read", || monro_scan::read(&args.scan, &options))?;
+    let mut scan = console.stage("read", || monro_scan::read(&args.scan, &options))?;
     let path = args.plan.as_deref().map(read_plan).transpose()?;
     let labels = args.labels.as_deref().map(monro_scan::labels::read).transpose()?;
     labels.iter().flat_map(|l| &l.warnings).for_each(|w| console.warn(w));
+    scan.warnings.extend(labels.iter().filter_map(|l| l.drawn_on.as_ref()?.unlike(&scan.source)));
     let labels = labels.map_or(Labels::Automatic, |l| Labels::Given(l.volume));
     let request = Request { elements: args.elements, side: args.side.map(Side::from), labels, path };
     let prepared = monro_prepare::build(scan, &request, console);

@@ -4,7 +4,7 @@ use super::bare::{Begin, NEEDED};
 use super::image::{Found, Identity, Image, describe};
 use crate::error::{Problem, ScanError};
 use crate::shelf::is_volume;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -81,8 +81,12 @@ impl Survey {
     /// Whether images of one patient's id carry different names, other than in their punctuation.
     pub(crate) fn names_differ(&self) -> bool {
         let bare = |name: &str| name.chars().filter(|c| c.is_alphanumeric()).collect::<String>();
-        let mut names = self.images.iter().map(|i| bare(&i.identity.name)).filter(|n| !n.is_empty());
-        names.next().is_some_and(|first| names.any(|other| other != first))
+        let mut known: HashMap<&str, String> = HashMap::new();
+        let named = self.images.iter().map(|i| (i.identity.id.as_str(), bare(&i.identity.name)));
+        named.filter(|(id, name)| !id.is_empty() && !name.is_empty()).any(|(id, name)| match known.get(id) {
+            Some(first) => *first != name,
+            None => known.insert(id, name).is_some(),
+        })
     }
 }
 

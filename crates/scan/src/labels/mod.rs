@@ -13,7 +13,7 @@ pub use terms::{Term, Terms, terms};
 
 use crate::dicom::{is_dicom_file, seg};
 use crate::error::{Problem, ScanError};
-use crate::file;
+use crate::{Source, file};
 use monro_geometry::{Structure, Volume};
 use std::path::Path;
 
@@ -27,6 +27,29 @@ pub struct CaseLabels {
     pub volume: Volume<u16>,
     /// Segments that were left out or guessed, and what is doubtful in the file's header.
     pub warnings: Vec<String>,
+    /// The images that a DICOM segmentation says it was drawn on.
+    pub drawn_on: Option<DrawnOn>,
+}
+
+/// The images that labels were drawn on, by hashes that name nobody.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DrawnOn {
+    /// Hash of the patient's id; empty where there is none.
+    pub(crate) patient: String,
+    /// As [`crate::Source::series`] of each series; none where the file refers to none.
+    pub(crate) series: Vec<String>,
+}
+
+impl DrawnOn {
+    /// A sentence where a scan is of another series than all of these: of another patient, or of the same at another time.
+    pub fn unlike(&self, scan: &Source) -> Option<String> {
+        let read = scan.series.split('-').next().filter(|id| !id.is_empty())?;
+        (!self.series.is_empty() && !self.series.iter().any(|id| id == read)).then(|| {
+            "the labels were drawn on another series than the one that is read: of another patient, of this one at another time, or with \
+             other slices; they go by their places in it, so look whether they fit"
+                .into()
+        })
+    }
 }
 
 /// A segment of a file before it is recognised.
@@ -45,18 +68,18 @@ pub(crate) struct Segment {
 /// # Errors
 /// Any [`ScanError`]; a file whose segments are all unknown, with their names.
 pub fn read(path: &Path) -> Result<CaseLabels, ScanError> {
-    let (CaseLabels { volume, mut warnings }, segments) = if path.is_file() && is_dicom_file(path) {
-        let (volume, segments) = seg::read(path)?;
-        (CaseLabels { volume, warnings: Vec::new() }, segments)
+    let (CaseLabels { volume, mut warnings, drawn_on }, segments) = if path.is_file() && is_dicom_file(path) {
+        let (volume, segments, drawn_on) = seg::read(path)?;
+        (CaseLabels { volume, warnings: Vec::new(), drawn_on: Some(drawn_on) }, segments)
     } else {
         (file::read_labels(path)?, seg_nrrd::segments(path))
     };
     if segments.is_empty() {
-        return Ok(CaseLabels { volume, warnings });
+        return Ok(CaseLabels { volume, warnings, drawn_on });
     }
     let found = renumbered(volume, &segments).map_err(|problem| ScanError::file(path, problem))?;
     warnings.extend(found.warnings);
-    Ok(CaseLabels { warnings, ..found })
+    Ok(CaseLabels { warnings, drawn_on, ..found })
 }
 
 /// Gives known segments the numbers of their structures; all others become 0 (outside) with a warning.
@@ -75,7 +98,7 @@ fn renumbered(volume: Volume<u16>, segments: &[Segment]) -> Result<CaseLabels, P
         return Err(Problem::NoSegment { found: names.join(", "), known: known.join(", ") });
     }
     warnings.extend(nameless(&volume, segments));
-    Ok(CaseLabels { volume: volume.map(|l| table[usize::from(l)]), warnings })
+    Ok(CaseLabels { volume: volume.map(|l| table[usize::from(l)]), warnings, drawn_on: None })
 }
 
 /// A remark on voxels whose number is that of no segment: with the others they become 0.

@@ -146,6 +146,29 @@ fn where_a_slice_of_the_series_is_missing_its_labels_came_back_with_an_empty_pla
 }
 
 #[test]
+fn labels_of_one_patient_went_onto_the_images_of_another_without_a_word() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (images, grid) = series(&dir.path().join("series"));
+    let other =
+        SeriesMeta { patient_id: "X1".into(), patient_name: "Doe^Jane".into(), seed: 7, ..SeriesMeta::default() };
+    write_series(&common::sampled(grid), &dir.path().join("other"), &other).expect("series");
+    let options = ReadOptions { any_size: true, ..ReadOptions::default() };
+    let others = Images::of(&dir.path().join("other"), &options).expect("images");
+    let file = dir.path().join("labels.dcm");
+    std::fs::write(&file, encode_on(&drawn(grid), &images).expect("encoded").0).expect("write");
+    let drawn_on = labels::read(&file).expect("labels").drawn_on.expect("it says so");
+    assert!(others.is_another_patient(&drawn_on) && !images.is_another_patient(&drawn_on));
+    let source = |folder: &str| monro_scan::read(&dir.path().join(folder), &options).expect("scan").source;
+    assert_eq!(drawn_on.unlike(&source("series")), None);
+    assert!(drawn_on.unlike(&source("other")).expect("told").contains("another patient"));
+    // Labels that nobody's images are named in say nothing.
+    std::fs::write(&file, encode(&drawn(grid), "anonymous").expect("encoded")).expect("write");
+    let drawn_on = labels::read(&file).expect("labels").drawn_on.expect("a segmentation");
+    assert_eq!(drawn_on.unlike(&source("other")), None);
+    assert!(!format!("{drawn_on:?}").contains("anonymous"));
+}
+
+#[test]
 fn labels_of_another_head_are_refused_with_both_geometries() {
     let dir = tempfile::tempdir().expect("temp");
     let (images, _) = series(&dir.path().join("series"));

@@ -5,6 +5,8 @@ use super::super::image::{Image, parse_header};
 use super::super::{folder, select};
 use super::SegError;
 use crate::error::{Problem, ScanError, header};
+use crate::hash;
+use crate::labels::DrawnOn;
 use crate::resample::Stack;
 use crate::types::ReadOptions;
 use dicom_core::{Tag, VR};
@@ -72,6 +74,13 @@ impl Images {
             instances: series.images.iter().map(|i| instance(i, &class)).collect::<Result<_, _>>()?,
             stack,
         })
+    }
+
+    /// Whether labels say that they were drawn on images of another patient; an id that is missing says nothing.
+    pub fn is_another_patient(&self, drawn_on: &DrawnOn) -> bool {
+        let id = self.shared.iter().find(|(tag, _)| *tag == tags::PATIENT_ID).map_or("", |(_, id)| id);
+        let own = hash::patient_id(id);
+        !own.is_empty() && !drawn_on.patient.is_empty() && own != drawn_on.patient
     }
 
     /// The labels at the centres of the images' pixels (nearest voxel, 0 where there is none), and the part of the

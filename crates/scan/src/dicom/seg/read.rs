@@ -2,7 +2,8 @@
 
 use super::super::attributes::Attributes;
 use crate::error::{Problem, ScanError, header, unsupported};
-use crate::labels::Segment;
+use crate::hash;
+use crate::labels::{DrawnOn, Segment};
 use crate::raster::grid;
 use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
@@ -20,15 +21,18 @@ const SAME_PLANE_MM: f64 = 0.01;
 /// Uneven planes come onto slices of the smallest distance between them, but not finer than this, mm.
 const FINEST_MM: f64 = 0.5;
 
-/// Reads a segmentation and its segments.
+/// Reads a segmentation, its segments and what it was drawn on.
 ///
 /// # Errors
 /// [`ScanError::File`] with what is missing or not supported.
-pub(crate) fn read(path: &Path) -> Result<(Volume<u16>, Vec<Segment>), ScanError> {
+pub(crate) fn read(path: &Path) -> Result<(Volume<u16>, Vec<Segment>, DrawnOn), ScanError> {
     let at = |problem| ScanError::file(path, problem);
     let object = open_file(path).map_err(|e| at(Problem::Corrupt(crate::dicom::image::chain(&e))))?;
     match object.meta().media_storage_sop_class_uid().trim_end_matches(['\0', ' ']) {
-        uids::SEGMENTATION_STORAGE => labels(&object).map_err(at),
+        uids::SEGMENTATION_STORAGE => {
+            let (volume, segments) = labels(&object).map_err(at)?;
+            Ok((volume, segments, drawn_on(&object)))
+        }
         LABEL_MAP_STORAGE => {
             Err(at(unsupported("a DICOM label map segmentation", "export it as a BINARY segmentation")))
         }
@@ -192,12 +196,23 @@ impl Layers {
     }
 }
 
+fn items(o: &InMemDicomObject, tag: Tag) -> &[InMemDicomObject] {
+    o.get(tag).and_then(|e| e.items()).unwrap_or_default()
+}
+
 /// Number of images that the segmentation says it was drawn on.
 fn images_referred_to(o: &InMemDicomObject) -> usize {
-    let items =
-        |o: &InMemDicomObject, tag: Tag| o.get(tag).and_then(|e| e.items()).map(<[_]>::to_vec).unwrap_or_default();
-    let series = items(o, tags::REFERENCED_SERIES_SEQUENCE);
-    series.iter().map(|s| items(s, tags::REFERENCED_INSTANCE_SEQUENCE).len()).sum()
+    items(o, tags::REFERENCED_SERIES_SEQUENCE).iter().map(|s| items(s, tags::REFERENCED_INSTANCE_SEQUENCE).len()).sum()
+}
+
+/// Whose images it says it was drawn on, and of which series.
+fn drawn_on(o: &InMemDicomObject) -> DrawnOn {
+    let series = items(o, tags::REFERENCED_SERIES_SEQUENCE).iter();
+    let uids = series.filter_map(|s| Attributes::new(s).text(tags::SERIES_INSTANCE_UID));
+    DrawnOn {
+        patient: hash::patient_id(&Attributes::new(o).text(tags::PATIENT_ID).unwrap_or_default()),
+        series: uids.map(|uid| hash::series_id(&uid)).collect(),
+    }
 }
 
 /// Of shifts in pixels: the least as a whole number, how much wider the grid gets, and each as an index from the least.
@@ -210,8 +225,7 @@ fn shifts(exact: impl Iterator<Item = f64>) -> (f64, u64, Vec<usize>) {
 }
 
 fn segments(o: &InMemDicomObject) -> Vec<Segment> {
-    let items = o.get(tags::SEGMENT_SEQUENCE).and_then(|e| e.items()).unwrap_or_default();
-    items.iter().filter_map(segment).collect()
+    items(o, tags::SEGMENT_SEQUENCE).iter().filter_map(segment).collect()
 }
 
 fn segment(item: &InMemDicomObject) -> Option<Segment> {
