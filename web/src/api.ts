@@ -49,6 +49,7 @@ export interface Guidance {
   drained_asked_ml: number | null;
   drained_ml: number;
   csf_pressure_change_mmhg: number;
+  crushed_elements: number;
   tissue_doubt: string | null;
   solver_fault: boolean;
   solver_faults: number;

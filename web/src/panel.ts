@@ -37,10 +37,15 @@ const ROWS: Row[] = [
 /** Whether it is known where the patient is in the frame of the reference. */
 export const isRegistered = ({ phase }: Guidance): boolean => phase === "registered" || phase === "checked" || phase === "navigating";
 
+/** One or two elements beside a shaft change little. */
+const MANY_CRUSHED = 3;
+
 /** What must not be missed, with a way out. */
-export function alarm({ reference_moved_mm: moved, tissue_doubt: doubt, solver_fault: fault, solver_faults: faults }: Guidance): string {
+export function alarm(g: Guidance): string {
+  const { reference_moved_mm: moved, tissue_doubt: doubt, crushed_elements: crushed, solver_fault: fault, solver_faults: faults } = g;
   if (moved !== null) return `The reference has moved by ${moved.toFixed(1)} mm: check a landmark or register again.`;
   if (doubt !== null) return `What is drawn of the tissue is no result: ${doubt}.`;
+  if (!fault && crushed >= MANY_CRUSHED) return `${crushed} elements of the soft body are crushed: how far walls have moved around them is a matter of chance.`;
   return fault ? `The soft body had a fault and went back to its last good state (${faults} so far): deformed values may be behind.` : "";
 }
 

@@ -65,6 +65,8 @@ pub(crate) struct Guidance {
     /// What the ventricles have lost so far, ml.
     drained_ml: f64,
     csf_pressure_change_mmhg: f64,
+    /// Elements of tissue that are crushed.
+    crushed_elements: usize,
     /// Why the tissue as it is drawn is no result.
     tissue_doubt: Option<String>,
     solver_fault: bool,
@@ -129,6 +131,7 @@ impl Guidance {
             drained_asked_ml: s.loads.drained_ml(),
             drained_ml: -s.deformed.csf_change_ml,
             csf_pressure_change_mmhg: s.deformed.csf_change_kpa / KPA_PER_MMHG,
+            crushed_elements: s.deformed.crushed,
             tissue_doubt: s.deformed.doubt.map(|doubt| doubt.to_string()),
             solver_fault: s.deformed.fault,
             solver_faults: s.deformed.faults,

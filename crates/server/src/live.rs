@@ -38,8 +38,8 @@ struct Shape {
 }
 
 impl Shape {
-    fn new(deformed: Deformed) -> Arc<Self> {
-        Arc::new(Self { deformed: Arc::new(deformed), nodes: OnceLock::new(), vertices: OnceLock::new() })
+    fn new(deformed: Arc<Deformed>) -> Arc<Self> {
+        Arc::new(Self { deformed, nodes: OnceLock::new(), vertices: OnceLock::new() })
     }
 
     fn nodes(&self) -> &Quantised {
@@ -104,7 +104,7 @@ impl Live {
     pub(crate) fn new(
         session: Session,
         registering: Registering,
-        (first, surfaces): (Deformed, Bound),
+        (first, surfaces): (Arc<Deformed>, Bound),
         log: Option<Log>,
     ) -> Self {
         Self {
@@ -311,7 +311,7 @@ impl Live {
     }
 
     /// Publishes a deformation that took `duration` (s).
-    pub(crate) fn publish(&self, deformed: Deformed, duration: f64) {
+    pub(crate) fn publish(&self, deformed: Arc<Deformed>, duration: f64) {
         *lock(&self.shape) = Shape::new(deformed);
         lock(&self.rates).deformation.tick(self.clock.now(), duration);
         self.tell();

@@ -17,6 +17,8 @@ pub(crate) const SPEED_MM_S: RangeInclusive<f64> = 0.1..=500.0;
 
 /// Diameters that can be simulated, mm: from a microelectrode's guide to twice the thickest ventricular catheter.
 pub(crate) const DIAMETER_MM: RangeInclusive<f64> = 0.5..=8.0;
+/// Outer diameter of a usual ventricular catheter, mm (9 Fr).
+pub const CATHETER_MM: f64 = 3.0;
 /// Paths are held against each other in such steps, mm.
 const APART_STEP_MM: f64 = 0.5;
 
@@ -217,12 +219,12 @@ fn apart_mm(a: &Plan, b: &Plan) -> f64 {
 impl Frame {
     /// Whether the soft body could not take this step at all: it was taken back to before it, so nothing was felt.
     pub fn held(&self) -> bool {
-        self.step.events.contains(&Event::Held)
+        self.step.held()
     }
 
     /// Force of the tissue against the advance, mN (without a unit in paper mode); `None` where nothing was felt.
     pub fn axial_force_mn(&self) -> Option<f64> {
-        self.step.tools.first().filter(|_| !self.held()).map(|t| t.axial_force_mn)
+        self.step.axial_force_mn()
     }
 
     /// Whether the tip is in a ventricle: cerebrospinal fluid drips.

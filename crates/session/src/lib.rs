@@ -9,12 +9,14 @@ pub mod live;
 mod loads;
 mod schedule;
 mod septa;
+mod sound;
 mod tissue_model;
 mod volumes;
 
 pub use deformation::{DeformedSampler, Follower};
-pub use insertion::{Csf, Frame, FrameSettings, Insertion, InsertionSettings, Mode};
+pub use insertion::{CATHETER_MM, Csf, Frame, FrameSettings, Insertion, InsertionSettings, Mode};
 pub use loads::{KPA_PER_MMHG, LoadError, Loads};
+pub use sound::SOUND;
 pub use tissue_model::{BURR_HOLE_RADIUS_MM, HELD_BASE_MM, Materials, ModelSettings, Skull};
 pub use volumes::StructureVolumes;
 

@@ -31,6 +31,18 @@ pub struct StepReport {
     pub active_nodes: usize,
 }
 
+impl StepReport {
+    /// Whether not even the shortest step could be solved: the tissue was taken back to before it, so nothing was felt.
+    pub fn held(&self) -> bool {
+        self.events.contains(&Event::Held)
+    }
+
+    /// Force against the advance of the first tool, mN (without a unit in paper mode); `None` where nothing was felt.
+    pub fn axial_force_mn(&self) -> Option<f64> {
+        self.tools.first().filter(|_| !self.held()).map(|t| t.axial_force_mn)
+    }
+}
+
 /// What one tool felt.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ToolReport {

@@ -4,8 +4,8 @@ use super::fields::SIMULATE_FIELDS;
 use super::shift::ShiftArgs;
 use super::solver::SolverArgs;
 use super::{ModeArg, number};
-use crate::simulate::DIAMETER_MM;
 use clap::Args;
+use monro_session::CATHETER_MM;
 use monro_tissue::TipShape;
 use std::path::PathBuf;
 
@@ -21,7 +21,7 @@ pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "MM_PER_S", default_value_t = 10.0, value_parser = number)]
     pub(crate) speed: f64,
     /// Outer diameter of the catheter, mm (9 Fr is 3 mm, as in the paper), 0.5 to 8.
-    #[arg(long, value_name = "MM", default_value_t = DIAMETER_MM, value_parser = number)]
+    #[arg(long, value_name = "MM", default_value_t = CATHETER_MM, value_parser = number)]
     pub(crate) diameter: f64,
     /// Shape of its tip: "round", or "cone:DEGREES" with the angle between the cone's side and its axis, 3 to 86.
     #[arg(long, value_name = "SHAPE", default_value = "round", value_parser = tip)]

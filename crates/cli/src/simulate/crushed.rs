@@ -4,12 +4,10 @@ use super::Run;
 use super::run::Snapshot;
 use crate::soft_body::LEAST_POISSON;
 use monro_geometry::{Patient, Point, Structure, TetMesh};
+use monro_session::SOUND;
 use monro_tissue::Csf;
 use serde_json::{Value, json};
-use std::ops::RangeInclusive;
 
-/// Volume over that at rest within which an element is sound.
-const SOUND: RangeInclusive<f64> = 0.5..=2.0;
 /// Below this part of its volume an element of a ventricle is empty.
 const EMPTY: f64 = 0.1;
 /// Share of the brain in crushed elements beyond which nothing is a result. Insertions into three heads have 0.00 to 0.002 %

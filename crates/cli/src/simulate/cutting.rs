@@ -2,6 +2,7 @@
 
 use super::Run;
 use monro_geometry::{Structure, TetLocator};
+use monro_session::CATHETER_MM;
 use monro_tissue::TipShape;
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
@@ -17,8 +18,7 @@ const LEAST_WAY_MM: f64 = 10.0;
 const AS_ASKED: RangeInclusive<f64> = 0.75..=1.25;
 /// Steps in which the path is followed into the tissue, mm.
 const STEP_MM: f64 = 0.1;
-/// Diameter for which the materials' forces are given, mm, and by what part another is like it.
-const USUAL_MM: f64 = 3.0;
+/// The materials' forces are given for [`CATHETER_MM`]; by what part another diameter is like it.
 const LIKE: f64 = 0.1;
 
 /// The axial force beside friction, on the way through the brain.
@@ -82,11 +82,11 @@ pub(super) fn missed(run: &Run) -> Option<String> {
 /// A catheter that the materials' forces are not for.
 pub(super) fn unlike(run: &Run) -> Option<String> {
     let (mm, tip) = (run.settings.diameter_mm, run.settings.tip);
-    let other = (mm / USUAL_MM - 1.0).abs() > LIKE || tip != TipShape::Round;
+    let other = (mm / CATHETER_MM - 1.0).abs() > LIKE || tip != TipShape::Round;
     (other && run.has_units() && run.materials_file.is_none()).then(|| {
         let shape = if tip == TipShape::Round { "a rounded" } else { "a conical" };
         format!(
-            "Walls, cutting and friction bear what they bear against a rounded rod of {USUAL_MM} mm, for {shape} one of {mm} mm, too: no force \
+            "Walls, cutting and friction bear what they bear against a rounded rod of {CATHETER_MM} mm, for {shape} one of {mm} mm, too: no force \
              follows from --diameter and --tip. Give those of your catheter with --materials."
         )
     })

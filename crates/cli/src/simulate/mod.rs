@@ -22,7 +22,7 @@ use crate::interrupt::Guard;
 use crate::soft_body;
 use anyhow::{Result, ensure};
 use monro_case::{Case, Staging};
-use monro_session::InsertionSettings;
+use monro_session::{CATHETER_MM, InsertionSettings};
 use monro_tissue::{FrameSettings, TipShape};
 use std::path::Path;
 
@@ -30,8 +30,6 @@ pub(crate) use figures::PROJECTED;
 pub(crate) use output::{SIMULATION, summary_json, summary_text};
 pub(crate) use run::{Run, insert};
 
-/// Outer diameter of the catheter, mm: 9 Fr, as in the paper.
-pub(crate) const DIAMETER_MM: f64 = 3.0;
 /// Rest at the target before the end, s: long enough for the tissue to settle.
 const HOLD_S: f64 = 1.0;
 
@@ -70,7 +68,7 @@ pub(crate) fn settings(mode: ModeArg, speed_mm_s: f64) -> InsertionSettings {
     InsertionSettings {
         model: soft_body::of(mode),
         speed_mm_s,
-        diameter_mm: DIAMETER_MM,
+        diameter_mm: CATHETER_MM,
         tip: TipShape::Round,
         hold_s: HOLD_S,
         withdraw: false,

@@ -2,20 +2,21 @@
 
 use super::room::Room;
 use super::{Cue, Deformed, Doubt};
+use crate::insertion::CATHETER_MM;
 use crate::loads::Ramp;
+use crate::sound::Keeping;
 use crate::tissue_model::{self, ModelSettings};
-use crate::{Loads, SessionError, StructureVolumes};
+use crate::{Follower, Loads, SessionError, StructureVolumes};
 use monro_case::Case;
-use monro_geometry::{Embedding, Patient, Point, Structure, Vector};
+use monro_geometry::Structure;
 use monro_guidance::{NeedlePose, Plan};
 use monro_tissue::{
     Event, FrameSettings, Mode, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose,
 };
+use std::sync::Arc;
 
 /// Shortest piece of the catheter that is simulated, mm; the rest of it is in the air and touches nothing.
 const SHORTEST_MM: f64 = 20.0;
-/// Outer diameter of the catheter, mm (9 Fr).
-const DIAMETER_MM: f64 = 3.0;
 /// Longest time step: after a pause the tissue is slow for a moment instead of unstable, s.
 const LONGEST_STEP_S: f64 = 1.0 / 20.0;
 /// Farthest that the tool moves through tissue in one step, mm. The solver cuts a step so that no part of it is longer
@@ -35,6 +36,8 @@ const RELAX_S: f64 = 0.5;
 const UNSEEN_S: f64 = 1.0;
 /// Elements that are turned inside out for so long do not find back: the tissue begins anew at rest, s.
 const TANGLED_S: f64 = 2.0;
+/// Crushed elements are counted each so many steps: it takes a tenth of a millisecond.
+const COUNTED_EVERY: u64 = 6;
 /// For how long a fault is told after the step that had it, s of steps: a display must not miss it, nor a surgeon who has
 /// just looked away.
 const FAULT_TOLD_S: f64 = 3.0;
@@ -47,7 +50,8 @@ pub struct Deformation {
     stepper: Stepper,
     /// Nodes now, mm from the model's origin.
     nodes: Vec<[f32; 4]>,
-    target: Embedding,
+    target: Follower,
+    keeping: Keeping,
     plan: Plan,
     has_units: bool,
     /// Forces along the shaft in the last three steps, mN.
@@ -70,7 +74,7 @@ pub struct Deformation {
     /// The loads, as they come on.
     ramp: Ramp,
     /// The newest.
-    now: Deformed,
+    now: Arc<Deformed>,
     /// Where there may be tissue.
     room: Room,
 }
@@ -89,12 +93,13 @@ impl Deformation {
         let state = model.rest_state();
         let mut out = Self {
             stepper: Stepper::new(&model),
-            nodes: vec![[0.0; 4]; model.node_count()],
-            target: Embedding::new(&case.tets, &[case.plan.target()])?,
+            nodes: Vec::with_capacity(model.node_count()),
+            target: Follower::new(&case.tets, &[case.plan.target()])?,
+            keeping: Keeping::new(&case.tets),
             plan: case.plan,
             has_units: matches!(settings.mode, Mode::Physical(_)),
             forces_mn: [0.0; 3],
-            now: Deformed::at_rest(case.plan.target(), model.node_count()),
+            now: Arc::new(Deformed::at_rest(case.plan.target(), model.node_count())),
             model,
             state,
             last: None,
@@ -112,12 +117,12 @@ impl Deformation {
         // Loads that tear it apart would do so again and again.
         let mut steps = 0..(MOST_STARTING_S / STARTING_STEP_S) as u32;
         while steps.next().is_some() && out.follow(&start, STARTING_STEP_S).is_some() {}
-        out.now.step = 0;
+        Arc::make_mut(&mut out.now).step = 0;
         Ok(out)
     }
 
     /// The tissue as it is now.
-    pub const fn now(&self) -> &Deformed {
+    pub const fn now(&self) -> &Arc<Deformed> {
         &self.now
     }
 
@@ -136,7 +141,7 @@ impl Deformation {
     /// [`Loads::check_on`], and others come on within a second. A catheter that is not seen stays in the tissue where it was.
     /// Where it turns out to be elsewhere than it seemed, the tissue is let go of, and it goes in anew along its axis: its way there was
     /// none through the tissue.
-    pub fn follow(&mut self, cue: &Cue, dt_s: f64) -> Option<Deformed> {
+    pub fn follow(&mut self, cue: &Cue, dt_s: f64) -> Option<Arc<Deformed>> {
         self.ramp.aim(cue.loads, self.now.csf_change_ml, self.now.csf_change_kpa);
         let is_elsewhere = self.is_elsewhere(cue);
         self.followed = *cue;
@@ -172,7 +177,7 @@ impl Deformation {
     /// Goes on by `dt_s` seconds, while the needle moves towards where it was seen at `pose_time_s`: all the way, or as
     /// far as one step can take it; the result tells the time of the pose that was reached. A time step that is no number
     /// counts as the shortest.
-    pub(super) fn advance(&mut self, needle: &NeedlePose, pose_time_s: f64, dt_s: f64) -> Deformed {
+    pub(super) fn advance(&mut self, needle: &NeedlePose, pose_time_s: f64, dt_s: f64) -> Arc<Deformed> {
         let (wanted, inside) = self.wanted(needle);
         let (from, from_time) = self.begin(&wanted, inside, pose_time_s);
         self.is_unseen = if inside > 0.0 { self.is_unseen || self.last.is_none() } else { false };
@@ -185,7 +190,7 @@ impl Deformation {
     }
 
     /// One step of the soft body, with what comes of it.
-    fn step(&mut self, motion: Option<ToolMotion>, pose_time_s: Option<f64>, dt_s: f64) -> Deformed {
+    fn step(&mut self, motion: Option<ToolMotion>, pose_time_s: Option<f64>, dt_s: f64) -> Arc<Deformed> {
         // Steps of what is torn apart take long, and people wait.
         let passed_s = if dt_s.is_nan() { SHORTEST_STEP_S } else { dt_s.clamp(SHORTEST_STEP_S, TANGLED_S) };
         let dt_s = passed_s.min(LONGEST_STEP_S);
@@ -193,12 +198,12 @@ impl Deformation {
         let report = self.stepper.step(&self.model, &mut self.state, motion.as_slice(), &frame);
         self.relax_s -= dt_s;
         self.note_faults(&report, dt_s);
-        self.now = self.result(&report, pose_time_s);
+        self.now = Arc::new(self.result(&report, pose_time_s));
         self.tangled_s = if report.inverted > 0 { self.tangled_s + passed_s } else { 0.0 };
         if self.tangled_s > TANGLED_S {
             self.begin_anew();
         }
-        self.now.clone()
+        Arc::clone(&self.now)
     }
 
     /// Puts tissue that does not find back to rest, from where loads come on again and the catheter goes in again.
@@ -245,13 +250,18 @@ impl Deformation {
     }
 
     fn result(&mut self, report: &StepReport, pose_time_s: Option<f64>) -> Deformed {
+        self.model.nodes_into(&self.state, &mut self.nodes);
+        self.target.follow(&self.stepper, &self.nodes);
         let displacements: Vec<[f32; 3]> = (0..self.nodes.len())
             .map(|v| self.model.displacement(&self.state, v).to_array().map(|d| d as f32))
             .collect();
         let at_tip = report.tools.first().and_then(|t| t.label).and_then(Structure::from_label);
-        let target = self.target_now();
+        let target = self.target.point(0, self.model.origin());
+        let step = self.now.step + 1;
+        let is_time = step.is_multiple_of(COUNTED_EVERY);
         Deformed {
-            step: self.now.step + 1,
+            step,
+            crushed: if is_time { self.keeping.crushed(&self.nodes) } else { self.now.crushed },
             placement: self.followed.placement,
             pose_time_s,
             displacements,
@@ -278,29 +288,17 @@ impl Deformation {
     /// The middle one of the last three forces along the shaft: a single one may be of a jump of the tissue. `None` where they have no
     /// unit, or nothing is felt.
     fn axial_force_mn(&mut self, report: &StepReport) -> Option<f64> {
-        let felt = report.tools.first().filter(|_| !report.events.contains(&Event::Held)).map(|t| t.axial_force_mn);
+        let felt = report.axial_force_mn();
         self.forces_mn = [self.forces_mn[1], self.forces_mn[2], felt.unwrap_or(0.0)];
         let mut sorted = self.forces_mn;
         sorted.sort_by(f64::total_cmp);
         felt.filter(|_| self.has_units).map(|_| sorted[1])
     }
-
-    /// Where the tissue of the planned target is.
-    fn target_now(&mut self) -> Point<Patient> {
-        let origin = self.model.origin();
-        for (v, node) in self.nodes.iter_mut().enumerate() {
-            let p = (self.model.position(&self.state, v) - origin).to_array();
-            *node = [p[0] as f32, p[1] as f32, p[2] as f32, 0.0];
-        }
-        let mut moved = [[0.0; 4]];
-        self.target.apply(&self.nodes, &mut moved);
-        origin + Vector::new(moved[0][0].into(), moved[0][1].into(), moved[0][2].into())
-    }
 }
 
 /// The catheter on its way.
 const fn motion(from: ToolPose, to: ToolPose) -> ToolMotion {
-    ToolMotion { tool: Tool { tip: TipShape::Round, radius_mm: DIAMETER_MM / 2.0 }, from, to }
+    ToolMotion { tool: Tool { tip: TipShape::Round, radius_mm: CATHETER_MM / 2.0 }, from, to }
 }
 
 /// How far the farther end of a tool goes, mm.
@@ -319,7 +317,7 @@ pub(crate) mod tests {
     use super::*;
     use crate::Mode;
     use monro_case::{Manifest, SCHEMA, Source};
-    use monro_geometry::{TetMesh, TriangleMesh};
+    use monro_geometry::{Point, TetMesh, TriangleMesh, Vector};
     use monro_guidance::{Plan, Side};
     use monro_tissue::PaperOptions;
 
@@ -388,7 +386,7 @@ pub(crate) mod tests {
     }
 
     /// Pushes the needle from above the tissue to the target, and gives all frames.
-    fn insertion() -> Vec<Deformed> {
+    fn insertion() -> Vec<Arc<Deformed>> {
         let mut d = deformation();
         (0..=90).map(|i| d.advance(&needle(f64::from(i) * 53.0 / 90.0), f64::from(i) / 60.0, 1.0 / 60.0)).collect()
     }
@@ -489,7 +487,7 @@ pub(crate) mod tests {
         (0..60).for_each(|i| _ = step(i, 0.0, 0.5 * f64::from(i)));
         let lags: Vec<f64> = (60..120).map(|i| step(i, 8000.0, 30.0).0).collect();
         assert!(lags[40..].iter().all(|lag| *lag == 0.0), "it is out: {lags:?}");
-        let back: Vec<(f64, Deformed)> = (120..180).map(|i| step(i, 0.0, 30.0)).collect();
+        let back: Vec<(f64, Arc<Deformed>)> = (120..180).map(|i| step(i, 0.0, 30.0)).collect();
         assert!(back[40..].iter().all(|(lag, _)| *lag < 1e-9), "{:?}", back.iter().map(|b| b.0).collect::<Vec<_>>());
         assert_eq!(back[59].1.faults, 0);
     }
@@ -502,7 +500,7 @@ pub(crate) mod tests {
         let turned =
             NeedlePose::new(case().plan.at_depth(-330.0) + Vector::new(1.0, 2.0, 0.0), -case().plan.direction());
         let turned = turned.expect("needle");
-        let frames: Vec<Deformed> = (1..60).map(|i| d.advance(&turned, f64::from(i), 1.0 / 60.0)).collect();
+        let frames: Vec<Arc<Deformed>> = (1..60).map(|i| d.advance(&turned, f64::from(i), 1.0 / 60.0)).collect();
         assert!(frames.iter().all(|f| f.at_tip.is_none() && f.largest_mm < 1.0), "{:?}", frames[20].largest_mm);
     }
 

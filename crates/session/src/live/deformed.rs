@@ -30,6 +30,9 @@ pub struct Deformed {
     pub csf_change_ml: f64,
     /// How much more pressure there is in the middle of their fluid than at rest, kPa.
     pub csf_change_kpa: f64,
+    /// Elements of tissue with less than half or more than twice of their volume, when they were last counted: how far walls have moved
+    /// around them is a matter of chance.
+    pub crushed: usize,
     /// Why it is no result: nothing may be read off it.
     pub doubt: Option<Doubt>,
     /// Whether the solver had to take a step back, and hold or retry, within the last three seconds that it ran: shown,
@@ -76,6 +79,7 @@ impl Deformed {
         let displacements = vec![[0.0; 3]; nodes];
         Self {
             step: 0,
+            crushed: 0,
             placement: 0,
             pose_time_s: None,
             displacements,

@@ -44,7 +44,7 @@ impl Playback {
         let mut session = Session::new(ToolNames::default(), Expiry::default());
         session.apply(SessionEvent::CaseOpened(case.plan))?;
         session.load(Loads::of(&frame));
-        let recent = VecDeque::from([Arc::new(deformation.now().clone())]);
+        let recent = VecDeque::from([Arc::clone(deformation.now())]);
         Ok(Self { session, deformation, recent })
     }
 
@@ -67,7 +67,7 @@ impl Playback {
             }
             Entry::Step { now_s, dt_s } => {
                 if let Some(deformed) = self.deformation.follow(&self.session.cue(*now_s), *dt_s) {
-                    self.recent.push_back(Arc::new(deformed));
+                    self.recent.push_back(deformed);
                     if self.recent.len() > REMEMBERED {
                         self.recent.pop_front();
                     }
