@@ -1,4 +1,4 @@
-"""Checks the crate table of ARCHITECTURE.md against `cargo metadata`, and the licences of all dependencies.
+"""Checks the tables of crates and of dependencies in ARCHITECTURE.md against `cargo metadata`, and the licences of all dependencies.
 
 A crate of ours may depend only on those its row allows, dev-dependencies included
 unless the row says `(tests)`; no cycles; `dicom-*` only in scan.
@@ -14,7 +14,7 @@ ALLOWED_LICENCES = {
     "MIT", "Apache-2.0", "BSD-2-Clause", "BSD-3-Clause", "Zlib", "ISC", "Unicode-3.0", "0BSD", "CC0-1.0", "Unlicense",
     "BSL-1.0", "IJG", "Apache-2.0 WITH LLVM-exception", "MIT-0",
 }
-ONLY_IN = {"dicom-": {"scan"}, "tokio": {"server"}, "axum": {"server"}, "nalgebra": {"geometry", "guidance"}}
+ONLY_IN = {"dicom-": {"scan"}, "tokio": {"server"}, "axum": {"server"}, "nalgebra": {"guidance"}}
 
 
 def law():
@@ -22,6 +22,26 @@ def law():
     table = text.split("<!-- crate-law -->")[1].split("<!-- /crate-law -->")[0]
     rows = re.findall(r"^\| `(\w+)` \|[^|]*\|([^|]*)\|", table, re.M)
     return {name: set(re.findall(r"\w+(?: \(tests\))?", allowed)) for name, allowed in rows}
+
+
+def dependencies():
+    """Who uses each foreign dependency, as the table has it: {dependency: {"crate" or "crate (tests)"}}."""
+    text = (ROOT / "ARCHITECTURE.md").read_text()
+    table = text.split("<!-- dependencies -->")[1].split("<!-- /dependencies -->")[0]
+    rows = re.findall(r"^\| (`[^|]*`) \|([^|]*)\|", table, re.M)
+    users = [(names, set(re.findall(r"\w+(?: \(tests\))?", used_by))) for names, used_by in rows]
+    return {name: used_by for names, used_by in users for name in re.findall(r"`([^`]+)`", names)}
+
+
+def foreign(packages):
+    """The same as it is. What a crate uses in its tests, too, is named once."""
+    found = {}
+    for package in packages:
+        name = package["name"].removeprefix("monro-")
+        for d in package["dependencies"]:
+            if not d["name"].startswith("monro-"):
+                found.setdefault(d["name"], {}).setdefault(name, set()).add(d["kind"] == "dev")
+    return {d: {f"{n} (tests)" if kinds == {True} else n for n, kinds in users.items()} for d, users in found.items()}
 
 
 def permitted(expression):
@@ -55,6 +75,10 @@ def main():
                     faults.append(f"{name} depends on {dependency}, whose only home is {', '.join(sorted(homes))}")
     faults += [f"ARCHITECTURE.md lists {name}, but there is no such crate" for name in rules.keys() - seen]
     faults += cycles(rules)
+    told, there = dependencies(), foreign([p for p in data["packages"] if p["id"] in members])
+    for name in sorted(told.keys() | there.keys()):
+        if told.get(name) != there.get(name):
+            faults.append(f"{name} is used by {sorted(there.get(name, []))}, in ARCHITECTURE.md by {sorted(told.get(name, []))}")
     for fault in faults:
         print(fault)
     print(f"crate law: {len(seen)} crates, {len(data['packages'])} packages, {len(faults)} faults")
