@@ -1,7 +1,7 @@
 //! What makes a mesh from elsewhere plainly broken, besides faulty numbers: nothing sensible can be done with such a mesh.
 //! Meshes that are merely odd (open, pinched, badly shaped) pass.
 
-use crate::tetrahedra::{TET_FACES, sorted};
+use crate::tetrahedra::{TET_FACES, sorted, unused};
 use crate::{TetMesh, TetMeshError, TriangleMesh, TriangleMeshError};
 use std::collections::HashMap;
 
@@ -13,11 +13,9 @@ impl TriangleMesh {
     /// # Errors
     /// The first fault found, with its triangles or vertex.
     pub fn check_sound(&self) -> Result<(), TriangleMeshError> {
-        let mut used = vec![false; self.vertices.len()];
-        self.triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
-        if let Some(vertex) = used.iter().position(|u| !u) {
-            let count = used.iter().filter(|u| !**u).count();
-            return Err(TriangleMeshError::Unused { vertex, count, vertices: used.len() });
+        let vertices = self.vertices.len();
+        if let Some((vertex, count)) = unused(vertices, self.triangles.as_flattened()) {
+            return Err(TriangleMeshError::Unused { vertex, count, vertices });
         }
         if let Some((first, second)) = same_corners(self.triangles.iter().copied()) {
             return Err(TriangleMeshError::Duplicate { first, second });

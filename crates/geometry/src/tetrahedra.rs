@@ -18,6 +18,14 @@ pub(crate) fn sorted<const N: usize>(mut corners: [u32; N]) -> [u32; N] {
     corners
 }
 
+/// The first vertex that is no corner of anything, and how many there are.
+pub(crate) fn unused(vertices: usize, corners: &[u32]) -> Option<(usize, usize)> {
+    let mut used = vec![false; vertices];
+    corners.iter().for_each(|&v| used[v as usize] = true);
+    let vertex = used.iter().position(|u| !u)?;
+    Some((vertex, used.iter().filter(|u| !**u).count()))
+}
+
 /// A tetrahedral mesh in the patient frame (mm) with one label per element. Element `[a, b, c, d]` has positive volume:
 /// `(b - a) x (c - a) . (d - a) > 0`.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -169,11 +177,9 @@ impl TetMesh {
         if self.tets.is_empty() {
             return Err(TetMeshError::Empty);
         }
-        let mut used = vec![false; self.vertices.len()];
-        self.tets.iter().flatten().for_each(|&v| used[v as usize] = true);
-        if let Some(vertex) = used.iter().position(|u| !u) {
-            let count = used.iter().filter(|u| !**u).count();
-            return Err(TetMeshError::Unused { vertex, count, vertices: used.len() });
+        let vertices = self.vertices.len();
+        if let Some((vertex, count)) = unused(vertices, self.tets.as_flattened()) {
+            return Err(TetMeshError::Unused { vertex, count, vertices });
         }
         // The corners of each face in order, whether the element lies on the side from which they run clockwise, the element.
         let mut faces: Vec<([u32; 3], bool, u32)> = Vec::with_capacity(4 * self.tets.len());

@@ -34,6 +34,8 @@ const MOST_SUBSTEPS: u32 = 64;
 /// The solver turns most of these back by itself; but where they are finer than the tool, those left after a membrane gave
 /// way were thrown further with every frame.
 const RETRIES: u32 = 4;
+/// and in so many substeps at most.
+const MOST_RETRIED: u32 = 4096;
 /// Frames that tissue is given to come out of a knot by itself.
 const PATIENCE: u32 = 15;
 /// Bound points that are moved together.
@@ -164,47 +166,8 @@ impl Stepper {
         }
         self.nodes.copy(state, &mut self.backup, &self.pool);
         let jumped = self.put_elsewhere(model, state, tools);
-        let mut report = StepReport::default();
-        let mut failures = Vec::new();
-        let mut survey = Survey::default();
-        let mut substeps = substeps_for(model, &settings, tools);
-        for attempt in 0..=RETRIES {
-            self.events.clear();
-            // What a part of the tissue could not do is tried with all of it.
-            let predicted_space = settings.predicted_space && attempt == 0;
-            let how = FrameSettings { predicted_space, ..settings };
-            self.attempt(model, state, tools, &how, substeps, done);
-            report.substeps = substeps;
-            survey = match model.solver {
-                Solver::Paper(_) => self.survey(model, &state.positions),
-                // It has measured where it ended.
-                Solver::Physical(_) => model.volumes.measured(&mut self.growth, &self.pool),
-            };
-            if survey.inverted > 0 {
-                let memory = (&mut self.growth[..], &mut self.crushed);
-                let elements = (&model.volumes, &model.tets[..]);
-                survey = untangle(elements, &mut state.positions, memory, &self.pool);
-            }
-            let verdict = self.judge(model, state, survey.inverted);
-            match verdict {
-                Verdict::Good => break,
-                Verdict::Inverted(_) if attempt == RETRIES => break,
-                verdict => {
-                    let inverted = if let Verdict::Inverted(n) = verdict { Some(n) } else { None };
-                    failures.push(Event::RolledBack { substeps, inverted });
-                    state.copy_from(&self.backup);
-                    substeps = substeps.saturating_mul(2).min(4096);
-                    if attempt == RETRIES {
-                        self.events.clear();
-                        come_free(model, state);
-                        // What the failed solution says of forces and motion is nothing that happened.
-                        self.couplings.clear();
-                        self.residual = 0.0;
-                        failures.push(Event::Held);
-                    }
-                }
-            }
-        }
+        let Tried { mut survey, failures, substeps } = self.try_step(model, state, tools, &settings, done);
+        let mut report = StepReport { substeps, ..StepReport::default() };
         report.rollbacks = failures.iter().filter(|e| matches!(e, Event::RolledBack { .. })).count() as u32;
         // What was measured last may be the state before, or one that was not accepted.
         if failures.contains(&Event::Held) || survey.inverted > 0 {
@@ -221,6 +184,59 @@ impl Stepper {
         self.fill(model, state, tools, &mut report);
         done(Stage::Check);
         report
+    }
+
+    /// Goes one step on, in shorter substeps where one leads to a state that is no result; after the last try the state is that
+    /// before the step, or has elements turned inside out.
+    fn try_step(
+        &mut self,
+        model: &Model,
+        state: &mut State,
+        tools: &[ToolMotion],
+        settings: &FrameSettings,
+        done: &mut dyn FnMut(Stage),
+    ) -> Tried {
+        let (mut failures, mut substeps) = (Vec::new(), substeps_for(model, settings, tools));
+        for attempt in 0..=RETRIES {
+            self.events.clear();
+            // What a part of the tissue could not do is tried with all of it.
+            let predicted_space = settings.predicted_space && attempt == 0;
+            let how = FrameSettings { predicted_space, ..*settings };
+            self.attempt(model, state, tools, &how, substeps, done);
+            let survey = self.survey_and_untangle(model, state);
+            let inverted = match self.judge(model, state, survey.inverted) {
+                Verdict::Good => return Tried { survey, failures, substeps },
+                Verdict::Inverted(_) if attempt == RETRIES => return Tried { survey, failures, substeps },
+                Verdict::Inverted(n) => Some(n),
+                _ => None,
+            };
+            failures.push(Event::RolledBack { substeps, inverted });
+            state.copy_from(&self.backup);
+            if attempt < RETRIES {
+                substeps = substeps.saturating_mul(2).min(MOST_RETRIED);
+            }
+        }
+        self.events.clear();
+        come_free(model, state);
+        // What the failed solution says of forces and motion is nothing that happened.
+        self.couplings.clear();
+        self.residual = 0.0;
+        failures.push(Event::Held);
+        Tried { survey: Survey::default(), failures, substeps }
+    }
+
+    /// Measures where an attempt ended, after what it turned inside out was drawn straight where that is possible.
+    fn survey_and_untangle(&mut self, model: &Model, state: &mut State) -> Survey {
+        let survey = match model.solver {
+            Solver::Paper(_) => self.survey(model, &state.positions),
+            // It has measured where it ended.
+            Solver::Physical(_) => model.volumes.measured(&mut self.growth, &self.pool),
+        };
+        if survey.inverted == 0 {
+            return survey;
+        }
+        let memory = (&mut self.growth[..], &mut self.crushed);
+        untangle((&model.volumes, &model.tets[..]), &mut state.positions, memory, &self.pool)
     }
 
     /// Draws what stays crushed frame after frame, though nothing acts, to where it is at rest; returns whether there is such a
@@ -531,6 +547,15 @@ fn strides(motion: &ToolMotion) -> f64 {
 fn pose(model: &Model, motion: &ToolMotion, share: f64) -> Option<Rod> {
     let put = strides(motion) > f64::from(MOST_SUBSTEPS);
     Rod::between(motion, model.origin, if put { 1.0 } else { share })
+}
+
+/// What came of a step's attempts.
+struct Tried {
+    survey: Survey,
+    /// Attempts that were taken back, and that the tissue was held where none was left.
+    failures: Vec<Event>,
+    /// Of the last attempt.
+    substeps: u32,
 }
 
 enum Verdict {

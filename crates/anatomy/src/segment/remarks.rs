@@ -10,6 +10,8 @@ use super::ventricles::{LEFT, RIGHT, Ventricles};
 use super::working::Working;
 use monro_geometry::{Patient, Plane, Point, Structure, Vector, Volume};
 
+/// Ventricles that fit their usual course by less than this, of 1, are doubtful.
+const LEAST_SCORE: f64 = 0.4;
 /// A midline shift brings this part of a ventricle across the midplane seldom; more is told.
 const ACROSS: f64 = 0.4;
 
@@ -59,6 +61,30 @@ pub(crate) fn volumes_ml(labels: &Volume<u8>) -> [f64; 8] {
 }
 
 fn findings(evidence: &Evidence<'_>, across: [f64; 2], size: impl Fn(Structure) -> f64) -> Vec<String> {
+    let mut out = what_the_scan_shows(evidence);
+    out.extend(evidence.noise.finding());
+    out.extend(thick_slices(evidence));
+    out.extend(sizes(size));
+    out.extend(blood_in(evidence));
+    out.extend(evidence.layer_ml.map(|ml| {
+        format!(
+            "hyperdense ({ml:.0} mL in one piece under the skull): a haematoma on the brain? It is counted to the brain; does the \
+             path go through it?"
+        )
+    }));
+    out.extend(air(evidence));
+    out.extend(shifted_across(across));
+    let score = evidence.pose.score;
+    out.extend((score < LEAST_SCORE).then(|| {
+        format!(
+            "the ventricles fit the expected course poorly (score {score:.2} of 1): check left and right, and how the head lies"
+        )
+    }));
+    out
+}
+
+/// What is missing of the head.
+fn what_the_scan_shows(evidence: &Evidence<'_>) -> Vec<String> {
     let mut out = Vec::new();
     if let Some(value) = evidence.working.masked_with {
         out.push(format!("the image is masked with {value} HU outside the head: no air, so no skin can be found"));
@@ -73,62 +99,61 @@ fn findings(evidence: &Evidence<'_>, across: [f64; 2], size: impl Fn(Structure) 
     if !evidence.cavity.neck_cut {
         out.push("the scan ends above the foramen magnum: the brain is cut off below".into());
     }
-    out.extend(evidence.noise.finding());
+    out
+}
+
+/// Slices too thick for what is small.
+fn thick_slices(evidence: &Evidence<'_>) -> Option<String> {
     let longest = evidence.working.binned.spacing().into_iter().fold(0.0, f64::max);
-    if longest >= THICK_MM {
-        let sides = if is_sagittal(evidence) {
-            "; lying from left to right as they do, they part the ventricles badly: one of 10 mL may be a third too large, and the third ventricle is not to be relied on"
-        } else {
-            ""
-        };
-        out.push(format!(
+    let sides = if is_sagittal(evidence) {
+        "; lying from left to right as they do, they part the ventricles badly: one of 10 mL may be a third too large, and the third ventricle is not to be relied on"
+    } else {
+        ""
+    };
+    (longest >= THICK_MM).then(|| {
+        format!(
             "slices of {longest:.1} mm: bone and small ventricles come out too large (ventricles of 10 mL by about a tenth with \
              5 mm, by up to four tenths with 7 mm){sides}; take a series of 2 mm or less if there is one"
-        ));
-    }
-    let third = size(Structure::ThirdVentricle);
-    if third == 0.0 {
-        out.push("third ventricle not found".into());
-    }
-    let (left, right) = (size(Structure::LeftLateralVentricle), size(Structure::RightLateralVentricle));
-    if left.max(right) > 2.0 * left.min(right) {
-        out.push(format!("lateral ventricles of unlike size: left {left:.1} mL, right {right:.1} mL"));
-    }
-    out.extend(blood_in(evidence));
-    out.extend(evidence.layer_ml.map(|ml| {
-        format!(
-            "hyperdense ({ml:.0} mL in one piece under the skull): a haematoma on the brain? It is counted to the brain; does the \
-             path go through it?"
         )
-    }));
-    if evidence.ventricles.air_ml > LEAST_AIR_ML {
-        out.push(format!(
-            "{:.1} mL of air in the ventricles, as after an operation: it is counted to them, and their surface beside it is \
-             not fitted to the scan",
-            evidence.ventricles.air_ml
-        ));
-    }
-    if evidence.pocket_ml > 0.0 {
-        out.push(format!(
-            "{:.1} mL of air on the brain, under the skull, as after an operation: it is counted to the cerebrospinal fluid",
-            evidence.pocket_ml
-        ));
-    }
-    for (side, share) in [("left", across[0]), ("right", across[1])] {
-        if share > ACROSS {
-            let percent = 100.0 * share;
-            out.push(format!(
-                "{percent:.0} % of the {side} lateral ventricle lies across the midplane: midline shift, or the sides are mistaken"
-            ));
-        }
-    }
-    if evidence.pose.score < 0.4 {
-        let score = evidence.pose.score;
-        out.push(format!(
-            "the ventricles fit the expected course poorly (score {score:.2} of 1): check left and right, and how the head lies"
-        ));
-    }
-    out
+    })
+}
+
+/// Ventricles that are missing or unlike each other.
+fn sizes(size: impl Fn(Structure) -> f64) -> Vec<String> {
+    let third = size(Structure::ThirdVentricle);
+    let (left, right) = (size(Structure::LeftLateralVentricle), size(Structure::RightLateralVentricle));
+    let missing = (third == 0.0).then(|| "third ventricle not found".into());
+    let unlike = (left.max(right) > 2.0 * left.min(right))
+        .then(|| format!("lateral ventricles of unlike size: left {left:.1} mL, right {right:.1} mL"));
+    missing.into_iter().chain(unlike).collect()
+}
+
+/// Air within the skull.
+fn air(evidence: &Evidence<'_>) -> Vec<String> {
+    let (within, on) = (evidence.ventricles.air_ml, evidence.pocket_ml);
+    let within = (within > LEAST_AIR_ML).then(|| {
+        format!(
+            "{within:.1} mL of air in the ventricles, as after an operation: it is counted to them, and their surface beside it is \
+             not fitted to the scan"
+        )
+    });
+    let on = (on > 0.0).then(|| {
+        format!(
+            "{on:.1} mL of air on the brain, under the skull, as after an operation: it is counted to the cerebrospinal fluid"
+        )
+    });
+    within.into_iter().chain(on).collect()
+}
+
+/// Lateral ventricles, left and right, a part of which lies across the midplane.
+fn shifted_across(across: [f64; 2]) -> impl Iterator<Item = String> {
+    let shares = ["left", "right"].into_iter().zip(across).filter(|(_, share)| *share > ACROSS);
+    shares.map(|(side, share)| {
+        let percent = 100.0 * share;
+        format!(
+            "{percent:.0} % of the {side} lateral ventricle lies across the midplane: midline shift, or the sides are mistaken"
+        )
+    })
 }
 
 /// Whether the slices lie from left to right: the thickest direction of a voxel is across the midplane.
