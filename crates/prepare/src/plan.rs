@@ -18,6 +18,9 @@ const BESIDE_MM: f64 = 0.25;
 /// A target in no ventricle further than this from the foramen is remarked upon: of one nearer, labels and landmark decide.
 const FAR_FROM_MONRO_MM: f64 = 8.0;
 
+/// More than this over the skull is not skin alone, mm: three heads have 3 to 5, with dressings of 10 and 12 mm 14 and 16.
+const MOST_SCALP_MM: f64 = 11.0;
+
 /// A falx or tentorium of less than this is a scrap of one: both have some 50 cm2.
 const LEAST_SEPTUM_CM2: f64 = 20.0;
 
@@ -63,6 +66,7 @@ pub(crate) fn plan(
                 .into(),
         );
     }
+    findings.extend(padded(&plan, &segmentation.labels, skull_angle_deg));
     let landmarks = match &found {
         Ok(marks) => {
             findings.extend(far_from_kocher(&plan, marks));
@@ -245,6 +249,22 @@ fn far_from_monro(plan: &Plan, marks: &Landmarks, labels: &Volume<u8>) -> Option
     })
 }
 
+/// A remark where more lies over the skull than skin, at right angles to it, by the path's angle to the skull.
+fn padded(plan: &Plan, labels: &Volume<u8>, skull_angle_deg: Option<f64>) -> Option<String> {
+    const STEP_MM: f64 = 0.25;
+    let at = |i: usize| labels.nearest(plan.at_depth(i as f64 * STEP_MM)).and_then(Structure::from_label);
+    let steps = (plan.length() / STEP_MM) as usize;
+    let skull = (0..=steps).find(|&i| at(i) == Some(Structure::Skull))?;
+    let mm = skull as f64 * STEP_MM * skull_angle_deg?.to_radians().sin();
+    (mm > MOST_SCALP_MM).then(|| {
+        format!(
+            "{mm:.0} mm of soft tissue lie over the skull where the path goes in (3 to 8 mm are usual): a dressing, a swelling or blood \
+             under the skin? The entry is on its surface, and Kocher's point was measured over it: look at the pictures, or give a path \
+             with --plan FILE.mrk.json"
+        )
+    })
+}
+
 /// Mean outward normal of the skull's surface within 10 mm of where the path meets it: a single triangle would follow
 /// the voxels, a burr hole does not.
 fn skull_normal(plan: &Plan, skull: &TriangleMesh) -> Option<Vector<Patient>> {
@@ -327,6 +347,25 @@ mod tests {
             .iter_mut()
             .for_each(|l| *l = if *l == Structure::Scalp.label() { Structure::Skull.label() } else { *l });
         assert!(told(41.0, &labels).1);
+    }
+
+    #[test]
+    fn a_dressing_was_taken_for_scalp_without_a_word() {
+        let told = |scalp: f64, angle: f64| {
+            let grid = Grid::axis_aligned([100, 20, 20], [1.0; 3], [0.0; 3]).expect("a grid");
+            let label = |n: usize| match 99.0 - grid.voxel(n)[0] as f64 {
+                d if d < scalp => Structure::Scalp.label(),
+                d if d < scalp + 6.0 => Structure::Skull.label(),
+                _ => Structure::Brain.label(),
+            };
+            let labels = Volume::new(grid, (0..grid.len()).map(label).collect()).expect("values");
+            let plan =
+                Plan::new(Side::Left, Point::new(99.4, 10.0, 10.0), Point::new(2.0, 10.0, 10.0)).expect("a plan");
+            padded(&plan, &labels, Some(angle))
+        };
+        assert_eq!((told(6.0, 90.0), told(15.0, 30.0)), (None, None));
+        let said = told(16.0, 90.0).expect("told");
+        assert!(said.starts_with("16 mm of soft tissue"), "{said}");
     }
 
     #[test]

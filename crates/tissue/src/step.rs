@@ -6,7 +6,7 @@
 //! half the time step.
 
 use crate::abutments::{Against, Place};
-use crate::contact::{self, Coupling, Rule, ToolState};
+use crate::contact::{self, Coupling, Rule, Scene, ToolState};
 use crate::csf::FluidSpace;
 use crate::fast::{MOST_THREADS, Pool, Row, widest};
 use crate::model::Solver;
@@ -344,9 +344,7 @@ impl Stepper {
             let way = (motion.to.tip - motion.from.tip).to_array().map(|v| v as f32);
             let mut memory = core::mem::take(&mut state.tools[tool]);
             contact::prepare(
-                model,
-                state,
-                &self.spheres,
+                Scene { model, state, spheres: &self.spheres },
                 (tool, &rod, way),
                 &mut memory,
                 &mut self.found,

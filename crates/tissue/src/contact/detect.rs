@@ -1,9 +1,8 @@
 //! Which membranes touch a tool, and where a point lies in the mesh.
 
 use super::closest::{Closest, segment_triangle};
-use super::{Coupling, Rule};
+use super::{Coupling, Rule, Scene};
 use crate::membrane::{Membrane, OUTSIDE};
-use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
 use crate::vec3::{V3, axpy, cross, dot, norm, scale, sub, unit, xyz};
 use crate::{Model, State};
@@ -57,19 +56,18 @@ pub(crate) enum Side {
 
 /// Adds a coupling for each membrane that the rod touches or is about to touch.
 pub(crate) fn membranes(
-    model: &Model,
-    state: &State,
-    spheres: &Spheres,
+    scene: Scene<'_>,
     rod: &Rod,
     side: Side,
     tool: u32,
     found: &mut Found,
     out: &mut Vec<Coupling>,
 ) {
+    let Scene { model, state, .. } = scene;
     let from = rod.at(rod.start);
     let to = if side == Side::Outside { rod.at(rod.length) } else { from };
     let reach = (1.0 + MARGIN) * rod.radius;
-    collect(model, (spheres, state), from, to, reach, found);
+    collect(scene, from, to, reach, found);
     let first = out.len();
     found.lies.clear();
     for wall in walls(model, state, &found.tets, side) {
@@ -120,7 +118,7 @@ fn drop_past(first: usize, lies: &[Lie], out: &mut Vec<Coupling>) {
     out.retain(|_| number.next().and_then(|k: usize| lies.get(k.checked_sub(first)?)).is_none_or(|lie| !lie.past));
 }
 
-fn collect(model: &Model, (spheres, state): (&Spheres, &State), from: V3, to: V3, reach: f32, found: &mut Found) {
+fn collect(Scene { model, state, spheres }: Scene<'_>, from: V3, to: V3, reach: f32, found: &mut Found) {
     found.tets.clear();
     let Found { stack, tets, .. } = found;
     model.tree.near_segment((spheres, &state.positions), from, to, reach, stack, |t| tets.push(t));
@@ -219,18 +217,11 @@ const LOST: f32 = 4.0;
 
 /// The coupling of the membrane on that side which the axis crosses behind the tip, the first on its way; `None` when it
 /// crosses none. It keeps the wall in front of a tip that slid off the elements it pressed on, where they fold around it.
-pub(crate) fn crossed(
-    model: &Model,
-    state: &State,
-    spheres: &Spheres,
-    rod: &Rod,
-    side: Side,
-    tool: u32,
-    found: &mut Found,
-) -> Option<Coupling> {
+pub(crate) fn crossed(scene: Scene<'_>, rod: &Rod, side: Side, tool: u32, found: &mut Found) -> Option<Coupling> {
+    let Scene { model, state, .. } = scene;
     let reach = (LOST * rod.radius).min(rod.length);
     let (tip, behind) = (rod.tip, rod.at(reach));
-    collect(model, (spheres, state), tip, behind, 0.0, found);
+    collect(scene, tip, behind, 0.0, found);
     let crossing = walls(model, state, &found.tets, side)
         .map(|wall| (segment_triangle(tip, behind, wall.corners), wall))
         // Only where it went out of this side.
@@ -273,8 +264,9 @@ fn away(near: Closest, (centre, back): (V3, V3), tri: [V3; 3], radius: f32) -> O
 }
 
 /// The element that holds the point `x`; `None` outside of the mesh.
-pub(crate) fn locate(model: &Model, state: &State, spheres: &Spheres, x: V3, found: &mut Found) -> Option<Place> {
-    collect(model, (spheres, state), x, x, 0.0, found);
+pub(crate) fn locate(scene: Scene<'_>, x: V3, found: &mut Found) -> Option<Place> {
+    let Scene { model, state, .. } = scene;
+    collect(scene, x, x, 0.0, found);
     let mut best: Option<(f32, Place)> = None;
     for &tet in &found.tets {
         let Some(weights) = barycentric(model.corners(state, tet as usize), x) else { continue };
@@ -289,8 +281,9 @@ pub(crate) fn locate(model: &Model, state: &State, spheres: &Spheres, x: V3, fou
 }
 
 /// The region that holds the point `x`; `None` outside of the mesh.
-pub(crate) fn region_at(model: &Model, state: &State, spheres: &Spheres, x: V3, found: &mut Found) -> Option<u8> {
-    locate(model, state, spheres, x, found).map(|place| model.region[place.tet as usize])
+pub(crate) fn region_at(scene: Scene<'_>, x: V3, found: &mut Found) -> Option<u8> {
+    let Scene { model, .. } = scene;
+    locate(scene, x, found).map(|place| model.region[place.tet as usize])
 }
 
 /// Barycentric coordinates of `x`; `None` for a flat or inverted element.
@@ -312,6 +305,7 @@ mod tests {
     use super::*;
     use crate::Model;
     use crate::model::tests::{block, paper_options};
+    use crate::sphere_tree::Spheres;
     use crate::{TipShape, Tool, ToolMotion, ToolPose};
     use monro_geometry::Point;
 
@@ -324,12 +318,15 @@ mod tests {
         model.tree.follow(&mut spheres, &state.positions, &crate::fast::Pool::new(1));
         let mut found = Found::default();
         for x in [[0.1, 0.2, 0.3], [-5.9, 5.8, 1.0], [2.0, 2.0, 2.0]] {
-            let place = locate(&model, &state, &spheres, x, &mut found).expect("inside");
+            let place =
+                locate(Scene { model: &model, state: &state, spheres: &spheres }, x, &mut found).expect("inside");
             let tet = model.tets[place.tet as usize];
             let back = (0..4).fold([0.0; 3], |s, i| axpy(s, place.weights[i], xyz(state.positions[tet[i] as usize])));
             assert!((0..3).all(|a| (back[a] - x[a]).abs() < 1e-5));
         }
-        assert!(locate(&model, &state, &spheres, [6.1, 0.0, 0.0], &mut found).is_none());
+        assert!(
+            locate(Scene { model: &model, state: &state, spheres: &spheres }, [6.1, 0.0, 0.0], &mut found).is_none()
+        );
     }
 
     /// What pushes on a tool with this tip, from this direction, in the upper of two regions, once those vertices of the
@@ -351,7 +348,14 @@ mod tests {
         let tool = Tool { tip: TipShape::Round, radius_mm: 1.5 };
         let rod = Rod::between(&ToolMotion { tool, from: at, to: at }, Point::new(0.0, 0.0, 0.0), 1.0).expect("a rod");
         let (mut found, mut out) = (Found::default(), Vec::new());
-        membranes(&model, &state, &spheres, &rod, Side::Within(above), 0, &mut found, &mut out);
+        membranes(
+            Scene { model: &model, state: &state, spheres: &spheres },
+            &rod,
+            Side::Within(above),
+            0,
+            &mut found,
+            &mut out,
+        );
         let corners = |c: &Coupling| [0, 1, 2].map(|i| xyz(state.positions[c.nodes[i] as usize]));
         out.into_iter().map(|c| (c, corners(&c))).collect()
     }

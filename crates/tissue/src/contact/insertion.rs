@@ -7,12 +7,11 @@
 
 use super::detect::{self, Found, Side};
 use super::wall::{Wall, away};
-use super::{Advance, Coupling, Dimple, Rule, ToolState, Yielded, shaft};
+use super::{Advance, Coupling, Dimple, Rule, Scene, ToolState, Yielded, shaft};
 use crate::model::Region;
-use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
 use crate::vec3::{V3, add, dot, scale, sub};
-use crate::{CollisionResponse, Event, Model, State};
+use crate::{CollisionResponse, Event, Model};
 use monro_geometry::{Patient, Point};
 
 /// Shaft in tissue behind a tip that is outside, in spacings of anchors, from which the tip has come out on the far side.
@@ -24,34 +23,32 @@ const LOOKS: f32 = 2.0;
 
 /// Brings the memory of a tool up to date with its new pose, whose tip goes by `way` in this frame, and lists its couplings.
 pub(crate) fn prepare(
-    model: &Model,
-    state: &State,
-    spheres: &Spheres,
+    scene: Scene<'_>,
     (tool, rod, way): (usize, &Rod, V3),
     memory: &mut ToolState,
     found: &mut Found,
     couplings: &mut Vec<Coupling>,
     events: &mut Vec<Event>,
 ) {
+    let Scene { model, .. } = scene;
     let (first, new) = (couplings.len(), memory.heading.is_new());
     memory.heading.follow(rod, way);
     let advance = memory.heading.advance;
     if model.collision == CollisionResponse::Insertion {
         if new {
-            find_inside(model, state, spheres, (tool, rod), memory, found, events);
+            find_inside(scene, (tool, rod), memory, found, events);
         }
-        follow_tip(model, state, spheres, (tool, rod, advance), memory, found, events);
+        follow_tip(scene, (tool, rod, advance), memory, found, events);
         let on = rod.at(-LOOKS * rod.radius);
-        memory.leads_out =
-            memory.press.is_some() && detect::region_at(model, state, spheres, on, found) != memory.inside;
-        shaft::let_around(model, state, spheres, rod, memory, found);
-        shaft::renew_anchors(model, state, spheres, rod, memory, found);
+        memory.leads_out = memory.press.is_some() && detect::region_at(scene, on, found) != memory.inside;
+        shaft::let_around(scene, rod, memory, found);
+        shaft::renew_anchors(scene, rod, memory, found);
     }
     match memory.inside {
-        None => detect::membranes(model, state, spheres, rod, Side::Outside, tool as u32, found, couplings),
+        None => detect::membranes(scene, rod, Side::Outside, tool as u32, found, couplings),
         // A wall that the tip has dimpled lies against it on the way back, too.
         Some(r) if advance == Advance::Forwards || memory.press.is_some() => {
-            detect::membranes(model, state, spheres, rod, Side::Within(r), tool as u32, found, couplings);
+            detect::membranes(scene, rod, Side::Within(r), tool as u32, found, couplings);
             couplings.retain(|c| c.tool != tool as u32 || (resists(model, r, c.source) && !is_hole(&memory.hole, c)));
         }
         Some(_) => {}
@@ -59,7 +56,7 @@ pub(crate) fn prepare(
     debug_assert!(couplings.len() >= first, "only this tool's couplings are dropped");
     if memory.ahead.is_some_and(|r| Some(r) != memory.inside) {
         let side = memory.inside.map_or(Side::Outside, Side::Within);
-        let wall = detect::crossed(model, state, spheres, rod, side, tool as u32, found);
+        let wall = detect::crossed(scene, rod, side, tool as u32, found);
         let is_wall = |c: &Coupling| memory.inside.is_none_or(|r| resists(model, r, c.source));
         let is_lost = |c: &Coupling| couplings[first..].iter().all(|other| other.nodes != c.nodes);
         couplings.extend(wall.filter(|c| is_wall(c) && is_lost(c)));
@@ -76,18 +73,17 @@ fn resists(model: &Model, from: u8, to: u32) -> bool {
 /// A tool that is seen for the first time, or has been put elsewhere, is in the tissue if its tip is so deep, along its
 /// shaft, that the membrane would have yielded on the way; its shaft holds the tissue as it is now.
 fn find_inside(
-    model: &Model,
-    state: &State,
-    spheres: &Spheres,
+    scene: Scene<'_>,
     (tool, rod): (usize, &Rod),
     memory: &mut ToolState,
     found: &mut Found,
     events: &mut Vec<Event>,
 ) {
-    let Some(region) = detect::region_at(model, state, spheres, rod.tip, found) else { return };
+    let Scene { model, .. } = scene;
+    let Some(region) = detect::region_at(scene, rod.tip, found) else { return };
     let Region { label, material, .. } = &model.regions[region as usize];
     let dimple = material.insertion.puncture_depth_mm as f32;
-    if dimple < rod.length && detect::locate(model, state, spheres, rod.at(dimple), found).is_some() {
+    if dimple < rod.length && detect::locate(scene, rod.at(dimple), found).is_some() {
         events.push(Event::Found { tool, label: *label, point: patient(model, rod.tip) });
         (memory.inside, memory.seen) = (Some(region), true);
     }
@@ -95,15 +91,14 @@ fn find_inside(
 
 /// Notices where the tip has got to without having punctured anything in the last step.
 fn follow_tip(
-    model: &Model,
-    state: &State,
-    spheres: &Spheres,
+    scene: Scene<'_>,
     (tool, rod, advance): (usize, &Rod, Advance),
     memory: &mut ToolState,
     found: &mut Found,
     events: &mut Vec<Event>,
 ) {
-    let now = detect::region_at(model, state, spheres, rod.tip, found);
+    let Scene { model, state, .. } = scene;
+    let now = detect::region_at(scene, rod.tip, found);
     let wall = Yielded::follow(&mut memory.yielded, now, away(&memory.hole, &state.positions, rod.tip));
     let waits = advance == Advance::Forwards && wall == Wall::DrawsBack;
     memory.ahead = now.filter(|_| advance == Advance::Forwards && !waits);

@@ -16,8 +16,18 @@ pub(crate) use detect::Found;
 pub(crate) use insertion::{prepare, settle};
 pub(crate) use wall::{Dimple, Yielded};
 
+use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
 use crate::vec3::{V3, dot, sub};
+use crate::{Model, State};
+
+/// What tools meet: the tissue as it is, and the spheres around its elements.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Scene<'a> {
+    pub(crate) model: &'a Model,
+    pub(crate) state: &'a State,
+    pub(crate) spheres: &'a Spheres,
+}
 
 /// A material point held by the shaft.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,9 +2,8 @@
 
 use super::detect::{self, Found};
 use super::wall::away;
-use super::{Advance, Anchor, Coupling, Rule, ToolState};
+use super::{Advance, Anchor, Coupling, Rule, Scene, ToolState};
 use crate::material::Insertion;
-use crate::sphere_tree::Spheres;
 use crate::tool::Rod;
 use crate::vec3::{V3, add, axpy, cross, dot, norm, scale, sub, xyz};
 use crate::{Material, Model, State};
@@ -36,14 +35,8 @@ pub(super) fn spacing(rod: &Rod) -> f32 {
 }
 
 /// Drops anchors that the shaft has left, and adds one wherever a piece of shaft in tissue has none.
-pub(super) fn renew_anchors(
-    model: &Model,
-    state: &State,
-    spheres: &Spheres,
-    rod: &Rod,
-    memory: &mut ToolState,
-    found: &mut Found,
-) {
+pub(super) fn renew_anchors(scene: Scene<'_>, rod: &Rod, memory: &mut ToolState, found: &mut Found) {
+    let Scene { model, state, .. } = scene;
     if memory.inside.is_none() {
         memory.anchors.clear();
         return;
@@ -66,10 +59,10 @@ pub(super) fn renew_anchors(
         if next < old && memory.anchors[next].arc <= arc + REACH * step {
             continue;
         }
-        match detect::locate(model, state, spheres, rod.at(arc), found) {
+        match detect::locate(scene, rod.at(arc), found) {
             Some(place) => {
                 let stretch = if i == 0 { load } else { 0.0 };
-                let new = around_axis(model, state, spheres, rod, (arc, place), found);
+                let new = around_axis(scene, rod, (arc, place), found);
                 // What has just torn off is not caught again before it has gone back.
                 memory.anchors.extend(new.map(|a| Anchor { stretch, arc: a.arc + stretch, ..a }).filter(|a| !torn(a)));
             }
@@ -86,14 +79,8 @@ pub(super) fn renew_anchors(
 /// without a pull to the side. The tip came to that wall through a dimple in which tissue was folded. Held at the points
 /// that it passed there, some stayed on the axis though they belong millimetres beside it, and with them the wall and
 /// elements that they crushed.
-pub(super) fn let_around(
-    model: &Model,
-    state: &State,
-    spheres: &Spheres,
-    rod: &Rod,
-    memory: &mut ToolState,
-    found: &mut Found,
-) {
+pub(super) fn let_around(scene: Scene<'_>, rod: &Rod, memory: &mut ToolState, found: &mut Found) {
+    let Scene { model, state, .. } = scene;
     let Some(wall) = memory.yielded else { return };
     let ToolState { hole, anchors, .. } = memory;
     anchors.retain_mut(|a| {
@@ -101,7 +88,7 @@ pub(super) fn let_around(
             return true;
         }
         let at = axpy(held_at(rod, a), -a.stretch, rod.back);
-        let here = detect::locate(model, state, spheres, at, found);
+        let here = detect::locate(scene, at, found);
         let new = here.and_then(|place| anchor(model, place, (a.arc, a.aside), a.share));
         new.map(|new| *a = Anchor { slipping: a.slipping, stretch: a.stretch, length: a.length, ..new }).is_some()
     });
@@ -109,18 +96,17 @@ pub(super) fn let_around(
 
 /// The anchors of a piece of shaft that is in tissue `arc` mm behind the tip, at `place`.
 fn around_axis(
-    model: &Model,
-    state: &State,
-    spheres: &Spheres,
+    scene: Scene<'_>,
     rod: &Rod,
     (arc, place): (f32, detect::Place),
     found: &mut Found,
 ) -> impl Iterator<Item = Anchor> {
+    let Scene { model, .. } = scene;
     let (asides, count) = asides(rod, model.volumes.edge(place.tet) as f32);
     asides.into_iter().take(count).filter_map(move |aside| {
         let place = match aside == [0.0; 3] {
             true => Some(place),
-            false => detect::locate(model, state, spheres, add(rod.at(arc), aside), found),
+            false => detect::locate(scene, add(rod.at(arc), aside), found),
         };
         place.and_then(|p| anchor(model, p, (arc, aside), 1.0 / count as f32))
     })
