@@ -33,7 +33,7 @@ export interface Description {
   scan: string;
   dims: [number, number, number];
   views: View[];
-  labels: { label: number; name: string; colour: [number, number, number] }[];
+  labels: { label: number; name: string; colour: [number, number, number]; ventricle: boolean; intracranial: boolean }[];
   findings: string[];
   /** Expected Dice of the automatic segmentation by label, null where nothing is known. */
   confidence: (number | null)[];

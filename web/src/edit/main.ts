@@ -3,24 +3,27 @@
 import type { Api } from "../api";
 import { element } from "../dom";
 import { signIn } from "../sign_in";
-import { Desk, type Answer, type Description, type Rebuilding, type State, type Target } from "./desk";
+import { Desk, type Answer, type Description, type State, type Target } from "./desk";
+import { Keys, type Binding } from "./keys";
 import { Pane, type Hand, type Look } from "./pane";
+import { buildPanel, words } from "./panel";
+import { exportLabels, Rebuilder } from "./rebuild";
 import { Options, request, TOOLS, type ToolName } from "./tools";
 
-const WINDOWS: [string, number, number][] = [["Brain", 0, 80], ["Ventricles", -10, 50], ["Subdural", -20, 180], ["Bone", -200, 1500]];
-/** Labels that one draws; the others are there to be seen. */
-const FIRST_LABEL = 6;
-const VENTRICLES = [5, 6, 7];
+/** The label to begin with: where most drains go in. */
+const FIRST = "right_lateral_ventricle";
 
 class Editor {
-  readonly #api: Api;
   readonly #desk: Desk;
   readonly #about: Description;
   readonly #look: Look;
   readonly #panes: Pane[];
   readonly #options: Options;
+  readonly #rebuilder: Rebuilder;
+  /** Labels that are filled, whichever is chosen. */
+  readonly #ventricles: number[];
   #tool: ToolName = "wire";
-  #label = FIRST_LABEL;
+  #label: number;
   #current: Pane;
   #painting: { last: [number, number]; erase: boolean } | undefined;
   #moving: number | undefined;
@@ -32,20 +35,29 @@ class Editor {
   #busy: Promise<unknown> = Promise.resolve();
 
   constructor(api: Api, about: Description) {
-    [this.#api, this.#about] = [api, about];
+    this.#about = about;
+    this.#ventricles = about.labels.filter((l) => l.ventricle).map((l) => l.label);
+    this.#label = about.labels.find((l) => l.name === FIRST)?.label ?? 1;
+    this.#rebuilder = new Rebuilder(api, (text) => this.#say(text));
     this.#desk = new Desk(api, (connected) => {
       element("#saved").textContent = connected ? "every step is saved" : "no connection to the server; if it was started again, open the address that it printed";
       if (connected) void this.#connected();
     }, (told) => void this.#edited(told));
-    this.#look = { low: 0, high: 80, opacity: 0.3, colours: about.labels.map((l) => l.colour), filled: new Set(VENTRICLES) };
+    this.#look = { low: 0, high: 80, opacity: 0.3, colours: about.labels.map((l) => l.colour), filled: new Set(this.#ventricles) };
     this.#panes = about.views.map((v) => new Pane(v, this.#desk, this.#look, (kind, hand) => this.#mouse(kind, hand), (p) => this.#scrolled(p)));
     this.#current = this.#panes[0] as Pane;
     // Keys go to the pane that has the focus, also when Tab brought it there.
     for (const p of this.#panes) p.element.addEventListener("focus", () => p !== this.#current && this.#scrolled(p));
-    const names = about.labels.slice(1).map((l): [string, string] => [String(l.label), l.name.replaceAll("_", " ")]);
+    const names = about.labels.slice(1).map((l): [string, string] => [String(l.label), words(l.name)]);
     this.#options = new Options(element("#options"), names, (id) => void this.#option(id));
-    this.#panel(names);
-    addEventListener("keydown", (event) => this.#key(event));
+    const [choose, pick] = [(tool: ToolName): void => this.#choose(tool), (label: number): void => this.#pick(label)];
+    buildPanel(about, { choose, pick, window: (low, high) => this.#window(low, high), opacity: (value) => this.#opacity(value) });
+    const [undo, redo] = [(): void => void this.#edit("undo"), (): void => void this.#edit("redo")];
+    const keys = new Keys(this.#bindings, { choose, pick, undo, redo }, about.labels.length);
+    [element("#undo").onclick, element("#redo").onclick, element("#help").onclick] = [undo, redo, () => keys.help()];
+    element("#export").onclick = () => void exportLabels(api).catch((error: unknown) => this.#say(String(error)));
+    this.#choose("wire");
+    this.#pick(this.#label);
   }
 
   async start(): Promise<void> {
@@ -55,60 +67,7 @@ class Editor {
     await Promise.all(this.#panes.map((p) => p.load()));
     document.body.dataset["ready"] = "yes";
     // The page may have been loaded again meanwhile.
-    if ((await this.#api.json<Rebuilding>("/api/rebuild")).state === "running") await this.#follow();
-  }
-
-  #panel(names: [string, string][]): void {
-    element("#patient").textContent = this.#about.scan;
-    document.title = `${this.#about.scan} · Labels · Monro`;
-    for (const tool of TOOLS) {
-      const button = document.createElement("button");
-      button.textContent = tool.title;
-      button.title = `${tool.hint} (${tool.key})`;
-      button.dataset["tool"] = tool.name;
-      button.onclick = () => this.#choose(tool.name);
-      element("#tools").append(button);
-    }
-    for (const [text, low, high] of WINDOWS) {
-      const button = document.createElement("button");
-      button.textContent = text;
-      button.onclick = () => this.#window(low, high);
-      element("#window").append(button);
-    }
-    const opacity = document.createElement("input");
-    Object.assign(opacity, { type: "range", min: "0", max: "1", step: "0.05", value: "0.3", id: "opacity" });
-    opacity.setAttribute("aria-label", "Opacity of the labels");
-    opacity.oninput = () => this.#opacity(Number(opacity.value));
-    element("#window").append(opacity);
-    for (const { label, name, colour } of this.#about.labels.slice(1)) {
-      const swatch = document.createElement("i");
-      swatch.style.background = `rgb(${colour.join(" ")})`;
-      const button = document.createElement("button");
-      [button.textContent, button.dataset["label"]] = [name.replaceAll("_", " "), String(label)];
-      button.title = `key ${label}`;
-      button.onclick = () => this.#pick(label);
-      const [ml, sure] = [document.createElement("output"), document.createElement("output")];
-      [ml.id, sure.id] = [`ml-${label}`, `sure-${label}`];
-      const expected = this.#about.confidence[label];
-      sure.textContent = typeof expected === "number" ? `${Math.round(100 * expected)} %` : "–";
-      sure.title = "expected Dice of the automatic segmentation, before corrections";
-      element("#labels").append(swatch, button, ml, sure);
-    }
-    const over = element<HTMLSelectElement>("#over");
-    over.add(new Option("every label", "any"));
-    over.add(new Option("CSF, brain and ventricles", "3,4,5,6,7"));
-    for (const [value, text] of names) over.add(new Option(`only ${text}`, value));
-    over.value = "3,4,5,6,7";
-    element("#undo").onclick = () => void this.#edit("undo");
-    element("#redo").onclick = () => void this.#edit("redo");
-    element("#help").onclick = () => this.#help();
-    element("#export").onclick = () => void this.#export();
-    element("#rebuild").onclick = () => void this.#rebuild();
-    const list = element("#findings ul");
-    for (const finding of this.#about.findings) list.append(Object.assign(document.createElement("li"), { textContent: finding }));
-    element("#findings").hidden = this.#about.findings.length === 0;
-    this.#choose("wire");
-    this.#pick(FIRST_LABEL);
+    await this.#rebuilder.resume();
   }
 
   #choose(name: ToolName): void {
@@ -122,7 +81,7 @@ class Editor {
 
   #pick(label: number): void {
     this.#label = label;
-    this.#look.filled = new Set([...VENTRICLES, label]);
+    this.#look.filled = new Set([...this.#ventricles, label]);
     this.#panes.forEach((p) => p.paint());
     for (const b of document.querySelectorAll<HTMLElement>("[data-label]")) b.setAttribute("aria-pressed", String(b.dataset["label"] === String(label)));
   }
@@ -414,7 +373,7 @@ class Editor {
     if (!answer.error) this.#say(`${answer.changed ?? 0} voxels changed`);
   }
 
-  readonly #keys: [string, string, () => void][] = [
+  readonly #bindings: Binding[] = [
     ["Enter", "close the wire, or apply the preview", () => void (this.#tool === "wire" ? this.#close() : this.#apply())],
     ["Escape", "give the wire or the preview up", () => void this.#edit("drop_wire").then(() => this.#edit("discard"))],
     ["Backspace", "take the last click back", () => void this.#edit("undo")],
@@ -424,106 +383,12 @@ class Editor {
     ["-", "zoom out", () => this.#current.zoom(1 / 1.2)],
     ["l", "show and hide the labels", () => this.#toggle()],
     ["f", "fill between drawn slices", () => void this.#option("fill-between")],
-    ["?", "this list", () => this.#help()],
   ];
 
   #toggle(): void {
     const now = this.#look.opacity;
     if (now > 0) this.#before = now;
     this.#opacity(now > 0 ? 0 : this.#before);
-  }
-
-  #key(event: KeyboardEvent): void {
-    const target = event.target as HTMLElement;
-    if (document.querySelector("dialog[open]") || (target.matches("input[type=number], select") && event.key !== "Escape")) return;
-    if (event.ctrlKey || event.metaKey) {
-      const key = event.key.toLowerCase();
-      if (key === "z") void this.#edit(event.shiftKey ? "redo" : "undo");
-      else if (key === "y") void this.#edit("redo");
-      else return;
-      event.preventDefault();
-      return;
-    }
-    const tool = TOOLS.find((t) => t.key === event.key);
-    const own = this.#keys.find(([key]) => key === event.key);
-    const label = Number(event.key);
-    if (target.matches("button") && event.key === "Enter") return;
-    if (tool) this.#choose(tool.name);
-    else if (own) own[2]();
-    else if (event.key !== " " && label >= 1 && label < this.#about.labels.length) this.#pick(label);
-    else return;
-    event.preventDefault();
-  }
-
-  #help(): void {
-    const rows: [string, string][] = [
-      ...TOOLS.map((t): [string, string] => [t.key, t.title]),
-      ["1 – 7", "choose the label"], ["Ctrl+Z, Ctrl+Y", "undo, redo"], ["wheel, Page Up and Down, arrows", "next slice"], ["Tab", "next pane, tool or number"],
-      ["Ctrl+wheel", "zoom"], ["Alt+drag", "move the picture"],
-      ...this.#keys.map(([key, what]): [string, string] => [key, what]),
-    ];
-    element("#key-list").replaceChildren(...rows.flatMap(([key, what]) => {
-      const [dt, dd] = [document.createElement("dt"), document.createElement("dd")];
-      dt.append(Object.assign(document.createElement("kbd"), { textContent: key }));
-      dd.textContent = what;
-      return [dt, dd];
-    }));
-    element<HTMLDialogElement>("#keys").showModal();
-  }
-
-  async #export(): Promise<void> {
-    const format = element<HTMLSelectElement>("#format").value;
-    try {
-      const bytes = await this.#api.bytes(`/api/export?format=${format}`);
-      const link = document.createElement("a");
-      link.href = URL.createObjectURL(new Blob([bytes]));
-      link.download = `labels.${{ nifti: "nii.gz", dicom: "dcm" }[format] ?? format}`;
-      link.click();
-      URL.revokeObjectURL(link.href);
-    } catch (error) {
-      this.#say(String(error));
-    }
-  }
-
-  async #rebuild(): Promise<void> {
-    const button = element<HTMLButtonElement>("#rebuild");
-    button.disabled = true;
-    try {
-      await this.#api.json("/api/rebuild", "POST");
-    } catch (error) {
-      this.#say(String(error));
-      button.disabled = false;
-      return;
-    }
-    await this.#follow();
-  }
-
-  /** Shows how far the rebuilding is, until it ends. */
-  async #follow(): Promise<void> {
-    const button = element<HTMLButtonElement>("#rebuild");
-    button.disabled = true;
-    try {
-      for (;;) {
-        const now = await this.#api.json<Rebuilding>("/api/rebuild");
-        element("#progress").textContent = this.#progress(now);
-        // At the end of a panel that a low window cuts off.
-        element("#progress").scrollIntoView({ block: "nearest" });
-        if (now.state !== "running") break;
-        await new Promise((r) => setTimeout(r, 250));
-      }
-    } catch (error) {
-      this.#say(String(error));
-    }
-    button.disabled = false;
-  }
-
-  #progress(now: Rebuilding): string {
-    switch (now.state) {
-      case "running": return `Rebuilding: ${now.stage ?? ""} (${(now.seconds ?? 0).toFixed(0)} s)`;
-      case "done": return `Case ${now.case ?? ""} rebuilt in ${(now.seconds ?? 0).toFixed(1)} s; ${now.findings?.length ?? 0} remarks, see its report.${now.edited_since ? " ⚠ What was edited meanwhile is not in it: rebuild again." : ""}`;
-      case "failed": return `Not rebuilt: ${now.error ?? "unknown reason"}`;
-      default: return "";
-    }
   }
 }
 

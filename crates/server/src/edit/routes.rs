@@ -59,12 +59,20 @@ async fn describe(State(shared): State<Arc<Shared>>) -> Json<Value> {
         "dims": grid.dims(),
         "spacing_mm": grid.spacing(),
         "views": views(grid).map(|v| view_json(&v)),
-        "labels": Structure::ALL.map(|s| json!({ "label": s.label(), "name": s.name(), "colour": s.colour() })),
+        "labels": Structure::ALL.map(label),
         "findings": shared.findings,
         "confidence": expected(&shared.subject.known.confidence),
         "state": request::state(&work.desk),
         "wire": request::wire(&work.desk),
     }))
+}
+
+/// A label as the page needs it, which decides nothing itself.
+fn label(s: Structure) -> Value {
+    json!({
+        "label": s.label(), "name": s.name(), "colour": s.colour(),
+        "ventricle": s.is_ventricle(), "intracranial": s.is_intracranial(),
+    })
 }
 
 /// Expected Dice by label, null where nothing is known.
