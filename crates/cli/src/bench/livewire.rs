@@ -11,6 +11,7 @@ use monro_anatomy::livewire::{Axis, Contour, Livewire, LivewireError, LivewireOp
 use monro_anatomy::phantom::{HeadModel, HeadOptions, head};
 use monro_case::{OutputKind, check_output, nothing_known};
 use monro_geometry::{Point, Structure, Volume, Voxel};
+use monro_guidance::simulation::quantile;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
@@ -65,7 +66,7 @@ pub(super) fn measure(dump: Option<&Path>) -> Result<Value> {
     if let Some(folder) = dump {
         write_input(folder, &phantom.ct, &outlines)?;
     }
-    Ok(summary(&outlines, &errors, &mut times))
+    Ok(summary(&outlines, &errors, &times))
 }
 
 /// The largest outline of each ventricle on every fourth slice where it is at least 60 mm2 large.
@@ -194,33 +195,28 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-fn quantile(values: &mut [f64], q: f64) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(((values.len() as f64 - 1.0) * q).round() as usize).copied().unwrap_or(f64::NAN)
-}
-
-fn summary(outlines: &[Outline], errors: &[Vec<f64>], times: &mut Times) -> Value {
+fn summary(outlines: &[Outline], errors: &[Vec<f64>], times: &Times) -> Value {
     let needed: Vec<f64> = (0..outlines.len())
         .filter_map(|o| (0..TRIED.len()).find(|&n| errors[n][o] <= 0.5).map(|n| TRIED[n] as f64))
         .collect();
     let headline = TRIED.iter().position(|&c| c == CLICKS).unwrap_or(0);
     let row = |(n, count): (usize, &usize)| {
-        let mut e = errors[n].clone();
+        let e = &errors[n];
         json!({
-            "clicks": count, "mean_px": mean(&e), "median_px": quantile(&mut e, 0.5), "worst_px": quantile(&mut e, 1.0),
+            "clicks": count, "mean_px": mean(e), "median_px": quantile(e, 0.5), "worst_px": quantile(e, 1.0),
             "within_half_px": e.iter().filter(|&&v| v <= 0.5).count(),
         })
     };
     json!({
         "livewire_contour_error_px": mean(&errors[headline]),
-        "livewire_path_ms": quantile(&mut times.path, 0.95),
-        "livewire_map_ms": quantile(&mut times.map, 0.5),
+        "livewire_path_ms": quantile(&times.path, 0.95),
+        "livewire_map_ms": quantile(&times.map, 0.5),
         "clicks": mean(&needed),
         "outlines": outlines.len(),
         "outlines_solved": needed.len(),
-        "path_median_ms": quantile(&mut times.path, 0.5),
-        "path_worst_ms": quantile(&mut times.path, 1.0),
-        "whole_slice_ms": quantile(&mut times.whole, 0.5),
+        "path_median_ms": quantile(&times.path, 0.5),
+        "path_worst_ms": quantile(&times.path, 1.0),
+        "whole_slice_ms": quantile(&times.whole, 0.5),
         "by_clicks": TRIED.iter().enumerate().map(row).collect::<Vec<_>>(),
     })
 }
