@@ -43,7 +43,11 @@ pub fn doctor(source: &mut dyn Source, wanted: &[&str], listen: Duration) -> Res
     let still = |name: &str| stillness.of(name).map_or_else(String::new, |still| format!("; {still}"));
     facts.extend(tools.iter().map(|(name, tool)| format!("{name}: {tool}{}", still(name))));
     let ill = rivals.words(wanted).map(Health::ill).or_else(|| unseen(&tools, wanted)).or_else(|| old(&tools, wanted));
-    Ok(Findings { facts, health: ill.unwrap_or_else(|| with_poses(source.diagnosis(wanted), &tools)) })
+    // The source knows best why a tool does not come.
+    let told = with_poses(source.diagnosis(wanted), &tools);
+    let ill = ill.or_else(|| absent(&tools, wanted).filter(|_| told.well));
+    let health = ill.unwrap_or(told);
+    Ok(Findings { facts, health })
 }
 
 /// What was told of a tool.
@@ -90,6 +94,13 @@ fn with_poses(health: Health, tools: &BTreeMap<String, Seen>) -> Health {
         ));
     }
     health
+}
+
+/// A tool that is wanted and of which nothing came, as others did.
+fn absent(tools: &BTreeMap<String, Seen>, wanted: &[&str]) -> Option<Health> {
+    let name = wanted.iter().find(|w| !tools.keys().any(|name| is_tool(name, w)))?;
+    let others: Vec<&str> = tools.keys().map(String::as_str).collect();
+    Some(Health::ill(format!("no pose of '{name}' came, but of {}: is it the name that is sent?", others.join(", "))))
 }
 
 /// A tool that is wanted, or any when none is, whose poses are old when they arrive.

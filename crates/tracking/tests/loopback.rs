@@ -249,6 +249,16 @@ fn silence_is_explained() {
     assert!(lines.iter().any(|l| l.contains("Motive 3.1, NatNet 4.1")), "{lines:?}");
 }
 
+/// A tool that was asked for and is not in a recording or a script was well.
+#[test]
+fn a_tool_that_does_not_come_is_told_by_any_source() {
+    let mut source = connect(&"sim:".parse().expect("a script"));
+    let found = doctor(source.as_mut(), &["Catheter", "Nosuch"], Duration::from_millis(300)).expect("doctor");
+    assert!(!found.health.well && found.health.words.contains("no pose of 'Nosuch' came"), "{found:?}");
+    let mut source = connect(&"sim:".parse().expect("a script"));
+    assert!(doctor(source.as_mut(), &["Catheter"], Duration::from_millis(300)).expect("doctor").health.well);
+}
+
 /// A server that says this once to who comes, and then nothing more.
 fn once(messages: Vec<Message>) -> SocketAddr {
     let listener = TcpListener::bind(ANY).expect("listen");

@@ -113,6 +113,10 @@ fn watch(args: &PosesArgs, console: &Console) -> Result<Watched> {
             source.diagnosis(&[args.tool.as_str()])
         );
     }
+    let health = source.diagnosis(&[args.tool.as_str()]);
+    if replayed && !health.well {
+        console.warn(&health.words);
+    }
     let (came, all) = (all.len(), distinct(all));
     if all.len() < came {
         console.warn(&format!("{} of {came} poses only came again, unchanged, and do not count", came - all.len()));

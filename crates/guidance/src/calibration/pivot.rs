@@ -123,14 +123,34 @@ const TOO_NEAR: f64 = 10.0;
 /// A tip this near to the origin of its tool's frame is that origin, mm.
 const OWN_ORIGIN: f64 = 1.0;
 
+/// Tips of tools for the head lie nearer to their bodies, mm.
+const LONG_MM: f64 = 500.0;
+/// So many poses in a row that do not fit, and this part of all, are no outliers.
+const LEAST_LOST: usize = 10;
+const LOST: f64 = 0.1;
+
 impl PivotCalibration {
     /// What is to be said of a tip that need not be wrong.
     pub fn remark(&self) -> Option<String> {
         let length = self.tip.distance(Point::ORIGIN);
-        (length < OWN_ORIGIN).then(|| {
-            format!(
+        if length < OWN_ORIGIN {
+            return Some(format!(
                 "the tip found is the origin of the tool's own frame ({length:.2} mm from it): right where the tracker's own \
                  software has put that at the tip; otherwise the tool was turned in place instead of about its tip"
+            ));
+        }
+        if length > LONG_MM {
+            return Some(format!(
+                "the tip found lies {length:.0} mm from the origin of the tool's own frame: are its poses those of the tracker in the \
+                 tool, and not of the tool in the tracker, or lengths in another unit than mm?"
+            ));
+        }
+        let lost = self.used.chunk_by(|a, b| a == b).filter(|run| !run[0]).map(<[bool]>::len).max().unwrap_or(0);
+        (lost >= LEAST_LOST && lost as f64 > LOST * self.used.len() as f64).then(|| {
+            format!(
+                "{lost} poses in a row of {} do not turn about this tip and were left out: was it lifted, did the body slip on the \
+                 tool, or did another tool's body take its place for a while?",
+                self.used.len()
             )
         })
     }
@@ -340,6 +360,33 @@ mod tests {
         let turned = calibrate_pivot(&own, &PivotOptions::default()).expect("it may be the tip");
         assert!(turned.remark().is_some_and(|r| r.contains("turned in place")));
         assert_eq!(calibrate_pivot(&poses, &PivotOptions::default()).expect("pivot").remark(), None);
+    }
+
+    /// Tip and divot change places where poses are inverted; another tool's body for a while was 180 outliers.
+    #[test]
+    fn inverted_poses_and_a_body_that_another_took_the_place_of_are_told() {
+        let poses = swing(60, 0.6, &mut Random::new(6));
+        let far: Vec<_> = poses
+            .iter()
+            .map(|p| {
+                Rigid::from_quaternion(p.quaternion_wxyz(), p.translation() + Vector::new(0.0, 900.0, 0.0))
+                    .expect("pose")
+            })
+            .collect();
+        let inverted: Vec<_> = far
+            .iter()
+            .map(Rigid::inverse)
+            .map(|p| Rigid::from_quaternion(p.quaternion_wxyz(), p.translation()).expect("pose"))
+            .collect();
+        let found = calibrate_pivot(&inverted, &PivotOptions::default()).expect("it may be a tool");
+        assert!(found.remark().is_some_and(|r| r.contains("tracker in the tool")), "{:?}", found.tip);
+        let mut other = swing(100, 0.6, &mut Random::new(3));
+        for p in &mut other[70..] {
+            *p = Rigid::from_quaternion(p.quaternion_wxyz(), p.translation() + Vector::new(0.0, 80.0, 5.0))
+                .expect("pose");
+        }
+        let found = calibrate_pivot(&other, &PivotOptions::default()).expect("most agree");
+        assert!(found.remark().is_some_and(|r| r.starts_with("30 poses in a row of 100")), "{:?}", found.remark());
     }
 
     #[test]

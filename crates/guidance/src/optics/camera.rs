@@ -6,6 +6,7 @@ use super::lens::{CameraFrame, Lens};
 use crate::linear::{rigid_of, vec3};
 use monro_geometry::{Display, Frame, Point, Rigid};
 use nalgebra::{DVector, Matrix3, Rotation3, Vector3};
+use std::collections::HashMap;
 use thiserror::Error;
 
 /// Why a camera calibration was refused.
@@ -22,6 +23,18 @@ pub enum CameraError {
     /// A corner is not finite.
     #[error("point {0} is not finite")]
     NotFinite(usize),
+    /// A line twice: it looks like more than was measured.
+    #[error(
+        "points {} and {} of the list are the same, pixel and all: a line that comes again measures nothing anew, and would make the \
+         result look more certain than it is; leave copies out",
+        first + 1, second + 1
+    )]
+    Repeated {
+        /// Index of one.
+        first: usize,
+        /// Index of its copy.
+        second: usize,
+    },
     /// The points are not in mm.
     #[error("the points span {0:.3} mm in all: are they in metres? they must be in mm")]
     Unit(f64),
@@ -41,7 +54,8 @@ pub enum CameraError {
     },
     /// The camera that explains the corners would see them behind it.
     #[error(
-        "the points would lie behind the viewer: rows must be counted downwards from the upper edge (v = height - v turns them)"
+        "the points would lie behind the viewer, mirrored: are columns and rows exchanged (the fourth number is the column u, the fifth \
+         the row v), are rows counted upwards (v = height - v turns them), or are the points in a left-handed frame?"
     )]
     Behind,
     /// The corners do not fix the view.
@@ -206,9 +220,19 @@ pub(super) fn checked<F: Frame>(corners: &[Correspondence<F>], needed: usize) ->
     if let Some(i) = corners.iter().position(|c| !finite(c)) {
         return Err(CameraError::NotFinite(i));
     }
+    if let Some((first, second)) = repeated(corners) {
+        return Err(CameraError::Repeated { first, second });
+    }
     let pairs: Vec<Pair> = corners.iter().map(|c| (vec3(c.point.to_array()), c.pixel)).collect();
     let span = pairs.iter().map(|(x, _)| (x - pairs[0].0).norm()).fold(0.0, f64::max);
     if span < LEAST_SPAN { Err(CameraError::Unit(span)) } else { Ok(pairs) }
+}
+
+/// The first point that comes again, and where it came first.
+fn repeated<F: Frame>(corners: &[Correspondence<F>]) -> Option<(usize, usize)> {
+    let mut seen = HashMap::new();
+    let key = |c: &Correspondence<F>| (c.point.to_array().map(f64::to_bits), c.pixel.map(f64::to_bits));
+    corners.iter().enumerate().find_map(|(i, c)| seen.insert(key(c), i).map(|first| (first, i)))
 }
 
 /// No board and no series of alignments is smaller, mm.

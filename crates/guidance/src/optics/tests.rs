@@ -89,6 +89,16 @@ fn a_single_board_few_corners_and_a_corner_of_the_picture_are_refused() {
     assert_eq!(calibrate_camera(&broken, &options), Err(CameraError::NotFinite(4)));
 }
 
+/// Twelve alignments were refused, and the same twelve three times over gave an eye 20 mm off without a word.
+#[test]
+fn a_line_that_comes_again_is_refused_with_both_places() {
+    let all = corners(&true_camera(), 0.1, 6);
+    let again = [&all[..], &all[7..8]].concat();
+    let repeated = CameraError::Repeated { first: 7, second: all.len() };
+    assert_eq!(calibrate_camera(&again, &CameraOptions::new(1920, 1080)), Err(repeated.clone()));
+    assert_eq!(calibrate_display(&again, 5.0), Err(repeated));
+}
+
 /// Metres, rows counted upwards and pixels of another picture used to be calibrated, or refused for another reason.
 #[test]
 fn metres_mirrored_pictures_and_wrong_sizes_are_told_so() {

@@ -69,7 +69,15 @@ impl fmt::Display for Contradiction {
         }
         write!(f, "it would fit if {}", self.suspicions[0])?;
         self.suspicions[1..].iter().try_for_each(|s| write!(f, ", or if {s}"))?;
-        f.write_str("; set that right, or touch the landmarks again")
+        f.write_str("; set that right, or touch the landmarks again")?;
+        let is = |wanted: fn(&Suspicion) -> bool| self.suspicions.iter().any(wanted);
+        if is(|s| *s == Suspicion::Mirrored) && is(|s| matches!(s, Suspicion::Exchanged(_))) {
+            f.write_str(
+                ". Both fit these points, and one of them puts left for right: find out which it is, and check afterwards at a landmark \
+                 off the middle of the head that was not touched",
+            )?;
+        }
+        Ok(())
     }
 }
 
