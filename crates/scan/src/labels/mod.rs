@@ -34,7 +34,7 @@ pub struct CaseLabels {
 /// The images that labels were drawn on, by hashes that name nobody.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct DrawnOn {
-    /// Hash of the patient's id; empty where there is none.
+    /// Hash of the patient's id; empty where there is none, or no series.
     pub(crate) patient: String,
     /// As [`crate::Source::series`] of each series; none where the file refers to none.
     pub(crate) series: Vec<String>,

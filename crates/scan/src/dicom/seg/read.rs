@@ -209,10 +209,10 @@ fn images_referred_to(o: &InMemDicomObject) -> usize {
 fn drawn_on(o: &InMemDicomObject) -> DrawnOn {
     let series = items(o, tags::REFERENCED_SERIES_SEQUENCE).iter();
     let uids = series.filter_map(|s| Attributes::new(s).text(tags::SERIES_INSTANCE_UID));
-    DrawnOn {
-        patient: hash::patient_id(&Attributes::new(o).text(tags::PATIENT_ID).unwrap_or_default()),
-        series: uids.map(|uid| hash::series_id(&uid)).collect(),
-    }
+    let series: Vec<String> = uids.map(|uid| hash::series_id(&uid)).collect();
+    // Without images the patient is a name for the file, as in the editor's export.
+    let id = Attributes::new(o).text(tags::PATIENT_ID).filter(|_| !series.is_empty());
+    DrawnOn { patient: hash::patient_id(&id.unwrap_or_default()), series }
 }
 
 /// Of shifts in pixels: the least as a whole number, how much wider the grid gets, and each as an index from the least.
