@@ -5,7 +5,7 @@ use crate::console::{Console, tell};
 use crate::interrupt::Guard;
 use crate::{NOTICE, prepare};
 use anyhow::{Context, Result, bail, ensure};
-use monro_anatomy::segment;
+use monro_anatomy::segment::{self, SegmentError};
 use monro_case::{CASE, Case, Manifest, OutputError, Staging, check_output};
 use monro_geometry::Volume;
 use monro_prepare::{Labels, Observer, Prepared, Request};
@@ -161,9 +161,19 @@ fn read_labels(file: &Path, (scan, source): (&Volume<i16>, &Source)) -> Result<V
         ));
     }
     let labels = labels.map(|l| u8::try_from(l).unwrap_or(0));
-    let checked = segment::from_labels(scan, labels).map_err(|e| format!("{}: {e}", file.display()))?;
-    checked.findings.iter().for_each(warn);
-    Ok(checked.labels)
+    let named = |e: SegmentError| format!("{}: {e}", file.display());
+    match segment::from_labels(scan, labels.clone()) {
+        Ok(checked) => {
+            checked.findings.iter().for_each(warn);
+            Ok(checked.labels)
+        }
+        // What is missing can be drawn here.
+        Err(e @ (SegmentError::EmptyPlanes { .. } | SegmentError::EmptyStructure { .. })) => {
+            warn(&e.to_string());
+            segment::onto_grid(scan.grid(), labels).map(|(labels, _)| labels).map_err(named)
+        }
+        Err(e) => Err(named(e)),
+    }
 }
 
 fn rebuild(
