@@ -223,3 +223,28 @@ fn announce(ready: &Ready, console: &Console) {
     let text = format!("Open {} in a browser on this machine (Ctrl-C ends it).\n{NOTICE}", ready.browser_url());
     console.result(&line, &text);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_geometry::Grid;
+    use monro_scan::nifti;
+
+    /// They were refused, with the advice to draw what is missing in the editor.
+    #[test]
+    fn labels_that_lack_something_open_in_the_editor() {
+        let dir = tempfile::tempdir().expect("temp");
+        let grid = Grid::axis_aligned([12, 10, 8], [1.0; 3], [0.0; 3]).expect("grid");
+        let [ct, file] = ["ct.nii.gz", "labels.nii.gz"].map(|name| dir.path().join(name));
+        let values = (0..grid.len()).map(|n| (n % 90) as i16).collect();
+        std::fs::write(&ct, nifti::encode_i16(&Volume::new(grid, values).expect("values"))).expect("write");
+        let labels =
+            Volume::new(grid, (0..grid.len()).map(|n| [0, 4][usize::from(n > 300)]).collect()).expect("values");
+        std::fs::write(&file, nifti::encode_u8(&labels)).expect("write");
+        let scan = monro_scan::read(&ct, &ReadOptions { any_size: true, ..ReadOptions::default() }).expect("scan");
+        assert_eq!(read_labels(&file, (&scan.volume, &scan.source)).expect("opened").data(), labels.data());
+        let strange = labels.map(|l| 2 * l);
+        std::fs::write(&file, nifti::encode_u8(&strange)).expect("write");
+        assert!(read_labels(&file, (&scan.volume, &scan.source)).expect_err("label 8").contains("label 8 is unknown"));
+    }
+}
