@@ -81,6 +81,12 @@ impl Plan {
         self.entry + self.direction() * depth
     }
 
+    /// Depths (mm) and places along the path, from the entry in steps of `step_mm` as far as whole ones go.
+    pub fn every(&self, step_mm: f64) -> impl Iterator<Item = (f64, Point<Patient>)> {
+        let steps = (self.length() / step_mm) as usize;
+        (0..=steps).map(move |i| i as f64 * step_mm).map(|depth| (depth, self.at_depth(depth)))
+    }
+
     /// The depth (mm) at which the path first goes through a surface, from either side, if it does before its end.
     pub fn first_through(&self, surface: &Bvh) -> Option<f64> {
         surface.ray(self.entry, self.direction()).map(|hit| hit.t).filter(|depth| *depth < self.length())

@@ -190,12 +190,16 @@ fn doubts(plan: &Plan, labels: &Volume<u8>) -> Option<String> {
     (!meets).then(|| format!("the path meets no ventricle; it ends in {end}: look at the pictures before using it"))
 }
 
-/// Whether there is skull on the path before it is inside, looked at every quarter of a millimetre. The surface of the skull
+/// Depths (mm) along the path, every quarter of a millimetre, and what the labels have there.
+fn along(plan: &Plan, labels: &Volume<u8>) -> impl Iterator<Item = (f64, Option<Structure>)> {
+    plan.every(0.25).map(|(depth, at)| (depth, labels.nearest(at).and_then(Structure::from_label)))
+}
+
+/// Whether there is skull on the path before it is inside. The surface of the skull
 /// and of all within it also closes holes in it.
 fn crosses_skull(plan: &Plan, labels: &Volume<u8>) -> bool {
-    let at = |i: usize| labels.nearest(plan.at_depth(0.25 * i as f64)).and_then(Structure::from_label);
-    let steps = (plan.length() / 0.25) as usize;
-    (0..=steps).filter_map(at).take_while(|s| !s.is_intracranial()).any(|s| s == Structure::Skull)
+    let structures = along(plan, labels).filter_map(|(_, structure)| structure);
+    structures.take_while(|s| !s.is_intracranial()).any(|s| s == Structure::Skull)
 }
 
 /// A remark when a path that was found by itself goes through a ventricle but ends beside it.
@@ -251,11 +255,8 @@ fn far_from_monro(plan: &Plan, marks: &Landmarks, labels: &Volume<u8>) -> Option
 
 /// A remark where more lies over the skull than skin, at right angles to it, by the path's angle to the skull.
 fn padded(plan: &Plan, labels: &Volume<u8>, skull_angle_deg: Option<f64>) -> Option<String> {
-    const STEP_MM: f64 = 0.25;
-    let at = |i: usize| labels.nearest(plan.at_depth(i as f64 * STEP_MM)).and_then(Structure::from_label);
-    let steps = (plan.length() / STEP_MM) as usize;
-    let skull = (0..=steps).find(|&i| at(i) == Some(Structure::Skull))?;
-    let mm = skull as f64 * STEP_MM * skull_angle_deg?.to_radians().sin();
+    let (depth, _) = along(plan, labels).find(|(_, structure)| *structure == Some(Structure::Skull))?;
+    let mm = depth * skull_angle_deg?.to_radians().sin();
     (mm > MOST_SCALP_MM).then(|| {
         format!(
             "{mm:.0} mm of soft tissue lie over the skull where the path goes in (3 to 8 mm are usual): a dressing, a swelling or blood \

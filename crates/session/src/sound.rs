@@ -1,7 +1,8 @@
 //! Elements of tissue that have lost or gained much of their volume, though tissue hardly gives it away.
 
+use crate::deformation::at;
 use core::ops::RangeInclusive;
-use monro_geometry::{Structure, TetMesh};
+use monro_geometry::{Point, Structure, TetMesh, tet_signed_volume};
 
 /// Volume over that at rest within which an element is sound.
 pub const SOUND: RangeInclusive<f64> = 0.5..=2.0;
@@ -9,7 +10,7 @@ pub const SOUND: RangeInclusive<f64> = 0.5..=2.0;
 /// The elements that keep their volume, which are all but those of ventricles.
 #[derive(Debug)]
 pub(crate) struct Keeping {
-    /// Corners, and six times the volume at rest, mm3.
+    /// Corners, and volume at rest, mm3.
     elements: Vec<([u32; 4], f64)>,
 }
 
@@ -18,22 +19,14 @@ impl Keeping {
     pub(crate) fn new(rest: &TetMesh) -> Self {
         let keeps = |label: &u16| !Structure::from_label(*label).is_some_and(Structure::is_ventricle);
         let all = rest.tets.iter().zip(&rest.labels).enumerate().filter(|(_, (_, label))| keeps(label));
-        Self { elements: all.map(|(t, (tet, _))| (*tet, 6.0 * rest.volume(t))).collect() }
+        Self { elements: all.map(|(t, (tet, _))| (*tet, rest.volume(t))).collect() }
     }
 
     /// How many are crushed, or blown up, where the nodes lie there (mm from any one origin).
     pub(crate) fn crushed(&self, nodes: &[[f32; 4]]) -> usize {
-        self.elements
-            .iter()
-            .filter(|(tet, rest)| !SOUND.contains(&(six_volume(tet.map(|n| nodes[n as usize])) / rest)))
-            .count()
+        let volume = |tet: [u32; 4]| tet_signed_volume(tet.map(|n| at(&nodes[n as usize], Point::ORIGIN)));
+        self.elements.iter().filter(|(tet, rest)| !SOUND.contains(&(volume(*tet) / rest))).count()
     }
-}
-
-fn six_volume(p: [[f32; 4]; 4]) -> f64 {
-    let edge = |k: usize, a: usize| f64::from(p[k][a]) - f64::from(p[0][a]);
-    let [u, v, w] = [1, 2, 3].map(|k| [0, 1, 2].map(|a| edge(k, a)));
-    u[0] * (v[1] * w[2] - v[2] * w[1]) - u[1] * (v[0] * w[2] - v[2] * w[0]) + u[2] * (v[0] * w[1] - v[1] * w[0])
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
 //! Paths that leave the simulated tissue: into bone at the base of the skull, or out of the brain on its other side.
 
-use super::Run;
 use monro_geometry::TetLocator;
 use monro_guidance::Plan;
 
@@ -9,32 +8,39 @@ const STEP_MM: f64 = 0.25;
 /// Less than this outside is where a surface is made of chords, or a furrow, mm.
 const LEAST_MM: f64 = 3.0;
 
-/// The first path that leaves the tissue at rest and how.
-pub(super) fn remark(run: &Run) -> Option<String> {
-    let locator = TetLocator::new(&run.rest).ok()?;
-    let all = [&run.plan].into_iter().chain(&run.beside);
-    let (number, [from, to]) = all.enumerate().find_map(|(n, plan)| Some((n, outside(&locator, plan)?)))?;
-    let which = if number == 0 { "The path".to_owned() } else { format!("The path of catheter {number} beside") };
-    Some(format!(
-        "{which} is outside of the simulated tissue from {from:.1} to {to:.1} mm under its entry, after it was within: there is bone, or \
-         nothing of the brain, neither of which resists here. Look at where it leads."
-    ))
+/// A path that leaves the tissue at rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Beyond {
+    /// 0 is that of the plan, then those beside.
+    number: usize,
+    /// Depths under its entry, mm, from which to which it is outside.
+    outside_mm: [f64; 2],
+}
+
+impl Beyond {
+    /// The first of some paths, that of the plan first, that leaves the tissue.
+    pub(super) fn first<'a>(locator: &TetLocator, plans: impl Iterator<Item = &'a Plan>) -> Option<Self> {
+        let mut all = plans.enumerate();
+        all.find_map(|(number, plan)| Some(Self { number, outside_mm: outside(locator, plan)? }))
+    }
+
+    pub(super) fn words(self) -> String {
+        let Self { number, outside_mm: [from, to] } = self;
+        let which = if number == 0 { "The path".to_owned() } else { format!("The path of catheter {number} beside") };
+        format!(
+            "{which} is outside of the simulated tissue from {from:.1} to {to:.1} mm under its entry, after it was within: there is bone, \
+             or nothing of the brain, neither of which resists here. Look at where it leads."
+        )
+    }
 }
 
 /// From which depth to which a path that has come into the tissue is out of it again, mm.
 fn outside(locator: &TetLocator, plan: &Plan) -> Option<[f64; 2]> {
-    let steps = (plan.length() / STEP_MM) as usize;
-    let within: Vec<bool> = (0..=steps).map(|i| locator.locate(plan.at_depth(i as f64 * STEP_MM)).is_some()).collect();
-    let entered = within.iter().position(|w| *w)?;
-    let mut at = entered;
-    for run in within[entered..].chunk_by(|a, b| a == b) {
-        let to = at + run.len();
-        if !run[0] && run.len() as f64 * STEP_MM > LEAST_MM {
-            return Some([at, to - 1].map(|i| i as f64 * STEP_MM));
-        }
-        at = to;
-    }
-    None
+    let places = plan.every(STEP_MM).map(|(depth, at)| (depth, locator.locate(at).is_some()));
+    let within: Vec<(f64, bool)> = places.skip_while(|(_, within)| !within).collect();
+    let runs = within.chunk_by(|a, b| a.1 == b.1).filter(|run| !run[0].1);
+    let long = |run: &&[(f64, bool)]| run.len() as f64 * STEP_MM > LEAST_MM;
+    runs.into_iter().find(long).map(|run| [run[0].0, run[run.len() - 1].0])
 }
 
 #[cfg(test)]

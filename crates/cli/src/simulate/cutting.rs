@@ -2,6 +2,7 @@
 
 use super::Run;
 use monro_geometry::{Structure, TetLocator};
+use monro_guidance::Plan;
 use monro_session::CATHETER_MM;
 use monro_tissue::TipShape;
 use serde_json::{Value, json};
@@ -35,11 +36,7 @@ impl Cutting {
         if !run.has_units() || brain.cut_force_mn <= 0.0 || !SPEEDS.contains(&run.settings.speed_mm_s) {
             return None;
         }
-        let locator = TetLocator::new(&run.rest).ok()?;
-        let steps = (run.plan.length() / STEP_MM) as usize;
-        let is_in = |depth: &f64| locator.locate(run.plan.at_depth(*depth)).is_some();
-        let surface = (0..=steps).map(|i| i as f64 * STEP_MM).find(is_in)?;
-        let cut: Vec<(f64, f64)> = between_walls(run)?;
+        let (surface, cut) = (run.surface_mm?, between_walls(run)?);
         let way = cut.last()?.0 - cut.first()?.0;
         let beside_friction =
             |&(depth, force): &(f64, f64)| force - brain.dynamic_friction_mn_per_mm * (depth - surface);
@@ -62,6 +59,11 @@ impl Cutting {
             )
         })
     }
+}
+
+/// The depth at which a path comes into the tissue at rest, mm.
+pub(super) fn surface_mm(locator: &TetLocator, plan: &Plan) -> Option<f64> {
+    plan.every(STEP_MM).find(|(_, at)| locator.locate(*at).is_some()).map(|(depth, _)| depth)
 }
 
 /// Depth and axial force of the tip on the way in, away from the brain's surface and the first ventricle.

@@ -1,11 +1,13 @@
 //! The loop over the frames, with its clock.
 
+use super::beyond::Beyond;
+use super::cutting;
 use super::misplaced::Misplaced;
 use crate::console::Console;
 use anyhow::Result;
 use monro_case::Case;
 use monro_cli::report::quantile;
-use monro_geometry::{Bvh, PassedThrough, Patient, Point, TetMesh, TriangleMesh, Walls};
+use monro_geometry::{Bvh, PassedThrough, Patient, Point, TetLocator, TetMesh, TriangleMesh, Walls};
 use monro_guidance::Plan;
 use monro_session::{Follower, Frame, Insertion, InsertionSettings, Mode, StructureVolumes};
 use std::iter;
@@ -70,6 +72,10 @@ pub(crate) struct Run {
     pub(crate) case_has_septa: bool,
     /// Depths at which catheters go through falx or tentorium, mm, with their numbers: 0 is that of the plan, then those beside.
     pub(crate) through_septa: Vec<(usize, f64)>,
+    /// The first of their paths that leaves the tissue.
+    pub(crate) beyond: Option<Beyond>,
+    /// Depth at which that of the plan comes into it at rest, mm.
+    pub(crate) surface_mm: Option<f64>,
     /// The settings.
     pub(crate) settings: InsertionSettings,
     /// The file that its materials come from, where one was given.
@@ -186,6 +192,7 @@ pub(crate) fn insert(case: &Case, beside: &[Plan], settings: &InsertionSettings,
         [&surfaces.brain, &surfaces.ventricles].map(|s| s.points(insertion.origin()).collect::<Vec<_>>());
     let withdraw = || stretch(&mut insertion, &mut surfaces, seen, usize::MAX, console);
     let withdrawal = settings.withdraw.then(|| console.stage("withdraw", withdraw)).transpose()?;
+    let locator = TetLocator::new(insertion.rest())?;
     let mut run = Run {
         cortex_mm: snapshots.last().map_or(0.0, |end| surface_mm(insertion.rest(), &end.mesh)),
         rows,
@@ -196,6 +203,8 @@ pub(crate) fn insert(case: &Case, beside: &[Plan], settings: &InsertionSettings,
         ventricles: TriangleMesh { vertices: ventricles, triangles: case.ventricles.triangles.clone() },
         case_has_septa: case.septa.is_some(),
         through_septa: through_septa(case, beside),
+        beyond: Beyond::first(&locator, iter::once(&case.plan).chain(beside)),
+        surface_mm: cutting::surface_mm(&locator, &case.plan),
         settings: *settings,
         materials_file: None,
         of_case: case.manifest.findings.clone(),

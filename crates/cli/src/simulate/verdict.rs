@@ -1,11 +1,12 @@
 //! Whether an insertion can be believed, and what there is to say against it: the same words in the report, in JSON and on
 //! the console.
 
+use super::beyond::Beyond;
 use super::crushed::Crushed;
 use super::cutting::{self, Cutting};
 use super::output::small;
 use super::run::Row;
-use super::{Run, beside, beyond, coarse, crossed, misplaced, restless, walls, withdrawal};
+use super::{Run, beside, coarse, crossed, misplaced, restless, walls, withdrawal};
 use crate::soft_body;
 use monro_cli::report::{Finding, Severity};
 use monro_geometry::Structure;
@@ -166,7 +167,7 @@ fn doubts(run: &Run) -> Vec<String> {
             from.depth_mm, to.depth_mm, from.time_s, to.time_s
         ));
     }
-    out.extend(beyond::remark(run));
+    out.extend(run.beyond.map(Beyond::words));
     out.extend(misplaced::on_the_way(run));
     out.extend(coarse::remark(&run.rest, &run.plan));
     out.extend(beside::coarse(run));

@@ -2,7 +2,7 @@
 
 use crate::common::{options, write_case};
 use crate::{Served, numbers, until_all};
-use monro_geometry::{Point, Rigid, Tool, Vector};
+use monro_geometry::{Point, Rigid, Tool, Tracker as TrackerFrame, Vector};
 use monro_server::{Tracker, start};
 use monro_tracking::{Batch, Health, Source, TrackingError};
 use monro_wire::TimedPose;
@@ -73,13 +73,24 @@ async fn a_foreign_tracker_is_calibrated_and_registered_over_the_api() {
     assert_eq!(served.post("/api/tracker", r#"{"paused":true}"#).await.0, 409);
 }
 
-/// A catheter that rests, seen anew every 5 ms.
-struct Resting(std::time::Instant);
+/// Where the catheter is after so many seconds.
+type Motion = fn(f64) -> Rigid<TrackerFrame, Tool>;
 
-impl Source for Resting {
+/// A catheter that goes its way, seen anew every 5 ms.
+struct Moving(std::time::Instant, Motion);
+
+impl Moving {
+    fn new(motion: Motion) -> Self {
+        Self(std::time::Instant::now(), motion)
+    }
+}
+
+impl Source for Moving {
     fn next(&mut self, _: Duration) -> Result<Option<Batch>, TrackingError> {
         std::thread::sleep(Duration::from_millis(5));
-        Ok(Some(Batch { poses: poses(self.now()), ..Batch::default() }))
+        let mut poses = poses(self.now());
+        poses[0] = TimedPose::new("Catheter", None, self.now(), Ok((self.1(self.0.elapsed().as_secs_f64()), None)));
+        Ok(Some(Batch { poses, ..Batch::default() }))
     }
 
     fn now(&self) -> f64 {
@@ -87,7 +98,7 @@ impl Source for Resting {
     }
 
     fn diagnosis(&self, _: &[&str]) -> Health {
-        Health::well("resting")
+        Health::well("moving")
     }
 
     fn facts(&self) -> Vec<String> {
@@ -95,11 +106,25 @@ impl Source for Resting {
     }
 }
 
+/// It rests.
+fn resting(_: f64) -> Rigid<TrackerFrame, Tool> {
+    Rigid::from_quaternion([1.0, 0.0, 0.0, 0.0], Vector::new(110.0, 0.0, 0.0)).expect("pose")
+}
+
+/// It is swung in a cone about its tip, 20 mm below its body, and turned meanwhile.
+fn swinging(s: f64) -> Rigid<TrackerFrame, Tool> {
+    let (tilt, along) = (Vector::new((3.0 * s).cos(), (3.0 * s).sin(), 0.0), Vector::new(0.0, 0.0, 1.0));
+    let turned: Rigid<Tool, Tool> = Rigid::from_axis_angle(along, 2.0 * s, Vector::ZERO).expect("axis");
+    let swung = Rigid::<TrackerFrame, Tool>::from_axis_angle(tilt, 0.5, Vector::ZERO).expect("axis").after(&turned);
+    let tip = swung.point(Point::new(0.0, 0.0, -20.0)) - Point::ORIGIN;
+    Rigid::from_quaternion(swung.quaternion_wxyz(), Vector::new(110.0, 0.0, -20.0) - tip).expect("pose")
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn landmarks_touched_with_the_old_tip_stayed_touched_when_the_catheter_was_calibrated_anew() {
     let dir = tempfile::tempdir().expect("temp");
     let mut o = options(write_case(dir.path(), false));
-    o.tracker = Tracker::Source { name: "test:".into(), source: Box::new(Resting(std::time::Instant::now())) };
+    o.tracker = Tracker::Source { name: "test:".into(), source: Box::new(Moving::new(resting)) };
     let served = Served { running: start(o).await.expect("start"), _dir: dir };
     served.until(|g| g["state"] == "live").await;
     let calibrated = |x: f64| format!(r#"{{"event":"calibrated","tip_mm":[{x},0,-20],"axis":[0,0,-1]}}"#);
@@ -124,43 +149,12 @@ async fn landmarks_touched_with_the_old_tip_stayed_touched_when_the_catheter_was
     assert_eq!(served.post("/api/calibration", r#"{"action":"accept"}"#).await.0, 422);
 }
 
-/// A catheter that is swung in a cone about its tip, 20 mm below its body, and turned meanwhile.
-struct Swinging(Resting);
-
-impl Source for Swinging {
-    fn next(&mut self, wait: Duration) -> Result<Option<Batch>, TrackingError> {
-        let Some(mut batch) = self.0.next(wait)? else { return Ok(None) };
-        let s = self.0.0.elapsed().as_secs_f64();
-        let tilted = Rigid::from_axis_angle(Vector::new((3.0 * s).cos(), (3.0 * s).sin(), 0.0), 0.5, Vector::ZERO);
-        let turned: Rigid<Tool, Tool> =
-            Rigid::from_axis_angle(Vector::new(0.0, 0.0, 1.0), 2.0 * s, Vector::ZERO).expect("axis");
-        let swung = tilted.expect("axis").after(&turned);
-        let tip = swung.point(Point::new(0.0, 0.0, -20.0)) - Point::ORIGIN;
-        let there = Rigid::from_axis_angle(Vector::new(0.0, 0.0, 1.0), 0.0, Vector::new(110.0, 0.0, -20.0) - tip)
-            .expect("axis");
-        batch.poses[0] = TimedPose::new("Catheter", None, self.now(), Ok((there.after(&swung), None)));
-        Ok(Some(batch))
-    }
-
-    fn now(&self) -> f64 {
-        self.0.now()
-    }
-
-    fn diagnosis(&self, _: &[&str]) -> Health {
-        Health::well("swinging")
-    }
-
-    fn facts(&self) -> Vec<String> {
-        Vec::new()
-    }
-}
-
 /// An axis turned about the old tip stood beside a tip that was found meanwhile, and was accepted with it.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_axis_that_is_watched_while_another_tip_is_found_is_void() {
     let dir = tempfile::tempdir().expect("temp");
     let mut o = options(write_case(dir.path(), false));
-    let source = Box::new(Swinging(Resting(std::time::Instant::now())));
+    let source = Box::new(Moving::new(swinging));
     o.tracker = Tracker::Source { name: "test:".into(), source };
     let served = Served { running: start(o).await.expect("start"), _dir: dir };
     served.until(|g| g["state"] == "live").await;
@@ -180,7 +174,7 @@ async fn an_axis_that_is_watched_while_another_tip_is_found_is_void() {
 #[derive(Clone, Default)]
 struct Moved(Arc<[AtomicU32; 3]>);
 
-struct Defining(Resting, Moved);
+struct Defining(Moving, Moved);
 
 impl Source for Defining {
     fn next(&mut self, wait: Duration) -> Result<Option<Batch>, TrackingError> {
@@ -212,7 +206,7 @@ async fn a_body_that_is_defined_anew_voids_what_was_made_in_its_frame() {
     let (dir, moved) = (tempfile::tempdir().expect("temp"), Moved::default());
     let mut o = options(write_case(dir.path(), false));
     o.igtl = Some("127.0.0.1:0".parse().expect("address"));
-    let source = Box::new(Defining(Resting(std::time::Instant::now()), moved.clone()));
+    let source = Box::new(Defining(Moving::new(resting), moved.clone()));
     o.tracker = Tracker::Source { name: "test:".into(), source };
     let served = Served { running: start(o).await.expect("start"), _dir: dir };
     served.until(|g| g["state"] == "live").await;
