@@ -17,6 +17,12 @@ impl DisjointSets {
         new
     }
 
+    /// How many members all sets have together.
+    #[expect(clippy::len_without_is_empty, reason = "sets of nothing are of no use")]
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
     /// The smallest member of the set that holds `i`.
     pub fn root(&mut self, mut i: u32) -> u32 {
         while self.0[i as usize] != i {

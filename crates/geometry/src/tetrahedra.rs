@@ -296,11 +296,11 @@ fn quality(p: [Point<Patient>; 4]) -> TetQuality {
     }
     let volume = tet_signed_volume(p);
     let inscribed = 3.0 * volume / areas.iter().map(|a| a.norm()).sum::<f64>();
-    let edge = |i: usize, j: usize| p[i].distance(p[j]);
-    let (a, b, c) = (edge(0, 1) * edge(2, 3), edge(0, 2) * edge(1, 3), edge(0, 3) * edge(1, 2));
-    // Circumradius from the products of opposite edges (Crelle).
-    let product = ((a + b + c) * (a + b - c) * (a - b + c) * (b + c - a)).max(0.0);
-    let circumscribed = product.sqrt() / (24.0 * volume.abs());
+    // The circumcentre from a corner is this over twelve volumes. Products of opposite edges (Crelle) would be told apart by
+    // rounding alone where four corners nearly lie on a circle.
+    let [ab, ac, ad] = [1, 2, 3].map(|i| p[i] - p[0]);
+    let centre = ac.cross(ad) * ab.norm_squared() + ad.cross(ab) * ac.norm_squared() + ab.cross(ac) * ad.norm_squared();
+    let circumscribed = centre.norm() / (12.0 * volume.abs());
     let radius_ratio = if volume > 0.0 { 3.0 * inscribed / circumscribed } else { 0.0 };
     TetQuality { min_dihedral: low, max_dihedral: high, radius_ratio }
 }
@@ -312,6 +312,23 @@ mod tests {
     fn regular() -> TetMesh {
         let vertices = [[1., 1., 1.], [1., -1., -1.], [-1., 1., -1.], [-1., -1., 1.]].map(Point::from_array).to_vec();
         TetMesh { vertices, tets: vec![[0, 1, 2, 3]], labels: vec![4] }
+    }
+
+    #[test]
+    fn the_worst_of_shapes_had_an_infinite_radius_ratio() {
+        for lifted in [1e-3, 1e-5, 1e-7] {
+            let on = |degrees: f64, z: f64| {
+                let (s, c) = f64::to_radians(degrees).sin_cos();
+                Point::new(10.0 * c, 10.0 * s, z)
+            };
+            let mut m = regular();
+            m.vertices = vec![on(0.0, 0.0), on(97.0, 0.0), on(181.0, lifted), on(268.0, 0.0)];
+            if m.volume(0) < 0.0 {
+                m.tets[0].swap(0, 1);
+            }
+            let q = m.quality(0);
+            assert!(m.volume(0) > 0.0 && q.radius_ratio > 0.0 && q.radius_ratio < lifted, "{q:?}");
+        }
     }
 
     #[test]

@@ -19,8 +19,8 @@ use monro_geometry::by_point;
 
 /// Rounds over the planes of a vertex that lies on several.
 const ROUNDS: usize = 24;
-/// Planes that count at most of those that a vertex lies on.
-const MOST: usize = 8;
+/// Planes that a vertex lies on at most.
+pub(crate) const MOST: usize = 8;
 
 /// A vertex that lies against a plane through its rest position.
 #[derive(Debug, Clone, Copy)]

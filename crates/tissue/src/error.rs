@@ -76,6 +76,16 @@ pub enum ModelError {
         /// Index of the attachment.
         attachment: usize,
     },
+    /// A node lies against more planes than count.
+    #[error("node {node} lies against {planes} planes, at most {most} count; leave out those that say the same")]
+    Planes {
+        /// Vertex of the mesh.
+        node: u32,
+        /// Planes that it is to lie against.
+        planes: usize,
+        /// How many count.
+        most: usize,
+    },
     /// An attachment names a vertex that does not exist.
     #[error("attachment {attachment} holds vertex {node}, but there are only {vertices}")]
     Attachment {

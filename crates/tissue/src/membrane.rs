@@ -6,7 +6,8 @@ use monro_geometry::TET_FACES;
 /// Stands for the outside on one side of a membrane.
 pub(crate) const OUTSIDE: u8 = u8::MAX;
 
-/// A face between two regions, or between a region and the outside.
+/// A face between two regions, or between a region and the outside. Of two regions the one with the lower number is inside,
+/// so that all faces of a wall have the same side in, whatever the order of the elements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Membrane {
     /// Its vertices; the normal `(b - a) x (c - a)` points from `inner` to `outer`.
@@ -52,9 +53,10 @@ pub(crate) fn find(tets: &[[u32; 4]], region: &[u8]) -> Membranes {
     all.sort_unstable();
     let mut out = Membranes::default();
     for same in all.chunk_by(|a, b| a.0 == b.0) {
-        let (_, t, f) = same[0];
-        let inner = region[t as usize];
-        let outer = same.get(1).map_or(OUTSIDE, |s| region[s.1 as usize]);
+        let of = |s: &([u32; 3], u32, u8)| region[s.1 as usize];
+        let other = |i: usize| same.get(1 - i).map_or(OUTSIDE, of);
+        let in_ = usize::from(other(0) < of(&same[0]));
+        let ((_, t, f), inner, outer) = (same[in_], of(&same[in_]), other(in_));
         if inner != outer {
             out.behind.push((t, f, out.faces.len() as u32));
             out.faces.push(Membrane { nodes: TET_FACES[f as usize].map(|i| tets[t as usize][i]), inner, outer });
@@ -77,5 +79,8 @@ mod tests {
         assert_eq!(wall.len(), 1);
         assert_eq!((wall[0].inner, wall[0].outer), (0, 1));
         assert_eq!(find(&tets, &[0, 0]).faces.len(), 6);
+        let turned = find(&tets, &[1, 0]);
+        let wall = turned.faces.iter().find(|f| f.outer != OUTSIDE).expect("a wall");
+        assert_eq!((wall.inner, wall.outer, wall.nodes), (0, 1, [0, 1, 2]));
     }
 }

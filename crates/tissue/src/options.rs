@@ -84,7 +84,7 @@ pub enum AttachmentKind {
         stiffness_mn_per_mm: f64,
     },
     /// It lies against a rigid, frictionless plane through its rest position: it slides along it and lifts off, and never goes
-    /// beyond. A node may lie against several. Many on one surface make a wall that bends smoothly between them, and along which
+    /// beyond. A node may lie against up to eight. Many on one surface make a wall that bends smoothly between them, and along which
     /// each of them slides. Not for [`crate::equilibrium`], which refuses it.
     Abutting {
         /// Normal of the plane, away from the tissue (patient frame); of any length but 0.

@@ -1,7 +1,8 @@
 //! What makes a mesh or a set of options unusable, found before anything is computed from it.
 
 use crate::ModelError;
-use crate::options::{AttachmentKind, Mode, ModelOptions};
+use crate::abutments::MOST;
+use crate::options::{Attachment, AttachmentKind, Mode, ModelOptions};
 use crate::physical::elastic::volume_gradient;
 use crate::vec3::xyz;
 use monro_geometry::{TET_EDGES, TetMesh};
@@ -82,6 +83,7 @@ pub(crate) fn options(mesh: &TetMesh, options: &ModelOptions) -> Result<(), Mode
             return Err(ModelError::Guided { attachment });
         }
     }
+    few_planes(options)?;
     match options.mode {
         Mode::Paper(p) => {
             share("coefficient of the global volume", p.global_volume, 0.0, 1.0, "0 to 1")?;
@@ -89,6 +91,14 @@ pub(crate) fn options(mesh: &TetMesh, options: &ModelOptions) -> Result<(), Mode
         }
         Mode::Physical(p) => share("nodal share of the shear energy", p.nodal_shear, 0.0, 0.5, "0 to 0.5"),
     }
+}
+
+fn few_planes(options: &ModelOptions) -> Result<(), ModelError> {
+    let abuts = |a: &&Attachment| matches!(a.kind, AttachmentKind::Abutting { .. });
+    let mut nodes: Vec<u32> = options.attachments.iter().filter(abuts).map(|a| a.node).collect();
+    nodes.sort_unstable();
+    let crowded = nodes.chunk_by(|a, b| a == b).find(|same| same.len() > MOST);
+    crowded.map_or(Ok(()), |c| Err(ModelError::Planes { node: c[0], planes: c.len(), most: MOST }))
 }
 
 fn share(name: &'static str, value: f64, low: f64, high: f64, wanted: &'static str) -> Result<(), ModelError> {

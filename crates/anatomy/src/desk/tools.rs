@@ -194,7 +194,7 @@ impl Desk {
         if other.is_empty() {
             return Err(crate::edit::EditError::Empty { what: name, verb: "combine with" }.into());
         }
-        let other = if mm > 0.0 { grown(&other, mm)? } else { other };
+        let other = if mm == 0.0 { other } else { grown(&other, mm)? };
         Ok(match operation {
             SetOperation::Union => now.union(&other),
             SetOperation::Intersection => now.intersection(&other),

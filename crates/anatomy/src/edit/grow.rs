@@ -57,9 +57,11 @@ pub fn grow(ct: &Volume<i16>, seeds: &[[usize; 3]], options: &GrowthOptions) -> 
     };
     let core = seed_parts(&core, &seeds, start);
     let selection = grown(&core, neck / 2.0)?.intersection(&region)?;
-    let leaked = selection.count() > limit;
-    let stopped_at = leaked.then(|| ct.grid().voxel(start));
-    Ok(Growth { selection, stopped_at })
+    let nearest: Vec<usize> = voxels.into_iter().filter(|&n| selection.contains(n)).take(limit + 1).collect();
+    match nearest.get(limit).map(|&n| ct.grid().voxel(n)) {
+        None => Ok(Growth { selection, stopped_at: None }),
+        at => Ok(Growth { selection: Selection::from_voxels(*ct.grid(), nearest[..limit].to_vec()), stopped_at: at }),
+    }
 }
 
 fn checked_seeds(ct: &Volume<i16>, seeds: &[[usize; 3]], options: &GrowthOptions) -> Result<Vec<usize>, EditError> {

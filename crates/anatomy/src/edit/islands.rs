@@ -2,11 +2,12 @@
 
 use super::selection::Run;
 use super::{EditError, Selection};
+use monro_geometry::DisjointSets;
 
 /// The parts of a selection that do not touch each other by a face, largest first (equal ones by their first voxel).
 pub fn islands(selection: &Selection) -> Vec<Selection> {
     let runs = selection.runs();
-    let mut parts = Parts { parent: (0..runs.len()).collect() };
+    let mut parts = DisjointSets::new(runs.len());
     let [nx, ny, _] = selection.grid().dims();
     let rows = row_starts(runs, nx);
     for pair in rows.windows(2) {
@@ -39,23 +40,23 @@ fn join_overlaps(
     row: std::ops::Range<usize>,
     before: std::ops::Range<usize>,
     shift: usize,
-    parts: &mut Parts,
+    parts: &mut DisjointSets,
 ) {
     let (mut a, mut b) = (row.start, before.start);
     while a < row.end && b < before.end {
         let (low, high) = (runs[b].start + shift, runs[b].end + shift);
         if low < runs[a].end && runs[a].start < high {
-            parts.join(a, b);
+            parts.join(a as u32, b as u32);
         }
         if high < runs[a].end { b += 1 } else { a += 1 }
     }
 }
 
-fn collect(selection: &Selection, parts: &mut Parts) -> Vec<Selection> {
+fn collect(selection: &Selection, parts: &mut DisjointSets) -> Vec<Selection> {
     let mut place = std::collections::BTreeMap::new();
     let mut out: Vec<Selection> = Vec::new();
     for (n, run) in selection.runs().iter().enumerate() {
-        let root = parts.root(n);
+        let root = parts.root(n as u32);
         let at = *place.entry(root).or_insert_with(|| {
             out.push(Selection::empty(*selection.grid()));
             out.len() - 1
@@ -84,25 +85,4 @@ pub fn without_small_islands(selection: &Selection, least_mm3: f64) -> Result<Se
     let voxels: Vec<usize> =
         islands(selection).iter().filter(|s| s.volume_mm3() >= least_mm3).flat_map(Selection::voxels).collect();
     Ok(Selection::from_voxels(*selection.grid(), voxels))
-}
-
-/// Disjoint sets with path halving; the root is the smallest member, so results do not depend on the order of joins.
-struct Parts {
-    parent: Vec<usize>,
-}
-
-impl Parts {
-    fn root(&mut self, mut n: usize) -> usize {
-        while self.parent[n] != n {
-            self.parent[n] = self.parent[self.parent[n]];
-            n = self.parent[n];
-        }
-        n
-    }
-
-    fn join(&mut self, a: usize, b: usize) {
-        let (a, b) = (self.root(a), self.root(b));
-        let (low, high) = (a.min(b), a.max(b));
-        self.parent[high] = low;
-    }
 }

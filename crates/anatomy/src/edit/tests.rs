@@ -116,6 +116,10 @@ fn growing_stops_at_necks_and_at_a_volume() {
     let limited = grow(&ct, &[[8, 8, 8]], &GrowthOptions { most_mm3: 1000.0, ..open.clone() }).expect("grow");
     assert_eq!(limited.selection.count(), 1000);
     assert!(limited.stopped_at.is_some());
+    // A leak came back whole where the neck guard was on.
+    let stopped = GrowthOptions { most_mm3: 1000.0, neck_mm: 2.0, ..open.clone() };
+    let stopped = grow(&ct, &[[8, 8, 8]], &stopped).expect("grow");
+    assert_eq!((stopped.selection.count(), stopped.stopped_at.is_some()), (1000, true));
     let masked = GrowthOptions { within: Some(left.clone()), ..open.clone() };
     assert_eq!(grow(&ct, &[[3, 3, 3]], &masked).expect("grow").selection, left);
     assert!(matches!(grow(&ct, &[[0, 0, 0]], &open), Err(EditError::Seed { value: 40, .. })));

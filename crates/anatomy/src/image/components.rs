@@ -1,6 +1,7 @@
 //! Connected components (face neighbours) by union-find.
 
 use super::{Mask, Raster};
+use monro_geometry::DisjointSets;
 
 /// A labelling: 0 outside the set, components numbered from 1 in order of their first voxel.
 #[derive(Debug, Clone)]
@@ -36,7 +37,8 @@ impl Components {
 /// Labels the components of a set.
 pub(crate) fn label(mask: &Mask) -> Components {
     let [nx, ny, _] = mask.dims;
-    let mut parent: Vec<u32> = vec![0];
+    // Number 0 is the background; the root of a set is its first voxel's.
+    let mut parts = DisjointSets::new(1);
     let mut labels = Raster::filled(mask.dims, 0u32);
     for index in 0..mask.data.len() {
         if !mask.data[index] {
@@ -46,40 +48,21 @@ pub(crate) fn label(mask: &Mask) -> Components {
         let west = if i > 0 { labels.data[index - 1] } else { 0 };
         let north = if j > 0 { labels.data[index - nx] } else { 0 };
         let below = if k > 0 { labels.data[index - nx * ny] } else { 0 };
-        let mut best = 0;
-        for l in [west, north, below].into_iter().filter(|&l| l > 0) {
-            best = if best == 0 { root(&mut parent, l) } else { join(&mut parent, best, l) };
-        }
-        if best == 0 {
-            best = parent.len() as u32;
-            parent.push(best);
-        }
-        labels.data[index] = best;
+        let before = [west, north, below].into_iter().filter(|&l| l > 0);
+        let joined = before.reduce(|a, b| {
+            parts.join(a, b);
+            a
+        });
+        labels.data[index] = joined.unwrap_or_else(|| parts.add());
     }
-    renumber(labels, &mut parent)
+    renumber(labels, &mut parts)
 }
 
-fn root(parent: &mut [u32], mut l: u32) -> u32 {
-    while parent[l as usize] != l {
-        parent[l as usize] = parent[parent[l as usize] as usize];
-        l = parent[l as usize];
-    }
-    l
-}
-
-/// Joins two trees under the smaller number, so that numbering follows the first voxel.
-fn join(parent: &mut [u32], a: u32, b: u32) -> u32 {
-    let (a, b) = (root(parent, a), root(parent, b));
-    let (low, high) = (a.min(b), a.max(b));
-    parent[high as usize] = low;
-    low
-}
-
-fn renumber(mut labels: Raster<u32>, parent: &mut [u32]) -> Components {
-    let mut number = vec![0u32; parent.len()];
+fn renumber(mut labels: Raster<u32>, parts: &mut DisjointSets) -> Components {
+    let mut number = vec![0u32; parts.len()];
     let mut count = 0;
-    for l in 1..parent.len() as u32 {
-        let r = root(parent, l) as usize;
+    for l in 1..number.len() as u32 {
+        let r = parts.root(l) as usize;
         if number[r] == 0 {
             count += 1;
             number[r] = count;

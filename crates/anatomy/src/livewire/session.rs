@@ -177,12 +177,6 @@ impl Livewire {
         Ok(path.into_iter().map(|p| self.pixel(p)).collect())
     }
 
-    /// Spends idle time on shortest paths: settles up to `pixels` more. Returns how many were left to settle (0 when
-    /// the whole slice is reached, or nothing is started).
-    pub fn advance(&mut self, pixels: usize) -> usize {
-        self.wave.as_mut().map_or(0, |w| w.expand(&self.links, pixels, usize::MAX))
-    }
-
     /// Sets an anchor at the snapped position, with the wire that `hover` shows. A second click on the last anchor
     /// changes nothing.
     ///

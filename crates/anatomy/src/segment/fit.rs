@@ -189,8 +189,9 @@ fn correlation(seen: &Raster<f32>, layer: &Raster<f32>) -> [f32; 3] {
     let off = |n: usize| f64::from(seen.data[n]) - bias;
     let variance = mean(&mut members.iter().map(|&n| off(n).powi(2)));
     let strides = [1, seen.dims[0], seen.dims[0] * seen.dims[1]];
-    strides.map(|stride| {
-        let pairs = members.iter().filter(|&&n| n >= stride && layer.data[n - stride] > 0.0);
+    [0, 1, 2].map(|axis| {
+        let stride = strides[axis];
+        let pairs = members.iter().filter(|&&n| seen.voxel(n)[axis] > 0 && layer.data[n - stride] > 0.0);
         let product = mean(&mut pairs.map(|&n| off(n) * off(n - stride)));
         let noise = (product / variance.max(1e-9)).clamp(0.0, f64::from(MOST_CORRELATED));
         (noise * variance / (variance + f64::from(MODEL_ERROR).powi(2))) as f32

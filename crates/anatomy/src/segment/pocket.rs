@@ -7,7 +7,7 @@ const AIR: f32 = -400.0;
 /// Pockets from here to there are looked at, mL: less may be noise, more is no head.
 const SIZES_ML: core::ops::Range<f64> = 1.0..250.0;
 /// Brain lies so near to the air, voxels of 1 mm, with what is partly air between; a sinus has a plate of bone there.
-const NEAR: isize = 4;
+const NEAR: usize = 4;
 /// What is brighter between them is a plate of bone, HU, however thin.
 const SOFT: f32 = 100.0;
 /// The part of a pocket's own surface that must face the brain so: a layer does with half of it, a sinus whose wall is too thin to be
@@ -54,10 +54,13 @@ fn is_at_end(hu: &Raster<f32>, n: usize) -> bool {
 
 /// Whether the cavity is near along one of the axes, with nothing brighter than soft tissue before it.
 fn faces(hu: &Raster<f32>, cavity: &Mask, n: usize) -> bool {
-    let [nx, ny, _] = hu.dims.map(|d| d as isize);
-    [1, -1, nx, -nx, nx * ny, -nx * ny].into_iter().any(|step| {
-        let way = (1..=NEAR).filter_map(|k| n.checked_add_signed(k * step)).filter(|&m| m < hu.data.len());
-        way.take_while(|&m| hu.data[m] < SOFT).any(|m| cavity.data[m])
+    let [nx, ny, _] = hu.dims;
+    hu.voxel(n).into_iter().zip(hu.dims).zip([1, nx, nx * ny]).any(|((at, size), step)| {
+        let down = (1..=NEAR.min(at)).map(|k| n - k * step);
+        let up = (1..=NEAR.min(size - 1 - at)).map(|k| n + k * step);
+        let meets =
+            |way: &mut dyn Iterator<Item = usize>| way.take_while(|&m| hu.data[m] < SOFT).any(|m| cavity.data[m]);
+        meets(&mut { down }) || meets(&mut { up })
     })
 }
 

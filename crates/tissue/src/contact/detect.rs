@@ -194,7 +194,9 @@ fn push_on(
     (near, tip, tool): (Closest, bool, u32),
 ) -> Coupling {
     let beyond = if inward > 0.0 { face.outer } else { face.inner };
-    let modulus = model.regions[face.inner as usize].material.young_kpa as f32;
+    let modulus = |r: u8| model.regions.get(usize::from(r)).map_or(0.0, |r| r.material.young_kpa as f32);
+    // Beyond the outer surface there is nothing; on a wall the stiffer side bears, whichever the tool comes from.
+    let modulus = modulus(face.inner).max(modulus(face.outer));
     Coupling {
         nodes: [face.nodes[0], face.nodes[1], face.nodes[2], face.nodes[0]],
         weights: [near.weights[0], near.weights[1], near.weights[2], 0.0],

@@ -47,8 +47,6 @@ pub(super) fn renew_anchors(scene: Scene<'_>, rod: &Rod, memory: &mut ToolState,
     memory.anchors.retain(|a| a.arc > -0.5 * step && a.arc < rod.length && !torn(a));
     memory.anchors.sort_by(|a, b| a.arc.total_cmp(&b.arc));
     let old = memory.anchors.len();
-    // A new anchor at the tip takes over the load of the old one: cutting goes on, it does not start anew.
-    let load = memory.anchors.first().map_or(0.0, |a| a.stretch.min(0.0));
     let mut next = 0;
     let stations = (rod.length / step).min(4096.0) as usize;
     for i in 0..=stations {
@@ -61,10 +59,9 @@ pub(super) fn renew_anchors(scene: Scene<'_>, rod: &Rod, memory: &mut ToolState,
         }
         match detect::locate(scene, rod.at(arc), found) {
             Some(place) => {
-                let stretch = if i == 0 { load } else { 0.0 };
                 let new = around_axis(scene, rod, (arc, place), found);
                 // What has just torn off is not caught again before it has gone back.
-                memory.anchors.extend(new.map(|a| Anchor { stretch, arc: a.arc + stretch, ..a }).filter(|a| !torn(a)));
+                memory.anchors.extend(new.filter(|a| !torn(a)));
             }
             // The shaft leaves the tissue here; beyond the last old anchor it does not come back.
             None if i > 0 && next >= old => break,
@@ -221,15 +218,16 @@ pub(super) fn hold(
     couplings: &mut Vec<Coupling>,
 ) {
     let step = spacing(rod);
-    // What stands first is the tip's, as far as it makes one piece of shaft.
-    let mut before = 0.0;
+    // What is cut is what the tip is in: nothing in a fluid, and nothing on its way back.
+    let cuts = memory.inside.filter(|_| advance == Advance::Forwards);
+    let cut_mn = cuts.map_or(0.0, |r| model.regions[r as usize].material.insertion.cut_force_mn as f32);
+    let all: f32 = memory.anchors.iter().map(|a| a.share * bears(a.arc / step)).sum();
     for (i, a) in memory.anchors.iter_mut().enumerate() {
         let material = &model.regions[a.region as usize].material;
-        let tip = before < WHOLE && a.arc <= step && advance == Advance::Forwards;
-        before += a.share;
-        let mut limit = friction(&material.insertion, a, tip);
+        let cut_mn = if all > 0.0 { cut_mn * bears(a.arc / step) / all } else { 0.0 };
+        let mut limit = friction(&material.insertion, a) + cut_mn * a.share;
         if !model.forces_are_physical() {
-            let drag = drag_length(material, rod.radius, tip);
+            let drag = drag_length(material, rod.radius, cut_mn);
             let rest = rest_point(model, a);
             let along = dot(rod.back, sub(rod.at(a.arc), rest));
             a.arc += along.clamp(-drag, drag) - along;
@@ -242,7 +240,7 @@ pub(super) fn hold(
             stiffness: a.share * PENALTY * material.young_kpa as f32 * step,
             tool: tool as u32,
             source: i as u32,
-            tip,
+            tip: cut_mn > 0.0,
             force: [0.0; 3],
         });
     }
@@ -269,17 +267,23 @@ fn rest_point(model: &Model, a: &Anchor) -> V3 {
 /// How far friction and cutting drag an elastic tissue: a line load `f` per mm moves its line by about `f / (2 pi mu)`
 /// times the logarithm of outer over inner radius (3.3 for a rod of 1.5 mm in 40 mm of tissue), a sphere of radius `a`
 /// under a force `F` moves by `F / (6 pi mu a)`.
-fn drag_length(material: &Material, radius: f32, tip: bool) -> f32 {
+fn drag_length(material: &Material, radius: f32, cut_mn: f32) -> f32 {
     let (shear, insertion) = (material.shear_kpa() as f32, &material.insertion);
     let line = insertion.static_friction_mn_per_mm as f32 * 3.3 / (core::f32::consts::TAU * shear);
-    let front = insertion.cut_force_mn as f32 / (3.0 * core::f32::consts::TAU * shear * radius);
-    line + if tip { front } else { 0.0 }
+    line + cut_mn / (3.0 * core::f32::consts::TAU * shear * radius)
 }
 
-/// Largest force along the axis that an anchor passes on, mN.
-fn friction(insertion: &Insertion, a: &Anchor, tip: bool) -> f32 {
+/// The part of a cutting tip's load that an anchor so many spacings behind the tip bears, beside the parts of the others.
+/// Each takes it over little by little while the tip goes on by one spacing, and gives it up over the next. One that lost it
+/// at once would spring back, and the next, pushed forwards by as much, would bear less than it takes to cut meanwhile.
+fn bears(spacings: f32) -> f32 {
+    (1.0 - (spacings - 1.0).abs()).max(0.0)
+}
+
+/// Friction along the axis that an anchor passes on at most, mN.
+fn friction(insertion: &Insertion, a: &Anchor) -> f32 {
     let per_mm = if a.slipping { insertion.dynamic_friction_mn_per_mm } else { insertion.static_friction_mn_per_mm };
-    per_mm as f32 * a.length + if tip { insertion.cut_force_mn as f32 * a.share } else { 0.0 }
+    per_mm as f32 * a.length
 }
 
 /// Moves the place on the shaft that an anchor is tied to, so that what remains of its stretch carries its force.

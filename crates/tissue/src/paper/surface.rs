@@ -59,6 +59,25 @@ mod tests {
     use crate::membrane;
     use crate::model::tests::block;
 
+    /// Which side of each face was the inner one hung on the order of the elements; edges between unlike faces were no hinges.
+    #[test]
+    fn hinges_of_a_wall_between_regions_were_lost_by_the_order_of_the_elements() {
+        let mesh = block([6, 6, 6], 1.0);
+        let inside = |t: &[u32; 4]| {
+            let centre = t.iter().map(|&v| mesh.vertices[v as usize].to_array());
+            let sum = centre.fold([0.0; 3], |s, p| [s[0] + p[0], s[1] + p[1], s[2] + p[2]]);
+            sum.iter().all(|c| (2.0..4.0).contains(&(c / 4.0)))
+        };
+        let region: Vec<u8> = mesh.tets.iter().map(|t| u8::from(!inside(t))).collect();
+        for order in [0, 1] {
+            let turned: Vec<u8> = region.iter().map(|r| if order == 0 { *r } else { 1 - r }).collect();
+            let mut m = membrane::find(&mesh.tets, &turned);
+            m.faces.retain(|f| f.outer != OUTSIDE);
+            assert_eq!(hinges(&m).len(), m.faces.len() * 3 / 2);
+            assert!(m.faces.iter().all(|f| (f.inner, f.outer) == (0, 1)));
+        }
+    }
+
     #[test]
     fn every_edge_of_a_closed_surface_is_one_hinge_and_strips_go_across() {
         let mesh = block([3, 3, 3], 1.0);

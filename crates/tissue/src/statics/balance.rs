@@ -3,6 +3,7 @@
 use super::loads::Loads;
 use super::{StaticError, StaticProblem};
 use crate::physical::elastic::{D3, Elastic};
+use monro_geometry::DisjointSets;
 
 /// A load on rigid motions over all loads that is rounding.
 const ROUNDING: f64 = 1e-6;
@@ -84,23 +85,13 @@ fn frame(elastic: &Elastic, part: &[u32]) -> (D3, f64) {
 
 /// Nodes of each connected part.
 fn parts(elastic: &Elastic) -> Vec<Vec<u32>> {
-    let mut root: Vec<u32> = (0..elastic.rest.len() as u32).collect();
-    for tet in &elastic.tets {
-        let roots = tet.map(|n| find(&mut root, n));
-        let first = roots.into_iter().min().unwrap_or_default();
-        roots.into_iter().for_each(|r| root[r as usize] = first);
+    let mut joined = DisjointSets::new(elastic.rest.len());
+    for &[a, b, c, d] in &elastic.tets {
+        [b, c, d].into_iter().for_each(|n| joined.join(a, n));
     }
     let mut parts = std::collections::BTreeMap::<u32, Vec<u32>>::new();
-    for n in 0..root.len() as u32 {
-        parts.entry(find(&mut root, n)).or_default().push(n);
+    for n in 0..elastic.rest.len() as u32 {
+        parts.entry(joined.root(n)).or_default().push(n);
     }
     parts.into_values().collect()
-}
-
-fn find(root: &mut [u32], mut n: u32) -> u32 {
-    while root[n as usize] != n {
-        root[n as usize] = root[root[n as usize] as usize];
-        n = root[n as usize];
-    }
-    n
 }

@@ -4,6 +4,7 @@ use super::{Overlap, SphereContact, StaticError, StaticSolution};
 use crate::Model;
 use crate::membrane::OUTSIDE;
 use crate::physical::elastic::{D3, Elastic};
+use monro_geometry::{Point, nearest_on_triangle};
 
 /// How far the tissue may reach into a sphere, over its radius: more than flat faces do between vertices on the sphere.
 const REACH: f64 = 0.1;
@@ -26,7 +27,7 @@ pub(super) fn all(
     let free: Vec<[D3; 3]> = outer.filter(|f| !f.iter().any(|&n| held(n))).map(|f| f.map(|n| x[n as usize])).collect();
     let one = |(sphere, (c, s)): (usize, (&SphereContact, &Sphere))| {
         let centre_inside = super::refine::holder(x, &elastic.tets, s.centre).is_some();
-        let near = free.iter().map(|f| apart(s.centre, f)).fold(f64::INFINITY, f64::min);
+        let near = free.iter().map(|f| apart(s.centre, *f)).fold(f64::INFINITY, f64::min);
         let depth_mm = (c.radius_mm - near).max(0.0);
         let passed = centre_inside || depth_mm > REACH * c.radius_mm;
         let found = Overlap { sphere, passed, centre_inside, depth_mm, held: s.firm.0, held_mm: s.firm.1 };
@@ -43,8 +44,7 @@ pub(super) fn refuse(solved: &StaticSolution) -> Result<(), StaticError> {
 }
 
 /// Distance of a point from a triangle, mm.
-fn apart(p: D3, face: &[D3; 3]) -> f64 {
-    // Told from the point, single precision is enough.
-    let [a, b, c] = face.map(|v| [0, 1, 2].map(|k| (v[k] - p[k]) as f32));
-    f64::from(crate::contact::closest::point_triangle([0.0; 3], [a, b, c], 0.0).distance2).sqrt()
+pub(super) fn apart(p: D3, face: [D3; 3]) -> f64 {
+    let p = Point::from_array(p);
+    p.distance(nearest_on_triangle(p, face.map(Point::from_array)))
 }

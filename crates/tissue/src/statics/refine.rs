@@ -2,7 +2,8 @@
 
 use super::bisect::{Cuts, Fine, P, key};
 use super::held::{self, Before};
-use super::sphere::axpy;
+use super::overlap::apart;
+use super::sphere::{axpy, norm};
 use super::{Coarse, EmbeddedRod, SphereContact, StaticProblem};
 use crate::membrane;
 use crate::physical::elastic::sub;
@@ -262,12 +263,8 @@ struct Met {
 /// `None` when the sphere stays outside of the body, whose points are `there` when it comes.
 fn met(c: &SphereContact, (fine, outer): (&Fine, &[[u32; 3]]), there: &[P]) -> Option<Met> {
     let centre = c.to.to_array();
-    let distance2 = |f: &[u32; 3]| {
-        let [p, q, r] = f.map(|v| there[v as usize].map(|x| x as f32));
-        crate::contact::closest::point_triangle(centre.map(|x| x as f32), [p, q, r], 0.0).distance2
-    };
-    let (near2, face) = outer.iter().map(|f| (distance2(f), f)).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let near = f64::from(near2.sqrt());
+    let far = |f: &[u32; 3]| apart(centre, f.map(|v| there[v as usize]));
+    let (near, face) = outer.iter().map(|f| (far(f), f)).min_by(|a, b| a.0.total_cmp(&b.0))?;
     let inside = holder(there, &fine.tets, centre).is_some();
     if !inside && near >= c.radius_mm {
         return None;
@@ -293,12 +290,14 @@ pub(super) fn holder(points: &[P], tets: &[[u32; 4]], x: P) -> Option<usize> {
 }
 
 /// Distance of `x` from the segment.
-pub(super) fn distance([a, b]: [P; 2], x: P) -> f64 {
-    let along: P = core::array::from_fn(|k| b[k] - a[k]);
-    let to: P = core::array::from_fn(|k| x[k] - a[k]);
-    let (l2, p): (f64, f64) = (along.iter().map(|v| v * v).sum(), (0..3).map(|k| along[k] * to[k]).sum());
-    let t = if l2 > 0.0 { (p / l2).clamp(0.0, 1.0) } else { 0.0 };
-    (0..3).map(|k| (to[k] - t * along[k]).powi(2)).sum::<f64>().sqrt()
+pub(super) fn distance(ends: [P; 2], x: P) -> f64 {
+    norm(sub(x, foot(ends, x)))
+}
+
+/// The point of the segment that is nearest to `x`.
+fn foot(ends: [P; 2], x: P) -> P {
+    let [a, b] = ends.map(Point::<Patient>::from_array);
+    Point::from_array(x).nearest_on_segment(a, b).to_array()
 }
 
 /// Puts new inner vertices near the surface of the rod on it, so that the vertices inside fill its true radius.
@@ -331,14 +330,10 @@ fn snap(fine: &mut Fine, rod: &EmbeddedRod) {
 }
 
 /// The point of a capsule's surface on the way from its axis through `x`.
-fn on_surface([a, b]: [P; 2], radius: f64, x: P) -> P {
-    let along: P = core::array::from_fn(|k| b[k] - a[k]);
-    let (l2, p): (f64, f64) =
-        (along.iter().map(|v| v * v).sum(), (0..3).map(|k| along[k] * (x[k] - a[k])).sum::<f64>());
-    let t = if l2 > 0.0 { (p / l2).clamp(0.0, 1.0) } else { 0.0 };
-    let foot: P = core::array::from_fn(|k| a[k] + t * along[k]);
-    let far = (0..3).map(|k| (x[k] - foot[k]).powi(2)).sum::<f64>().sqrt();
-    if far == 0.0 { x } else { core::array::from_fn(|k| foot[k] + (x[k] - foot[k]) * radius / far) }
+fn on_surface(ends: [P; 2], radius: f64, x: P) -> P {
+    let foot = foot(ends, x);
+    let (way, far) = (sub(x, foot), distance(ends, x));
+    if far == 0.0 { x } else { axpy(foot, radius / far, way) }
 }
 
 #[cfg(test)]

@@ -62,7 +62,7 @@ struct Touch {
     limit: f64,
 }
 
-fn norm(a: D3) -> f64 {
+pub(super) fn norm(a: D3) -> f64 {
     dot(a, a).sqrt()
 }
 

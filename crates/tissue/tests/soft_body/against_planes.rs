@@ -161,6 +161,15 @@ fn planes_without_a_direction_and_equilibria_are_refused() {
         let o = ModelOptions { attachments: vec![Attachment { node: 3, kind }], ..fixed.clone() };
         assert!(matches!(Model::new(&mesh, &o), Err(ModelError::Option { .. })), "{outward:?}");
     }
+    // The ninth was passed over.
+    let many = [DOWN; 9].map(|outward| AttachmentKind::Abutting { outward, drag_per_s: 0.0 });
+    let with = |n: usize| ModelOptions {
+        attachments: many[..n].iter().map(|&kind| Attachment { node: 3, kind }).collect(),
+        ..fixed.clone()
+    };
+    assert!(Model::new(&mesh, &with(8)).is_ok());
+    let refused = Model::new(&mesh, &with(9)).err();
+    assert!(matches!(refused, Some(ModelError::Planes { node: 3, planes: 9, most: 8 })), "{refused:?}");
     let o = against(&mesh, fixed, &[DOWN]);
     let model = Model::new(&mesh, &o).expect("model");
     let found = model.equilibrium(&StaticProblem::default(), &StaticOptions::default(), &mut || true);

@@ -64,6 +64,25 @@ fn friction_of_a_millimetre_was_that_of_four_thirds_where_a_catheter_went_slowly
 }
 
 #[test]
+fn a_tip_met_less_than_the_force_that_cuts_the_finer_the_elements() {
+    let rubs = RUBS.dynamic_friction_mn_per_mm;
+    for (cells, asked, mm_s) in
+        [(10, 80.0, 10.0), (16, 80.0, 10.0), (24, 80.0, 10.0), (16, 80.0, 3.0), (16, 30.0, 20.0)]
+    {
+        let brain = Insertion { puncture_force_mn: 40.0, cut_force_mn: asked, ..RUBS };
+        let model = cube((cells, 0.2), -HORN, brain, Insertion::VENTRICLE);
+        let mut state = model.rest_state();
+        let (from, to) = (EDGE + 1.0, 12.0);
+        let reports = go(&model, &mut state, [23.3, 24.7], from..to, ((from - to) / mm_s * 60.0) as i32);
+        let way = reports.iter().map(|r| (r.tools[0].inserted_mm, axial(r))).filter(|f| f.0 > 10.0);
+        let met: Vec<_> = way.map(|(inserted, felt)| felt - rubs * inserted).collect();
+        let mean = met.iter().sum::<f64>() / met.len() as f64;
+        println!("{cells} cells, {mm_s} mm/s: {mean} of {asked} mN");
+        assert!((0.93..1.03).contains(&(mean / asked)), "{cells} cells, {mm_s} mm/s: {mean} of {asked} mN");
+    }
+}
+
+#[test]
 fn a_catheter_that_rested_slid_on_without_breaking_away() {
     let insertion = Insertion { static_friction_mn_per_mm: 2.0, ..RUBS };
     let model = cube((8, 0.0), -HORN, insertion, Insertion::VENTRICLE);
