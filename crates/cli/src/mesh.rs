@@ -3,7 +3,7 @@
 mod facts;
 mod figures;
 mod import;
-mod meeting;
+pub(crate) mod meeting;
 mod of_a_case;
 mod options;
 mod out;

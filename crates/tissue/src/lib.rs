@@ -110,7 +110,7 @@ pub use physical::elastic::NO_VOLUME;
 pub use report::{Event, StepReport, ToolReport};
 pub use state::State;
 pub use statics::{
-    Coarse, EmbeddedRod, Finer, MeshChange, Overlap, Pressure, SphereContact, StaticError, StaticOptions,
+    Coarse, EmbeddedRod, Finer, MeshChange, Moment, Overlap, Pressure, SphereContact, StaticError, StaticOptions,
     StaticProblem, StaticSolution, Stop, Support, Unfinished, equilibrium,
 };
 pub use step::{Stage, Stepper};

@@ -177,6 +177,12 @@ impl Livewire {
         Ok(path.into_iter().map(|p| self.pixel(p)).collect())
     }
 
+    /// Spends idle time on shortest paths: settles up to `pixels` more. Returns how many were settled (0 when the whole
+    /// slice is reached already, or nothing is started).
+    pub fn advance(&mut self, pixels: usize) -> usize {
+        self.wave.as_mut().map_or(0, |w| w.expand(&self.links, pixels, usize::MAX))
+    }
+
     /// Sets an anchor at the snapped position, with the wire that `hover` shows. A second click on the last anchor
     /// changes nothing.
     ///

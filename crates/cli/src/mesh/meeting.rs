@@ -21,7 +21,7 @@ pub(super) fn of_surface(mesh: &TriangleMesh) -> Meeting {
 /// Elements that do not share what they meet in.
 pub(super) fn of_tetrahedra(mesh: &TetMesh) -> Meeting {
     let (hanging, loose) = mesh.unshared();
-    let mut doubts: Vec<String> = hanging.map(hanging_words).into_iter().chain(loose.map(loose_words)).collect();
+    let mut doubts = words(hanging, loose);
     let boundary = TriangleMesh { vertices: mesh.vertices.clone(), triangles: mesh.boundary(|_| true) };
     let found = boundary.self_crossing();
     // Where elements share nothing, the faces in which they should lie on each other: not to be told twice.
@@ -39,6 +39,16 @@ pub(super) fn of_tetrahedra(mesh: &TetMesh) -> Meeting {
 /// How many pairs of triangles cross, and where the first do; null where none do.
 pub(super) fn crossing_json(found: Option<&SelfCrossing>) -> Value {
     found.map_or(Value::Null, |found| json!({ "pairs": found.pairs, "at_lps_mm": found.at.to_array() }))
+}
+
+/// What is to be said of elements that do not share what they meet in.
+pub(crate) fn unshared_words(mesh: &TetMesh) -> Vec<String> {
+    let (hanging, loose) = mesh.unshared();
+    words(hanging, loose)
+}
+
+fn words(hanging: Option<HangingNode>, loose: Option<LooseFaces>) -> Vec<String> {
+    hanging.map(hanging_words).into_iter().chain(loose.map(loose_words)).collect()
 }
 
 fn hanging_words(h: HangingNode) -> String {

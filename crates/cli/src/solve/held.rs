@@ -37,6 +37,22 @@ pub(super) fn free(mesh: &TetMesh, problem: &StaticProblem) -> Option<String> {
     Some(format!("the supports leave {count} of the six rigid motions of {of} free{which}: {so}"))
 }
 
+/// Says that the body is in pieces that share nothing: `None` where it is one.
+pub(super) fn apart(mesh: &TetMesh, problem: &StaticProblem) -> Option<String> {
+    let pieces = pieces(mesh, problem);
+    let [one, two, ..] = &pieces[..] else { return None };
+    Some(format!(
+        "the mesh is in {} pieces that share no vertex ({} tetrahedra with number {}, {} with number {}{}): they do not act on each \
+         other",
+        pieces.len(),
+        one.tets,
+        one.first,
+        two.tets,
+        two.first,
+        if pieces.len() > 2 { ", ..." } else { "" }
+    ))
+}
+
 /// Says which parts hang at the rest of the body in a vertex or an edge alone, so that they can turn about it; `None` without any.
 /// Elements share no face there: nothing resists, though all hangs together.
 pub(super) fn hinged(mesh: &TetMesh, problem: &StaticProblem) -> Option<String> {

@@ -1,6 +1,7 @@
 //! `monro solve`: a static scene (JSON and meshes in SI) to its equilibrium.
 
 mod held;
+mod joined;
 mod json;
 mod limits;
 mod materials;
@@ -8,6 +9,7 @@ mod outcome;
 mod remarks;
 pub(crate) mod scene;
 pub(crate) mod stepping;
+mod stress;
 mod thin;
 mod units;
 mod words;
@@ -19,7 +21,7 @@ use anyhow::{Context, Result, ensure};
 use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
 use monro_geometry::{Patient, TetMesh, Vector, Walls};
 use monro_tissue::{
-    CollisionResponse, Finer, Mode, ModelOptions, PhysicalOptions, StaticOptions, StaticSolution, equilibrium,
+    CollisionResponse, Finer, Mode, ModelOptions, Moment, PhysicalOptions, StaticOptions, StaticSolution, equilibrium,
 };
 use scene::Scene;
 use serde_json::{Map, Value, json};
@@ -38,6 +40,8 @@ const BUDGET_MS: u64 = 600_000;
 pub(crate) struct Found {
     /// Displacement of each node, mm.
     pub(crate) displacement: Vec<Vector<Patient>>,
+    /// Arrays of the elements of the mesh as given.
+    pub(crate) cells: Vec<DataArray>,
     /// What goes into the result beside the displacement.
     pub(crate) json: Map<String, Value>,
     /// What the user should not miss.
@@ -117,7 +121,8 @@ pub(crate) fn physical(scene: &Scene, finer: Finer, keep_going: &mut dyn FnMut()
     if matches!(finer, Finer::UpTo(_)) {
         remarks.extend(limits::as_given(scene, &solved));
     }
-    Ok(Found { json: forces(scene, &solved), displacement: solved.displacement, remarks })
+    let cells = stress::arrays(scene, &solved.displacement).to_vec();
+    Ok(Found { json: forces(scene, &solved), cells, displacement: solved.displacement, remarks })
 }
 
 fn newton(v: Vector<Patient>) -> [f64; 3] {
@@ -142,12 +147,24 @@ fn reactions(scene: &Scene, solved: &StaticSolution) -> [Value; 2] {
     [Value::Object(force), Value::Object(components)]
 }
 
+/// What the forces of each set, by name, turn on the tissue; that of rods, in their order.
+fn moments(scene: &Scene, solved: &StaticSolution) -> [Value; 2] {
+    let of = |m: &Moment| json!({ "Nm": m.mn_mm.to_array().map(|v| v * 1e-6), "about_m": m.about.to_array().map(|v| v * 1e-3) });
+    let sets = solved.set_moments.iter().map(|(&set, m)| (scene.sets[set as usize].0.clone(), of(m)));
+    [Value::Object(sets.collect()), solved.rod_moments.iter().map(|m| json!(m.as_ref().map(of))).collect()]
+}
+
 /// Reactions and how they were found. A force along a tool's motion is positive when the tissue resists it.
 fn forces(scene: &Scene, solved: &StaticSolution) -> Map<String, Value> {
     let mut json = Map::new();
     let [force, held] = reactions(scene, solved);
     json.insert("reactions_N".into(), force);
     json.insert("reactions_held".into(), held);
+    let [of_sets, of_rods] = moments(scene, solved);
+    json.insert("moments".into(), of_sets);
+    if !scene.problem.rods.is_empty() {
+        json.insert("rod_moments".into(), of_rods);
+    }
     // What stands still resists along no way.
     let along =
         |force: Vector<Patient>, way: Vector<Patient>| (way.norm() > 0.0).then(|| force.dot(way) / way.norm() * 1e-3);
@@ -176,7 +193,7 @@ fn forces(scene: &Scene, solved: &StaticSolution) -> Map<String, Value> {
     json
 }
 
-/// The mesh of the scene in metres, its nodes in their order, with the point array `displacement`.
+/// The mesh of the scene in metres, its nodes in their order, with the point array `displacement` and what its elements have.
 fn write(out: &Path, scene: &Scene, found: &Found) -> Result<()> {
     let metres: Vec<[f64; 3]> = found.displacement.iter().map(|&d| newton(d)).collect();
     let region = vtu::find(&scene.grid.cell_data, "region").cloned();
@@ -184,7 +201,7 @@ fn write(out: &Path, scene: &Scene, found: &Found) -> Result<()> {
         points: scene.grid.points.clone(),
         tets: scene.grid.tets.clone(),
         point_data: vec![DataArray::vectors("displacement", Kind::Float64, &metres)],
-        cell_data: region.into_iter().collect(),
+        cell_data: region.into_iter().chain(found.cells.iter().cloned()).collect(),
         ..UnstructuredGrid::default()
     };
     fs::write(out, vtu::encode(&grid)).with_context(|| format!("cannot write {}", out.display()))

@@ -96,7 +96,7 @@ fn stopped(stop: Stop, solved: &StaticSolution) -> String {
 /// Why a finer mesh was given up.
 fn given_up(finer: &Unfinished) -> String {
     match (finer.stop, finer.residual.is_finite()) {
-        _ if let Some(refused) = &finer.refused => refused.to_string(),
+        _ if let Some(refused) = &finer.refused => format!("of the finer mesh: {refused}"),
         (None, _) => format!("{} of its elements turned inside out", finer.turned),
         (Some(stop), true) => {
             format!("residual {:.2e}, {} elements turned; {}", finer.residual, finer.turned, why(stop))
@@ -135,9 +135,13 @@ fn unfinished(solved: &StaticSolution) -> Option<String> {
         }
         false => "",
     };
+    let unknown = match solved.change {
+        None => ", and how much a finer one would change it is not known",
+        Some(_) => "",
+    };
     Some(format!(
         "a finer mesh of {} elements was given up ({}); the answer is that of {} elements, with a residual of \
-         {:.2e}{collapse}",
+         {:.2e}{unknown}{collapse}",
         finer.tets,
         given_up(finer),
         solved.tets,

@@ -1,7 +1,7 @@
 //! Scenes of static problems: a JSON file beside its meshes, all in SI. What is read is in mm, mN and kPa.
 
 use super::json::Unique;
-use super::{held, materials, remarks, units};
+use super::{held, joined, materials, remarks, units};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use monro_case::vtu::{self, DataArray, UnstructuredGrid};
 use monro_geometry::{Patient, Point, TetMesh, Vector, tet_signed_volume};
@@ -121,6 +121,9 @@ fn of_case(
     remarks.extend(materials::unused(&materials, &tets.labels));
     remarks.extend(remarks::nothing_to_find(tets.vertices.len(), &problem));
     remarks.extend(remarks::overlapping(&tets));
+    remarks.extend(joined::unshared(&tets));
+    remarks.extend(held::apart(&tets, &problem));
+    remarks.extend(joined::lines(&tets, &problem, &sets));
     remarks.extend(held::free(&tets, &problem));
     remarks.extend(remarks::outside(&tets, &problem));
     remarks.extend(held::hinged(&tets, &problem));

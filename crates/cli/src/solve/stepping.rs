@@ -55,7 +55,7 @@ pub(super) fn solve(scene: &Scene, keep_going: &mut dyn FnMut() -> bool) -> Resu
     }
     let mut json = told(frames, still, rests && turned.is_empty());
     json.insert("turned".into(), turned.len().into());
-    Ok(Found { displacement, json, remarks })
+    Ok(Found { displacement, cells: Vec::new(), json, remarks })
 }
 
 impl<'a> Stepping<'a> {

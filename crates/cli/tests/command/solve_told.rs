@@ -476,3 +476,35 @@ fn a_sphere_that_stays_where_it_is_did_nothing_in_paper_mode() {
         assert!(moved > 0.3, "{mode}: {told}");
     }
 }
+
+/// Half of the force that a bar takes went missing, and it was "converged".
+#[test]
+fn a_mesh_whose_halves_share_nothing_was_solved_without_a_word() {
+    let dir = tempfile::tempdir().expect("temp");
+    let args = changed(dir.path(), |_| ());
+    let file = dir.path().join("cube.vtu");
+    let mut grid = vtu::decode(&fs::read(&file).expect("mesh")).expect("vtu");
+    // A second cube goes on where the first ends, but for rounding, with vertices of its own.
+    let old = grid.clone();
+    grid.points.extend(old.points.iter().map(|p| [p[0] + 0.02 + 1e-9, p[1], p[2]]));
+    grid.tets.extend(old.tets.iter().map(|t| t.map(|v| v + 8)));
+    grid.cell_data.iter_mut().for_each(|a| a.values.extend(a.values.clone()));
+    for a in &mut grid.point_data {
+        let (first, second) = match a.name.as_str() {
+            "set_x0" => (1.0, 0.0),
+            "set_x1" => (0.0, 1.0),
+            _ => (1.0, 1.0),
+        };
+        let own = a.values.clone();
+        a.values = own.iter().map(|v| v * first).chain(own.iter().map(|v| v * second)).collect();
+    }
+    fs::write(&file, vtu::encode(&grid)).expect("written");
+    let scene = dir.path().join("scene.json");
+    let mut json_of: Value = serde_json::from_slice(&fs::read(&scene).expect("scene")).expect("json");
+    for count in ["nodes", "tets"] {
+        json_of["meshes"]["cube"].as_object_mut().expect("mesh").remove(count);
+    }
+    fs::write(&scene, json_of.to_string()).expect("written");
+    let said = remarks(&json(&args.each_ref().map(String::as_str)));
+    says(&said, &["face(s) lie on others", "neither motion nor force goes", "in 2 pieces that share no vertex"]);
+}

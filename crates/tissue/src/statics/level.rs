@@ -73,13 +73,16 @@ impl Level {
     }
 
     /// Each element into eight, as often as the options say. Where a sphere rubs only as often as they ask for: its way is gone
-    /// again from the start on each mesh, which takes minutes.
+    /// again from the start on each mesh, which takes minutes. Elements that turned inside out on one mesh may not on a finer one:
+    /// asked for, that is tried, too, from rest.
     pub(super) fn refine_all(&mut self, how: &mut How<'_>) {
         if self.refined.problem.rubs() && matches!(how.options.finer, Finer::UpTo(_)) {
             return;
         }
         let mut times = 0;
-        while self.solved.converged && how.options.finer.go_on(times, self.solved.tets) {
+        let asked = matches!(how.options.finer, Finer::Times(_));
+        let goes_on = |solved: &StaticSolution| solved.converged || (asked && solved.stop.is_none());
+        while goes_on(&self.solved) && how.options.finer.go_on(times, self.solved.tets) {
             let given_up = if (how.keep_going)() {
                 let finer = self.refined.clone().halved();
                 self.go_on(finer, how)
@@ -88,8 +91,7 @@ impl Level {
             };
             if let Some(given_up) = given_up {
                 // Asked for, it is missing; as good as it gets, it is what there is, unless finer meshes bear it no more.
-                let as_asked = !matches!(how.options.finer, Finer::Times(_));
-                self.solved.converged = as_asked && !given_up.is_collapse();
+                self.solved.converged = !asked && !given_up.is_collapse();
                 self.solved.unfinished = Some(given_up);
                 return;
             }
@@ -135,8 +137,8 @@ impl Level {
 
     /// Takes the place of this level, if it is solved; else what was reached.
     fn go_on(&mut self, finer: Refined, how: &mut How<'_>) -> Option<Unfinished> {
-        let start = finer.prolonged(&self.solved.displacement);
-        let found = (how.keep_going)().then(|| how.solve(&finer, Some(&start)));
+        let start = self.solved.converged.then(|| finer.prolonged(&self.solved.displacement));
+        let found = (how.keep_going)().then(|| how.solve(&finer, start.as_deref()));
         let tets = finer.mesh.tets.len();
         let asked = matches!(how.options.finer, Finer::Times(_));
         match found {

@@ -32,7 +32,7 @@ use problem::{outside, validate, with_attachments};
 use std::collections::BTreeSet;
 
 pub use problem::{EmbeddedRod, Pressure, SphereContact, StaticError, StaticProblem, Support};
-pub use told::{Coarse, MeshChange, Overlap, StaticSolution, Stop, Unfinished};
+pub use told::{Coarse, MeshChange, Moment, Overlap, StaticSolution, Stop, Unfinished};
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -153,19 +153,25 @@ impl Model {
         let back = |of: &[[f64; 3]]| self.number.iter().map(|&n| Vector::from_array(of[n as usize])).collect();
         let moved: Vec<[f64; 3]> =
             solved.x.iter().zip(&elastic.rest).map(|(x, r)| core::array::from_fn(|a| x[a] - r[a])).collect();
-        let rods = loads.rods.iter().map(|held| taken(held, &mut solved.reaction)).collect();
+        let by_rods: Vec<_> = loads.rods.iter().map(|held| taken(held, (&mut solved.reaction, &solved.x))).collect();
         let turned: BTreeSet<u32> = solved.turned.iter().copied().collect();
         let held = |n: u32| loads.support[n as usize].iter().any(Option::is_some);
         let overlaps = overlap::all(self, (elastic, &solved.x), (&problem.contacts, &solved.spheres), held);
         let through = overlaps.iter().any(|o| o.passed).then_some(Stop::Through);
         let stop = solved.stop.or(through);
         let reaction = back(&solved.reaction);
+        let at: Vec<[f64; 3]> = self.number.iter().map(|&n| solved.x[n as usize]).collect();
         Ok(StaticSolution {
             displacement: back(&moved),
             sets: problem.of_sets(&reaction),
+            set_moments: problem.moments(&reaction, (&at, self.origin)),
             reaction,
             contacts: solved.contacts.iter().map(|&f| Vector::from_array(f)).collect(),
-            rods,
+            rods: by_rods
+                .iter()
+                .map(|of| of.iter().fold(Vector::ZERO, |s, &(_, f)| s + Vector::from_array(f)))
+                .collect(),
+            rod_moments: by_rods.iter().map(|of| Moment::of(of, self.origin)).collect(),
             contested: loads.contested,
             residual: solved.residual,
             share: solved.share,
@@ -187,13 +193,12 @@ impl Model {
     }
 }
 
-/// The force of a rod, taken out of the reactions of what it holds.
-fn taken(held: &[(u32, [bool; 3])], reaction: &mut [[f64; 3]]) -> Vector<Patient> {
-    let mut sum = [0.0; 3];
-    for &(node, by_rod) in held {
-        for a in (0..3).filter(|&a| by_rod[a]) {
-            sum[a] += core::mem::take(&mut reaction[node as usize][a]);
-        }
-    }
-    Vector::from_array(sum)
+/// Where a rod holds what, and the forces, taken out of the reactions of what it holds.
+fn taken(held: &[(u32, [bool; 3])], (reaction, x): (&mut [[f64; 3]], &[[f64; 3]])) -> Vec<([f64; 3], [f64; 3])> {
+    let mut of = |&(node, by_rod): &(u32, [bool; 3])| {
+        let whole = &mut reaction[node as usize];
+        let force = core::array::from_fn(|a| if by_rod[a] { core::mem::take(&mut whole[a]) } else { 0.0 });
+        (x[node as usize], force)
+    };
+    held.iter().map(&mut of).collect()
 }

@@ -1,6 +1,6 @@
 //! What is imposed on a body, and when it is refused.
 
-use super::refine;
+use super::{Moment, refine};
 use crate::{Attachment, AttachmentKind, ModelError};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 use std::collections::{BTreeMap, BTreeSet};
@@ -39,6 +39,22 @@ impl StaticProblem {
     /// in each.
     pub(super) fn of_sets(&self, force: &[Vector<Patient>]) -> BTreeMap<u32, Vector<Patient>> {
         sums(&self.held(), force, |_, _| 1.0)
+    }
+
+    /// Moments of the same forces on vertices that are at `x` (mm from an origin) in the end.
+    pub(super) fn moments(
+        &self,
+        force: &[Vector<Patient>],
+        (x, origin): (&[[f64; 3]], Point<Patient>),
+    ) -> BTreeMap<u32, Moment> {
+        let mut of = BTreeMap::<u32, BTreeMap<u32, [f64; 3]>>::new();
+        for (set, node, a) in self.held() {
+            of.entry(set).or_default().entry(node).or_default()[a] = force[node as usize].to_array()[a];
+        }
+        let moment = |acts: BTreeMap<u32, [f64; 3]>| {
+            Moment::of(&acts.into_iter().map(|(n, f)| (x[n as usize], f)).collect::<Vec<_>>(), origin)
+        };
+        of.into_iter().filter_map(|(set, acts)| Some((set, moment(acts)?))).collect()
     }
 
     /// The same with what several hold shared out evenly: a row of vertices between two sets is as wide as the mesh is coarse.

@@ -1,11 +1,32 @@
 //! What a solve tells.
 
 use super::StaticError;
-use monro_geometry::{Patient, Vector};
+use super::sphere::axpy;
+use crate::physical::elastic::{cross, sub};
+use monro_geometry::{Patient, Point, Vector};
 use std::collections::BTreeMap;
 
 /// Share of the elements turned inside out from which on a body is taken to collapse.
 const COLLAPSED: f64 = 0.01;
+
+/// What forces turn about a place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moment {
+    /// The place: the mean of the vertices that they act on, as they are in the end.
+    pub about: Point<Patient>,
+    /// Their moment on the tissue, mN mm.
+    pub mn_mm: Vector<Patient>,
+}
+
+impl Moment {
+    /// Of forces (mN) at places (mm from an origin); `None` where there are none.
+    pub(super) fn of(all: &[([f64; 3], [f64; 3])], origin: Point<Patient>) -> Option<Self> {
+        let share = 1.0 / all.len() as f64;
+        let about = all.iter().fold([0.0; 3], |c, (x, _)| axpy(c, share, *x));
+        let moment = all.iter().fold([0.0; 3], |m, &(x, f)| axpy(m, 1.0, cross(sub(x, about), f)));
+        (!all.is_empty()).then(|| Self { about: origin + Vector::from_array(about), mn_mm: Vector::from_array(moment) })
+    }
+}
 
 /// An equilibrium, or the best found.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,10 +41,14 @@ pub struct StaticSolution {
     /// Force of each set of supports on the tissue, mN, in the components that it holds: summed up on the mesh that the answer
     /// was found on, and without what a rod moves. What two sets hold counts in both.
     pub sets: BTreeMap<u32, Vector<Patient>>,
+    /// Moment of the same forces of each set on the tissue.
+    pub set_moments: BTreeMap<u32, Moment>,
     /// Force of each sphere on the tissue, mN.
     pub contacts: Vec<Vector<Patient>>,
     /// Force of each rod on the tissue, mN.
     pub rods: Vec<Vector<Patient>>,
+    /// Moment of each rod on the tissue; `None` of one that holds no vertex.
+    pub rod_moments: Vec<Option<Moment>>,
     /// Vertices of the mesh that it was found on inside each rod that a support, or a rod before it, moves otherwise: they do
     /// not go with this rod.
     pub contested: Vec<usize>,

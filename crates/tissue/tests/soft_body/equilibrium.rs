@@ -462,3 +462,30 @@ fn forces_that_are_rounding_where_loads_balance_each_other_were_said_to_change()
     let loads = 0.5 * 6.0 * 225.0;
     assert!(solved.loads_mn < loads && solved.loads_mn > 0.8 * loads, "{} of {loads} mN at rest", solved.loads_mn);
 }
+
+/// A square bar twisted by a small angle: torque 0.1406 G a^4 angle / length (Timoshenko and Goodier, Theory of Elasticity, 3rd
+/// ed., section 109), which linear tetrahedra overstate; and the moments at both ends balance.
+#[test]
+fn what_twists_a_bar_is_its_torque() {
+    let (cells, size, angle) = ([24, 8, 8], 2.5, 0.05f64);
+    let (length, side) = (60.0, 20.0);
+    let mesh = block(cells, size, |_| 4);
+    let o = material(0.3);
+    let (sin, cos) = angle.sin_cos();
+    let mut supports: Vec<Support> = held(nodes(&mesh, |p| p.x == 0.0), [Some(0.0); 3]).collect();
+    for node in nodes(&mesh, |p| p.x == length) {
+        let p = mesh.vertices[node as usize];
+        let (y, z) = (p.y - 0.5 * side, p.z - 0.5 * side);
+        let turned = [0.0, y * cos - z * sin - y, y * sin + z * cos - z];
+        supports.push(Support { node, set: 1, displacement_mm: turned.map(Some) });
+    }
+    let solved = solve(&mesh, &o, &StaticProblem { supports, ..StaticProblem::default() });
+    let [still, turned] = [0, 1].map(|set| solved.set_moments[&set]);
+    let torque = 0.1406 * o.materials[&4].shear_kpa() * side.powi(4) * angle / length;
+    // Warping is held at both ends: a little stiffer.
+    let over = turned.mn_mm.x / torque;
+    assert!((1.0..1.15).contains(&over), "{over}");
+    assert!((turned.about - Point::new(length, 0.5 * side, 0.5 * side)).norm() < 1e-9, "{turned:?}");
+    let sum = still.mn_mm + turned.mn_mm + (turned.about - still.about).cross(solved.sets[&1]);
+    assert!(sum.norm() < 1e-4 * torque, "{sum:?} of {torque}");
+}
