@@ -62,10 +62,9 @@ What is printed (forces in N, along the axes of the scene):
   reactions_N     force of each set on the tissue, in the components that the set holds (0 in the others; what two
                   sets hold counts in both), summed up on the mesh that was solved
   reactions_held  these components
-  moments  moment of the same forces of each set on the tissue: Nm (N m, along
-                 the axes of the scene) and about_m, the mean of the vertices that
-                 the set holds where they end up, which it is taken about
-  rod_moments    the same of each rod (null of one that holds no vertex)
+  moments         what the same forces of each set turn: Nm (N m, along the axes of the scene) about about_m, the mean of
+                  the vertices that the set holds, where they end up
+  rod_moments     the same of each rod; null of one that holds no vertex
   punch_forces_N, rod_forces_N
                   force of each sphere, of each rod on the tissue; punch_force_N, rod_force_N: of the first, along its
                   motion, positive when the tissue resists; null where it stands still
