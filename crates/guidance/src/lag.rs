@@ -15,11 +15,18 @@ pub struct Lag {
     quickest: Least,
     quick: Least,
     lag: f64,
+    set_back: Option<(f64, f64)>,
 }
 
 impl Default for Lag {
     fn default() -> Self {
-        Self { newest: f64::NEG_INFINITY, quickest: Least::new(LONG, true), quick: Least::new(SHORT, false), lag: 0.0 }
+        Self {
+            newest: f64::NEG_INFINITY,
+            quickest: Least::new(LONG, true),
+            quick: Least::new(SHORT, false),
+            lag: 0.0,
+            set_back: None,
+        }
     }
 }
 
@@ -29,7 +36,8 @@ impl Lag {
     pub fn take(&mut self, stamp: f64, arrival: f64) -> f64 {
         let way = arrival - stamp;
         if way.is_finite() && stamp < self.newest - BACK {
-            *self = Self::default();
+            let set_back = Some((self.newest - stamp, arrival));
+            *self = Self { set_back, ..Self::default() };
         }
         // What comes with the stamp of the one before says nothing of the way: it is of a clock that is coarse.
         if way.is_finite() && stamp != self.newest {
@@ -37,6 +45,12 @@ impl Lag {
             self.lag = self.quick.take(way, arrival) - self.quickest.take(way, arrival);
         }
         self.lag
+    }
+
+    /// By how much stamps went back last, s, and when that was by our clock. The clock was set anew then, or what came from there
+    /// on is as much older than it seems: that cannot be told.
+    pub fn set_back(&self) -> Option<(f64, f64)> {
+        self.set_back
     }
 }
 
@@ -128,5 +142,17 @@ mod tests {
         let found = after(60.0, |t| jitter[(t * 60.0).round() as usize % 3600], whole).1;
         assert!(found < 0.05, "{found}");
         assert_eq!(Lag::default().take(f64::NAN, 1.0), 0.0);
+    }
+
+    /// A delay of 0.2 s that stepped on was found, one of 0.4 s was a clock set anew without a word.
+    #[test]
+    fn stamps_that_went_back_were_forgotten_without_a_word() {
+        let mut lag = Lag::default();
+        for i in 0..240 {
+            let arrival = f64::from(i) / 60.0;
+            lag.take(if i < 120 { arrival } else { arrival - 0.4 }, arrival);
+        }
+        let (by, when) = lag.set_back().expect("noticed");
+        assert!((by - (0.4 - 1.0 / 60.0)).abs() < 1e-9 && (when - 2.0).abs() < 1e-9, "{by} at {when}");
     }
 }

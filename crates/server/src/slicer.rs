@@ -235,7 +235,7 @@ impl Peer {
     async fn tell(&mut self, to: &mut OwnedWriteHalf, everything: bool) -> io::Result<()> {
         let (snapshot, guidance) = self.live.snapshot();
         self.sent = self.sent.wrapping_add(1);
-        put(to, &catheter(snapshot.needle.as_ref(), (measured(snapshot.age_s), self.sent))).await?;
+        put(to, &catheter((snapshot.needle.as_ref(), snapshot.signal), (measured(snapshot.age_s), self.sent))).await?;
         if !everything {
             return Ok(());
         }
@@ -276,8 +276,9 @@ fn measured(age_s: Option<f64>) -> Option<Timestamp> {
     Timestamp::from_seconds(now - age_s?)
 }
 
-/// The catheter as a frame: its origin is the tip, its z axis leads from hub to tip; with the time of its pose.
-fn catheter(needle: Option<&NeedlePose>, (time, id): (Option<Timestamp>, u32)) -> Message {
+/// The catheter as a frame: its origin is the tip, its z axis leads from hub to tip; with the time of its pose. A pose that is not
+/// new any more is out of view.
+fn catheter((needle, signal): (Option<&NeedlePose>, Signal), (time, id): (Option<Timestamp>, u32)) -> Message {
     let pose = needle.and_then(|n| {
         let z = Vector::new(0.0, 0.0, 1.0);
         let axis = z.cross(n.axis()).normalized().unwrap_or(Vector::new(1.0, 0.0, 0.0));
@@ -286,7 +287,11 @@ fn catheter(needle: Option<&NeedlePose>, (time, id): (Option<Timestamp>, u32)) -
         Some(ras_from_patient().after(&patient_from_catheter))
     });
     let matrix = pose.as_ref().map_or(AWAY, Matrix34::from_rigid::<Ras, Tool>);
-    let state = if pose.is_some() { ToolStatus::Ok } else { ToolStatus::Missing };
+    let state = match (&pose, signal) {
+        (None, _) | (_, Signal::Lost) => ToolStatus::Missing,
+        (_, Signal::Stale) => ToolStatus::OutOfVolume,
+        (_, Signal::Live) => ToolStatus::Ok,
+    };
     Message::v2("Catheter", time, id, Content::Transform(matrix)).with("TransformStatus", state.value())
 }
 
@@ -294,7 +299,7 @@ fn status(snapshot: &Snapshot, message: String) -> Status {
     let (code, name) = match (snapshot.signal, snapshot.phase) {
         (Signal::Lost, _) => (StatusCode::TimeOut, "lost"),
         (_, phase) if phase != Phase::Navigating => (StatusCode::NotReady, "not navigating"),
-        (Signal::Stale, _) => (StatusCode::Ok, "stale"),
+        (Signal::Stale, _) => (StatusCode::TimeOut, "stale"),
         (Signal::Live, _) => (StatusCode::Ok, "live"),
     };
     Status { code, sub_code: 0, name: name.to_owned(), message }
@@ -309,11 +314,14 @@ mod tests {
     #[test]
     fn the_catheters_frame_has_its_tip_and_its_direction_in_ras() {
         let needle = NeedlePose::new(Point::new(10.0, 20.0, 30.0), Vector::new(0.6, 0.0, -0.8)).expect("needle");
-        let message = catheter(Some(&needle), (measured(Some(0.5)), 1));
+        let message = catheter((Some(&needle), Signal::Live), (measured(Some(0.5)), 1));
         assert_eq!(message.meta("TransformStatus"), Some("OK"));
         let now = SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970").as_secs_f64();
         let age = now - message.time.expect("a time").seconds();
         assert!((0.4..60.0).contains(&age), "{age}");
+        // A tool that its tracker had just said to be missing was "OK" for half a second.
+        let stale = catheter((Some(&needle), Signal::Stale), (None, 2));
+        assert_eq!((stale.meta("TransformStatus"), &stale.content), (Some("OUT_OF_VOLUME"), &message.content));
         let Content::Transform(m) = message.content else { panic!("transform") };
         assert_eq!(m.columns[3], [-10.0, -20.0, 30.0]);
         assert!(m.columns[2].iter().zip([-0.6, 0.0, -0.8]).all(|(a, b)| (a - b).abs() < 1e-6), "{m:?}");
@@ -321,7 +329,7 @@ mod tests {
 
     #[test]
     fn a_lost_catheter_is_drawn_nowhere_near_the_head() {
-        let message = catheter(None, (None, 2));
+        let message = catheter((None, Signal::Lost), (None, 2));
         assert_eq!(message.meta("TransformStatus"), Some("MISSING"));
         let Content::Transform(m) = message.content else { panic!("transform") };
         assert!(m.columns[3][2] > 5000.0, "{m:?}");

@@ -43,6 +43,8 @@ pub(crate) struct NatNetDecoder {
 
 /// A clock that goes back by more than this, or exposures that far in the future, belong to a server that was restarted, s.
 const BREAK: f64 = 0.25;
+/// No server takes as long from exposure to sending, s: its two times are not of one clock.
+const MOST_TOLD: f64 = 10.0;
 /// What a frame counts in the mean of the last ones' ages.
 const SHARE: f64 = 0.05;
 /// After a silence of this length it may have been restarted too, s.
@@ -77,13 +79,18 @@ impl NatNetDecoder {
             Ok(Some(Event::Echo(e))) => {
                 self.estimate.push(Exchange { sent: e.sent, other: e.server, received: e.received });
             }
-            Ok(Some(Event::Frame(frame, poses))) => return self.frame(arrival, frame.suffix.timestamp, poses),
+            Ok(Some(Event::Frame(frame, poses))) => {
+                let frequency = self.client.server().and_then(|s| s.clock).map(|c| c.frequency);
+                let told = frame.system_latency(frequency).filter(|s| (0.0..MOST_TOLD).contains(s));
+                return self.frame(arrival, (frame.suffix.timestamp, told.unwrap_or(0.0)), poses);
+            }
             _ => {}
         }
         Taken::Nothing
     }
 
-    fn frame(&mut self, arrival: f64, timestamp: f64, mut poses: Vec<TimedPose>) -> Taken {
+    /// `told`: how long the server says that it took from exposure to sending, s.
+    fn frame(&mut self, arrival: f64, (timestamp, told): (f64, f64), mut poses: Vec<TimedPose>) -> Taken {
         let exposed = poses.first().and_then(|p| p.source_time);
         if self.is_restarted(exposed, arrival) {
             self.estimate.forget();
@@ -95,9 +102,10 @@ impl NatNetDecoder {
         }
         let clock = self.estimate.offset();
         if !poses.is_empty() {
-            // Where there is no clock of the cameras, that of the server's frames will do.
+            // Where there is no clock of the cameras, that of the server's frames will do. What they have fallen behind since they
+            // were sent comes to what passed before.
             let stamp = exposed.or(Some(timestamp)).filter(|s| *s > 0.0);
-            let lag = self.late.take(stamp, arrival);
+            let lag = self.late.take(stamp.map(|s| s + told), arrival) + told;
             poses.iter_mut().for_each(|p| p.lag = lag);
             self.age += SHARE * (age(arrival, (arrival, lag), exposed, clock.as_ref()) - self.age);
         }
@@ -130,6 +138,8 @@ pub(crate) struct IgtlDecoder {
 
 /// Devices and tools that are remembered at most; a server that sends ever new names is misconfigured.
 const MOST_NAMES: usize = 256;
+/// Where there are as many, tools that have not come for so long make room for others, s.
+const FORGOTTEN_S: f64 = 1.0;
 /// Longest name of a tool, bytes.
 const LONGEST_NAME: usize = 256;
 
@@ -138,11 +148,18 @@ impl IgtlDecoder {
         Self { stamps, ..Self::default() }
     }
 
-    fn note(&mut self, pose: &mut TimedPose) {
-        if self.tools.contains_key(&pose.name) || self.tools.len() < MOST_NAMES {
-            let told = || Told::new(pose.arrival_time, self.stamps);
-            self.tools.entry(pose.name.clone()).or_insert_with(told).take(pose);
+    /// Notes what is told of a tool; whether there is room for it. Where a server sends ever new names, those that have not come
+    /// for a second make room.
+    fn note(&mut self, pose: &mut TimedPose) -> bool {
+        let now = pose.arrival_time;
+        if self.tools.len() >= MOST_NAMES && !self.tools.contains_key(&pose.name) {
+            self.tools.retain(|_, told| now - told.at < FORGOTTEN_S);
+            if self.tools.len() >= MOST_NAMES {
+                return false;
+            }
         }
+        self.tools.entry(pose.name.clone()).or_insert_with(|| Told::new(now, self.stamps)).take(pose);
+        true
     }
 
     /// Notes what a device says of itself.
@@ -182,7 +199,13 @@ impl IgtlDecoder {
                         self.fault = Some(format!("a tool's name is longer than {LONGEST_NAME} bytes"));
                         told.retain(|p| p.name.len() <= LONGEST_NAME);
                     }
-                    told.iter_mut().for_each(|pose| self.note(pose));
+                    let before = told.len();
+                    told.retain_mut(|pose| self.note(pose));
+                    if told.len() < before {
+                        self.dropped += 1;
+                        self.fault =
+                            Some(format!("more than {MOST_NAMES} tools are sent: those of new names are left out"));
+                    }
                     self.add(told);
                 }
                 Err(error) if self.parser.is_broken() => return Err(error),
@@ -270,6 +293,45 @@ mod tests {
         assert_eq!(sent("Catheter", &Rigid::IDENTITY), Quality::Missing(Missing::NotTracked));
         assert_eq!(sent("Catheter", &pose(1e-3)), tracked);
         assert!((0..9).all(|_| sent("Reference", &Rigid::IDENTITY) == tracked), "one to which all poses are");
+    }
+
+    /// It was said in each frame, and poses of 150 ms were as young as their arrival.
+    #[test]
+    fn what_a_natnet_server_says_of_its_own_delay_was_not_counted_without_a_common_clock() {
+        for version in ["2.9", "3.0", "4.1"].map(|v| Version::parse(v).expect("version")) {
+            let (bodies, up) = (vec!["Catheter".to_owned()], UpAxis::Y);
+            let (frequency, data_port, multicast) = (1_000_000, 1511, false);
+            let options = ServerOptions { version, bodies, frequency, data_port, multicast, up, rate: 60.0 };
+            let mut server = Server::new(options);
+            let mut decoder = NatNetDecoder::new(ClientOptions::default(), Stamps::Heeded);
+            decoder.take(0.0, &server.info().encode());
+            let mut lags = Vec::new();
+            for i in 1..600 {
+                let measured = f64::from(i) / 60.0;
+                // It takes longer from 5 s on.
+                let took = if i < 300 { 0.04 } else { 0.15 };
+                let bytes = server.frame(&[(Some(pose(measured)), 0.3)], measured, measured + took);
+                if let Taken::Frame(batch) = decoder.take(measured + took + 0.002, &bytes) {
+                    lags.push(batch.poses[0].lag);
+                }
+            }
+            let [before, after] = [lags[100], lags[lags.len() - 1]];
+            assert!((before - 0.04).abs() < 1e-3 && (after - 0.15).abs() < 1e-3, "{version}: {before}, {after}");
+        }
+    }
+
+    /// The channel was worked off for many seconds after such a flood, and the right tracker behind it was "silent".
+    #[test]
+    fn ever_new_names_take_no_room_from_a_tracker_that_comes_after_them() {
+        let mut decoder = IgtlDecoder::new(Stamps::Heeded);
+        let mut sent = |name: &str, at: f64| {
+            let message = Message::v1(name, None, Content::Transform(Matrix34::from_rigid(&pose(at))));
+            decoder.take(at, &message.encode().expect("message")).expect("stream");
+            (decoder.next().map(|b| b.poses.len()), decoder.tools.len(), decoder.fault.is_some())
+        };
+        let flood: Vec<_> = (0..1000).map(|i| sent(&format!("T{i}"), 1.0 + f64::from(i) * 1e-4)).collect();
+        assert!(flood.iter().all(|f| f.1 <= MOST_NAMES) && flood[999] == (None, MOST_NAMES, true), "{:?}", flood[999]);
+        assert_eq!(sent("Catheter", 2.2).0, Some(1));
     }
 
     /// Before 3.0 there is no clock to be asked, and a server may not answer.

@@ -162,11 +162,13 @@ impl NatNetSource {
     /// That frames are old when they arrive, by the clock of the cameras or, where that is not known, by what they lag.
     fn late(&self) -> Option<String> {
         let age = self.decoder.age;
-        if self.decoder.estimate.offset().is_none() {
-            return self.decoder.late.words("each frame");
-        }
-        (age >= Expiry::default().stale)
-            .then(|| format!("frames are {age:.2} s old when they arrive, by the server's own clock: {DELAYED}"))
+        let no_clock = self.decoder.estimate.offset().is_none();
+        let held_up = self.decoder.late.words("each frame").filter(|_| no_clock);
+        let by = if no_clock { "what the server says of its own delay" } else { "the server's own clock" };
+        held_up.or_else(|| {
+            (age >= Expiry::default().stale)
+                .then(|| format!("frames are {age:.2} s old when they arrive, by {by}: {DELAYED}"))
+        })
     }
 
     fn note_stranger(&mut self, from: SocketAddr) {

@@ -2,8 +2,8 @@
 
 use super::message::datagram;
 use super::{
-    ConnectOptions, Definition, Frame, MessageId, NatNetError, Pending, R, Response, Sender, ServerInfo, UpAxis,
-    Version, W, command, definitions, split,
+    ConnectOptions, Definition, Frame, MessageId, NatNetError, Pending, R, Response, RigidBody, Sender, ServerInfo,
+    UpAxis, Version, W, command, definitions, split,
 };
 use crate::TimedPose;
 use std::collections::BTreeMap;
@@ -82,6 +82,8 @@ pub struct Client {
     last_exposed: u64,
     /// Frames in a row that were older than one before them.
     late: u32,
+    /// The last frame that was a new one, as far as it tells repeats: number, timestamp, exposure and bodies.
+    last: Option<(i32, f64, u64, Vec<RigidBody>)>,
     last_params: u16,
     pub(super) seen: BTreeMap<i32, bool>,
     pub(super) times: Times,
@@ -97,6 +99,8 @@ pub(super) struct Times {
     echo: Option<f64>,
     echoes: u32,
     pub(super) frame: Option<f64>,
+    /// The last frame that did not say the same as the one before.
+    pub(super) fresh: Option<f64>,
     pub(super) server: Option<f64>,
 }
 
@@ -136,6 +140,7 @@ impl Client {
             counters: Counters::default(),
             last_number: None,
             last_exposed: 0,
+            last: None,
             late: 0,
             last_params: 0,
             seen: BTreeMap::new(),
@@ -291,8 +296,12 @@ impl Client {
         self.counters.frames += 1;
         self.counters.odd += u64::from(!frame.faults.is_empty());
         self.times.frame = Some(now);
-        // What is late says nothing of now: neither of places nor of what is streamed.
-        if self.is_late(&frame) {
+        // What is late, or said before, says nothing of now: neither of places nor of what is streamed.
+        let repeats = self.is_repeated(&frame);
+        if !repeats {
+            self.times.fresh = Some(now);
+        }
+        if self.is_late(&frame) || repeats {
             return Ok(Event::Frame(Box::new(frame), Vec::new()));
         }
         self.follow(&frame);
@@ -320,6 +329,21 @@ impl Client {
             (self.models_known, self.times.models, self.late) = (false, None, 0);
         }
         (self.last_number, self.last_exposed) = (Some(number), exposed);
+        false
+    }
+
+    /// Whether a frame says what the last one said, of one and the same moment, to the last bit: measured places tremble. A
+    /// server that counts neither its frames nor the time, and sends what does not move, is not told from that.
+    fn is_repeated(&mut self, frame: &Frame) -> bool {
+        let (time, exposed) = (frame.suffix.timestamp, frame.suffix.mid_exposure);
+        let dated = time > 0.0 || exposed > 0;
+        let same = |(number, t, e, bodies): &(i32, f64, u64, Vec<RigidBody>)| {
+            (*number == frame.number || dated) && (*t, *e) == (time, exposed) && *bodies == frame.rigid_bodies
+        };
+        if self.last.as_ref().is_some_and(same) {
+            return true;
+        }
+        self.last = Some((frame.number, time, exposed, frame.rigid_bodies.clone()));
         false
     }
 

@@ -27,6 +27,9 @@ impl Client {
         if age(self.times.frame) > 0.5 {
             return Diagnosis::Stopped { since: age(self.times.frame) };
         }
+        if age(self.times.fresh) > 0.5 {
+            return Diagnosis::Repeats { since: age(self.times.fresh) };
+        }
         let id_of = |name: &str| self.names.iter().find(|(_, n)| n.as_str() == name).map(|(id, _)| *id);
         let missing = wanted.iter().find(|w| id_of(w).is_none_or(|id| !self.seen.contains_key(&id)));
         if let Some(&name) = missing {
@@ -71,6 +74,11 @@ pub enum Diagnosis {
     /// Frames have stopped coming.
     Stopped {
         /// Seconds since the last.
+        since: f64,
+    },
+    /// One and the same frame comes again and again.
+    Repeats {
+        /// Seconds since it came first.
         since: f64,
     },
     /// A wanted tool is not in the stream.
@@ -121,6 +129,10 @@ impl fmt::Display for Diagnosis {
                 write!(f, "data come (NatNet {version}), but cannot be read: {error}")
             }
             Self::Stopped { since } => write!(f, "data stopped {since:.1} s ago: is Motive paused, or the cable out?"),
+            Self::Repeats { since } => write!(
+                f,
+                "one and the same frame has been sent for {since:.1} s, to the last bit: is Motive paused, or does the server hang?"
+            ),
             Self::NotStreamed { name, streamed } => write!(
                 f,
                 "'{name}' is not streamed: create or enable that asset in Motive (streamed: {})",

@@ -440,6 +440,32 @@ fn frames_exposed_after_the_last_one_are_new_whatever_their_number() {
     assert_eq!((poses, client.counters().restarts), (vec![1, 1, 1, 1], 1));
 }
 
+/// One datagram over and over was live with an age of nothing where the server's clock is not known.
+#[test]
+fn a_frame_that_is_sent_again_and_again_was_live() {
+    for (version, counts) in [((2, 9), false), ((2, 9), true), ((3, 0), false), ((4, 1), true)] {
+        let version = Version::new(version.0, version.1);
+        let (mut client, mut server) = (Client::new(ClientOptions::default()), server(version, UpAxis::Y));
+        talk(&mut client, &mut server, 0.0);
+        let seen = |time: f64| [(Some(pose([time, 0.0, 0.0])), 0.1), (None, 0.0)];
+        let mut told = |now: f64, bytes: &[u8]| {
+            let poses = poses_of(client.receive(bytes, now).expect("frame")).len();
+            (poses, client.diagnosis(now, &["Stylus"]).to_string())
+        };
+        let first = server.frame(&seen(1.0), 1.0, 1.0);
+        assert_eq!(told(1.0, &first).0, 2, "{version}");
+        let repeats = (1..100).map(|i| {
+            let again = server.frame(&seen(1.0), 1.0, 1.0);
+            told(1.0 + f64::from(i) / 60.0, if counts { &again } else { &first })
+        });
+        let repeats: Vec<_> = repeats.collect();
+        assert!(repeats.iter().all(|r| r.0 == 0), "{version}: {repeats:?}");
+        assert!(repeats[98].1.contains("one and the same frame has been sent for 1.6"), "{version}: {}", repeats[98].1);
+        let next = server.frame(&seen(2.7), 2.7, 2.7);
+        assert_eq!(told(2.7, &next).0, 2, "{version}");
+    }
+}
+
 proptest! {
     #[test]
     fn random_frames_round_trip_in_every_version(
