@@ -16,7 +16,8 @@ impl Model {
     /// Bytes that the model takes, by what they are for.
     pub fn bytes(&self) -> Vec<Held> {
         let mut out = vec![
-            ("nodes", of(&self.rest) + of(&self.mass) + of(&self.number) + of(&self.tethers) + self.abutments.bytes()),
+            ("nodes", of(&self.rest) + of(&self.mass) + of(&self.number)),
+            ("attachments", of(&self.tethers) + of(&self.guides) + self.abutments.bytes()),
             ("elements", of(&self.tets) + of(&self.region) + of(&self.tet_number)),
             ("membranes", self.membranes.bytes()),
             ("sphere tree", self.tree.bytes()),
@@ -46,7 +47,8 @@ impl Stepper {
             ("copies of the state, loads", copies),
             ("spheres", self.spheres.bytes()),
             ("solver's memory", self.paper.bytes() + self.descent.bytes()),
-            ("checks", checks),
+            ("contact", self.found.bytes() + of(&self.couplings)),
+            ("fluid, checks", self.fluid.bytes() + checks),
         ]
     }
 }

@@ -12,6 +12,7 @@
 //! in it and as heavy floats. Its pressure is given and reported where the middle of the fluid is at rest. Nodes weigh what
 //! lies around them at rest; fluid that has left since weighs nothing, and what has come in its weight.
 
+use crate::bytes;
 use crate::fast::Row;
 use crate::options::MOST_PRESSURE_KPA;
 use crate::vec3::{V3, add, cross, dot, scale, six_volume, sub, xyz};
@@ -85,6 +86,11 @@ pub(crate) struct FluidSpace {
 }
 
 impl FluidSpace {
+    /// Bytes that it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        bytes::of(&self.tets)
+    }
+
     pub(crate) fn new(model: &Model) -> Self {
         let of = |t: u32| &model.regions[model.region[t as usize] as usize].material;
         let tets: Vec<u32> = (0..model.tets.len() as u32).filter(|&t| of(t).fluid).collect();

@@ -62,12 +62,12 @@ pub struct Stepper {
     pub(crate) backup: State,
     pub(crate) previous: Vec<[f32; 4]>,
     pub(crate) spheres: Spheres,
-    found: contact::Found,
-    couplings: Vec<Coupling>,
+    pub(crate) found: contact::Found,
+    pub(crate) couplings: Vec<Coupling>,
     pub(crate) tethers: Vec<V3>,
     pub(crate) paper: PaperScratch,
     pub(crate) descent: DescentScratch,
-    fluid: FluidSpace,
+    pub(crate) fluid: FluidSpace,
     /// Weight of fluid that has come in since rest, or left, on its nodes, mN.
     pub(crate) loads: Vec<(u32, V3)>,
     /// For each node the place of the wall that it lies against.

@@ -108,10 +108,7 @@ impl Desk {
 
     /// Volume of each structure, ml, by label.
     pub fn volumes_ml(&self) -> [f64; 8] {
-        let mut counts = [0usize; 256];
-        self.labels().data().iter().for_each(|&l| counts[usize::from(l)] += 1);
-        let ml = self.labels().grid().voxel_volume() / 1000.0;
-        core::array::from_fn(|l| counts[l] as f64 * ml)
+        crate::segment::remarks::volumes_ml(self.labels())
     }
 
     /// Values of a slice, row by row, HU.

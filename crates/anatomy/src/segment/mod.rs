@@ -27,7 +27,7 @@ mod part;
 mod pocket;
 mod quarter;
 mod regrid;
-mod remarks;
+pub(crate) mod remarks;
 mod samples;
 mod size;
 mod tissue;

@@ -84,9 +84,8 @@ fn reduce(mesh: &TriangleMesh, target: usize, options: SimplifyOptions) -> Trian
     let origin = mesh.vertices[0];
     let positions: Vec<[f32; 3]> =
         mesh.vertices.iter().map(|&p| Vector::to_array(p - origin).map(|x| x as f32)).collect();
-    let Ok(adapter) = VertexDataAdapter::new(typed_to_bytes(&positions), size_of::<[f32; 3]>(), 0) else {
-        return mesh.clone();
-    };
+    let adapter = VertexDataAdapter::new(typed_to_bytes(&positions), size_of::<[f32; 3]>(), 0);
+    let adapter = adapter.expect("whole positions, from the first byte on");
     let indices = mesh.triangles.as_flattened();
     let kept = simplify(indices, &adapter, target * 3, f32::MAX, options, None);
     compact(mesh, kept.chunks_exact(3).map(|t| [t[0], t[1], t[2]]))

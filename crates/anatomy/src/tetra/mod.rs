@@ -402,7 +402,9 @@ fn improved(
     }
     let found = volumes(&work);
     work.split_far(size, finest);
-    work.restore_volumes(&fields.volumes, Bounds { floor: 0.40, lift: 1.0 });
+    let bounds = Bounds { floor: 0.40, lift: 1.0 };
+    work.round_out(fields.volumes.len(), bounds);
+    work.restore_volumes(&fields.volumes, bounds);
     work.finish();
     if work.count() as f64 > (1.0 + 0.5 * COUNT) * wanted as f64 {
         // On rough surfaces these passes add more than a mesh may have: less is lost inside than by making all of it again.

@@ -285,7 +285,7 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
         bad_shapes: shapes.bad,
         coarse_regions: source.regions.is_some(),
         closed_gaps: closed_gaps(source),
-        overlap: TetLocator::new(mesh).ok().and_then(|l| l.overlap()),
+        overlap: TetLocator::new(mesh).expect("a mesh that has just been made").overlap(),
         self_crossing: surface.self_crossing(),
         labels: absences.iter().enumerate().map(|(l, absent)| label_report(mesh, source, l, &absent.0)).collect(),
         outer: SurfaceReport::new(&surface, &outer, fields.unit),

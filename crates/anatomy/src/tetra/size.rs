@@ -67,8 +67,9 @@ impl SizeField {
         let scale = density_scale(fields, &options.density, growth, &grid);
         let blocks = blocks(&fields.union);
         let region = Region::new(&grid, blocks.iter().map(|block| block.0));
-        let field = |values: Vec<f32>| Some(super::fields::Field::new(Volume::new(grid, values).ok()?));
-        let (distance, scale) = (field(distance)?, scale.and_then(field));
+        let field =
+            |of: Vec<f32>| super::fields::Field::new(Volume::new(grid, of).expect("a value of each cell of the grid"));
+        let (distance, scale) = (field(distance), scale.map(field));
         let census = Census::new(fields, &blocks, |p| distance.at(p), |p| scale.as_ref().map_or(1.0, |s| s.at(p)));
         let volume = fields.volumes.iter().sum();
         let along = path.and_then(|path| Along::new(path, volume, options.elements, fields.unit, STEEPER * growth));
@@ -104,8 +105,8 @@ impl SizeField {
             }
         }
         spread(&mut cap, grid.dims(), grid.spacing()[0], STEEPER * self.growth);
-        let cap = Volume::new(grid, cap).ok().map(super::fields::Field::new);
-        Cow::Owned(Self { cap, ..self.clone() })
+        let cap = super::fields::Field::new(Volume::new(grid, cap).expect("a value of each cell of the grid"));
+        Cow::Owned(Self { cap: Some(cap), ..self.clone() })
     }
 
     /// Growth of the edges, mm a mm.

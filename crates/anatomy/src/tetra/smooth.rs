@@ -25,7 +25,7 @@ pub(super) fn smoothed(field: Volume<f32>, thin: bool) -> Volume<f32> {
     if !raw.is_empty() {
         keep_thin(&raw, &mut data, grid.dims());
     }
-    Volume::new(grid, data).unwrap_or_else(|_| Volume::filled(grid, 0.0))
+    Volume::new(grid, data).expect("as many values as before")
 }
 
 /// A Gaussian over a box.

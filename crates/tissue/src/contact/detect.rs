@@ -2,6 +2,7 @@
 
 use super::closest::{Closest, segment_triangle};
 use super::{Coupling, Rule, Scene};
+use crate::bytes;
 use crate::membrane::{Membrane, OUTSIDE};
 use crate::tool::Rod;
 use crate::vec3::{V3, axpy, cross, dot, norm, scale, sub, unit, xyz};
@@ -23,6 +24,13 @@ pub(crate) struct Found {
     tets: Vec<u32>,
     /// How the tool lies to each face that it touches.
     lies: Vec<Lie>,
+}
+
+impl Found {
+    /// Bytes that it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        bytes::of(&self.stack) + bytes::of(&self.tets) + bytes::of(&self.lies)
+    }
 }
 
 /// How a tool lies to a face that it touches.

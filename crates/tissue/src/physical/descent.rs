@@ -415,7 +415,11 @@ impl DescentScratch {
             let noted = bytes::of(&m.steady) + bytes::of(&m.rest) + bytes::of(&m.motion) + bytes::of(&m.way);
             noted + m.space.bytes()
         };
-        nodes + elements + self.near.bytes() + self.memory.iter().flatten().map(memory).sum::<usize>()
+        nodes
+            + elements
+            + self.near.bytes()
+            + self.touches.bytes()
+            + self.memory.iter().flatten().map(memory).sum::<usize>()
     }
 
     /// Vertices in the predicted space of the last substep.

@@ -3,6 +3,7 @@
 use super::film::FilmsAround;
 use super::rings::Batch;
 use crate::abutments::Against;
+use crate::bytes;
 use crate::contact::{Coupling, Rule};
 use crate::marks::Marks;
 use crate::model::Tether;
@@ -22,6 +23,11 @@ pub(super) struct Touches {
 }
 
 impl Touches {
+    /// Bytes that it takes.
+    pub(super) fn bytes(&self) -> usize {
+        bytes::of(&self.list) + bytes::of(&self.own) + bytes::of(&self.spring) + self.touched.bytes()
+    }
+
     /// Lists what acts on the vertices of a model. Few are touched: only what was listed before is cleared.
     pub(super) fn list(&mut self, couplings: &[Coupling], tethers: &[Tether], vertices: usize) {
         for &v in self.touched.list() {

@@ -33,8 +33,12 @@ pub(in super::super) const GOOD: f64 = 0.47;
 const RESTED: f64 = 0.52;
 
 /// Points are moved by their heights where these are mostly of one sign: sum over sum of sizes. On a surface with as much
-/// hollow as bulge, or noise finer than its points, they say nothing, and it is moved evenly.
+/// hollow as bulge, or noise finer than its points, they say nothing of what is missing, and it is moved evenly.
 const BULGY: f64 = 0.85;
+/// The part of its height over its neighbours by which a point stands off its surface so that the chords around it leave as much
+/// on one side as on the other. Over a triangle with edges h a surface of mean curvature H rises h^2 H / 8 above them in the
+/// mean, a corner h^2 H / 2 above its neighbours.
+const QUARTER: f64 = 0.25;
 /// Largest even shift in one pass, in cells of the fields.
 const MOST_SHIFT: f64 = 0.2;
 
@@ -139,6 +143,32 @@ impl Work<'_> {
         }
     }
 
+    /// Moves the points of surfaces with as much hollow as bulge off them by what the chords around each leave out, inwards where
+    /// they are hollow: what evens out over such a surface does not within a lumen, or a sulcus. Other surfaces come by it in
+    /// [`Work::restore_volumes`].
+    pub(in super::super) fn round_out(&mut self, labels: usize, bounds: Bounds) {
+        let faces = self.surface_faces();
+        let stands = self.stands(&faces, &self.walls(&faces, labels));
+        let mut heights: BTreeMap<Pair, [f64; 2]> = BTreeMap::new();
+        for s in &stands {
+            let [gain, all] = heights.entry(s.pair).or_default();
+            *gain += s.area * s.height;
+            *all += s.area * s.height.abs();
+        }
+        let is_mixed = |s: &&Stand| heights[&s.pair][0].abs() < BULGY * heights[&s.pair][1];
+        for s in stands.iter().filter(is_mixed) {
+            self.shift(s, QUARTER * s.height, bounds);
+        }
+    }
+
+    /// Moves a point along its normal, or half as far where elements forbid the whole way.
+    fn shift(&mut self, stand: &Stand, by: f64, bounds: Bounds) {
+        let step = scale(stand.normal, by);
+        if !self.try_shift(stand, step, bounds) {
+            self.try_shift(stand, scale(step, 0.5), bounds);
+        }
+    }
+
     /// Volume of each label, mm3.
     pub(in super::super) fn volumes(&self, labels: usize) -> Vec<f64> {
         let mut v = vec![0.0; labels];
@@ -205,10 +235,7 @@ impl Work<'_> {
         let even = (missing / area).clamp(-most, most);
         let by_height = gain.abs() >= BULGY * heights;
         for s in chosen() {
-            let step = scale(s.normal, if by_height { part * s.height } else { even });
-            if !self.try_shift(s, step, bounds) {
-                self.try_shift(s, scale(step, 0.5), bounds);
-            }
+            self.shift(s, if by_height { part * s.height } else { even }, bounds);
         }
     }
 
