@@ -7,6 +7,7 @@
 //! Little-endian. Records are only ever appended, so a process that is killed leaves at most the last one torn.
 
 use super::{Diff, Drawn};
+use crc32fast::hash as crc32;
 use monro_geometry::Volume;
 use thiserror::Error;
 
@@ -186,27 +187,4 @@ fn is_torn(rest: &[u8]) -> bool {
 
 fn word(bytes: &[u8], at: usize) -> Option<u32> {
     bytes.get(at..)?.first_chunk::<4>().map(|b| u32::from_le_bytes(*b))
-}
-
-/// The CRC-32 of IEEE 802.3 (as in zip and PNG).
-pub(super) fn crc32(bytes: &[u8]) -> u32 {
-    !bytes.iter().fold(u32::MAX, |crc, &b| (crc >> 8) ^ TABLE[usize::from(crc as u8 ^ b)])
-}
-
-const TABLE: [u32; 256] = table();
-
-const fn table() -> [u32; 256] {
-    let mut out = [0; 256];
-    let mut n = 0;
-    while n < 256 {
-        let mut c = n as u32;
-        let mut bit = 0;
-        while bit < 8 {
-            c = if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 };
-            bit += 1;
-        }
-        out[n] = c;
-        n += 1;
-    }
-    out
 }

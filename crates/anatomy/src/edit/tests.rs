@@ -371,5 +371,4 @@ fn foreign_journals_and_other_labels_are_refused() {
     zeros.extend([0; 64]);
     let (_, recovery) = Editor::replay(base, &zeros).expect("zeros at the end");
     assert_eq!((recovery.events, recovery.valid_bytes, recovery.torn_bytes), (1, file.len(), 64));
-    assert_eq!(journal::crc32(b"123456789"), 0xcbf4_3926);
 }

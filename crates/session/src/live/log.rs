@@ -1,6 +1,7 @@
 //! The log of a session: everything that its snapshots follow from, in the order in which it took effect.
 //!
-//! Layout, little-endian: 8 bytes `MNRSES1\n`, then for each entry a `u32` length and that many bytes: a tag and its fields.
+//! Layout, little-endian: 8 bytes `MNRSES2\n`, then for each entry a `u32` length, the `u32` CRC-32 of its bytes, and these: a tag
+//! and its fields. Logs that begin with `MNRSES1\n` have no sums.
 //! A file cut off by a crash keeps all its whole entries. What a live session takes in goes through this codec first
 //! ([`Entry::encode`], [`Entry::decode`]), so that a replay takes in the very same bits.
 
@@ -11,7 +12,9 @@ use monro_tissue::Csf;
 use thiserror::Error;
 
 /// How a log begins.
-pub const MAGIC: [u8; 8] = *b"MNRSES1\n";
+pub const MAGIC: [u8; 8] = *b"MNRSES2\n";
+/// How one without sums does.
+const WITHOUT_SUMS: [u8; 8] = *b"MNRSES1\n";
 /// Longest entry, bytes: a frame with as many tools as a session remembers is far below.
 const LONGEST: usize = 1 << 20;
 
@@ -72,7 +75,7 @@ pub struct Opened {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum LogError {
     /// The file does not begin as a log does.
-    #[error("this is no recording of a Monro session (it does not begin with MNRSES1)")]
+    #[error("this is no recording of a Monro session (it does not begin with MNRSES2 or MNRSES1)")]
     Magic,
     /// An entry cannot be read.
     #[error("entry {entry} of the recording cannot be read: {what}")]
@@ -162,11 +165,29 @@ impl Entry {
     }
 }
 
-/// The bytes of an entry in a file, with their length before them.
+/// The bytes of an entry in a file, with their length and their sum before them.
 pub fn framed(entry: &[u8]) -> Vec<u8> {
-    let mut out = (entry.len() as u32).to_le_bytes().to_vec();
-    out.extend_from_slice(entry);
-    out
+    [&(entry.len() as u32).to_le_bytes(), &crc32fast::hash(entry).to_le_bytes(), entry].concat()
+}
+
+/// The bytes of an entry, and those of the file after it.
+type Piece<'a> = (&'a [u8], &'a [u8]);
+
+/// The bytes of the entry that a piece of a file begins with, after their length, and what follows: `None` where they are cut off.
+/// An error where they are not what was written.
+fn unframed(after: &[u8], length: usize, has_sum: bool) -> Option<Result<Piece<'_>, &'static str>> {
+    if length > LONGEST {
+        return Some(Err("it is longer than any entry"));
+    }
+    let (sum, after) = match has_sum {
+        true => after.split_first_chunk::<4>().map(|(sum, after)| (Some(u32::from_le_bytes(*sum)), after))?,
+        false => (None, after),
+    };
+    let (bytes, next) = after.split_at_checked(length)?;
+    Some(match sum.is_none_or(|sum| sum == crc32fast::hash(bytes)) {
+        true => Ok((bytes, next)),
+        false => Err("its sum is not that of its bytes: one of them is not as it was written"),
+    })
 }
 
 /// What a file holds.
@@ -186,7 +207,9 @@ pub struct Log {
 /// # Errors
 /// When it is no log, or its first entry is damaged.
 pub fn read(file: &[u8]) -> Result<Log, LogError> {
-    let mut rest = file.strip_prefix(&MAGIC).ok_or(LogError::Magic)?;
+    let with_sums = file.strip_prefix(&MAGIC);
+    let has_sums = with_sums.is_some();
+    let mut rest = with_sums.or_else(|| file.strip_prefix(&WITHOUT_SUMS)).ok_or(LogError::Magic)?;
     let (mut entries, mut damage) = (Vec::new(), None);
     while let Some((length, after)) = rest.split_first_chunk::<4>() {
         let length = u32::from_le_bytes(*length) as usize;
@@ -194,12 +217,8 @@ pub fn read(file: &[u8]) -> Result<Log, LogError> {
         if rest.iter().all(|&byte| byte == 0) {
             break;
         }
-        let entry = match after.split_at_checked(length) {
-            _ if length > LONGEST => Err("it is longer than any entry"),
-            None => break,
-            Some((bytes, next)) => Entry::decode(bytes).map(|entry| (entry, next)),
-        };
-        match entry {
+        let Some(found) = unframed(after, length, has_sums) else { break };
+        match found.and_then(|(bytes, next)| Ok((Entry::decode(bytes)?, next))) {
             Ok((entry, next)) => {
                 entries.push(entry);
                 rest = next;
@@ -422,9 +441,31 @@ mod tests {
     #[test]
     fn another_file_is_refused_and_a_damaged_entry_named() {
         assert_eq!(read(b"MNRREC1\nxx"), Err(LogError::Magic));
-        let mut bad = file();
-        bad[MAGIC.len() + 4] = 99;
+        let mut bad = [MAGIC.to_vec(), framed(&[99])].concat();
         assert_eq!(read(&bad), Err(LogError::Entry { entry: 0, what: "its kind is not known to this version" }));
+        bad[MAGIC.len() + 8] = 98;
+        let Err(LogError::Entry { entry: 0, what }) = read(&bad) else { panic!("{:?}", read(&bad)) };
+        assert!(what.contains("its sum"), "{what}");
+    }
+
+    /// One byte of 21 in 24 places passed as sound: "identical 60 of 60".
+    #[test]
+    fn a_byte_that_is_not_as_it_was_written_is_noticed_wherever_it_is() {
+        let file = file();
+        for at in MAGIC.len()..file.len() {
+            let mut bad = file.clone();
+            bad[at] ^= 0x55;
+            let noticed = read(&bad).map_or(true, |log| log.damage.is_some() || log.left > 0);
+            assert!(noticed, "byte {at} of {}", file.len());
+        }
+    }
+
+    #[test]
+    fn logs_of_before_there_were_sums_are_read() {
+        let entries = || entries().into_iter().map(|e| e.encode());
+        let old = entries().flat_map(|e| [&(e.len() as u32).to_le_bytes(), &e[..]].concat());
+        let log = read(&WITHOUT_SUMS.into_iter().chain(old).collect::<Vec<_>>()).expect("read");
+        assert_eq!((log.entries.len(), log.left, log.damage), (entries().count(), 0, None));
     }
 
     #[test]
@@ -434,7 +475,7 @@ mod tests {
         assert_eq!((zeros.entries.len(), zeros.left, zeros.damage), (count, 4096, None));
         let mut bad = whole.clone();
         let last = framed(&entries()[count - 1].encode()).len();
-        bad[whole.len() - last + 4] = 99;
+        bad[whole.len() - last + 8] = 99;
         let log = read(&bad).expect("entries");
         assert_eq!((log.entries.len(), log.left), (count - 1, last));
         assert!(matches!(log.damage, Some(LogError::Entry { entry, .. }) if entry == count - 1));
@@ -446,7 +487,7 @@ mod tests {
             let file = file();
             let cut = cut.min(file.len());
             let log = read(&file[..cut]).expect("begins well");
-            let whole: usize = log.entries.iter().zip(entries()).map(|(_, e)| 4 + e.encode().len()).sum();
+            let whole: usize = log.entries.iter().zip(entries()).map(|(_, e)| framed(&e.encode()).len()).sum();
             prop_assert_eq!((MAGIC.len() + whole + log.left, log.damage), (cut, None));
         }
 
