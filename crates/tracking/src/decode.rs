@@ -295,26 +295,37 @@ mod tests {
         assert!((0..9).all(|_| sent("Reference", &Rigid::IDENTITY) == tracked), "one to which all poses are");
     }
 
+    /// One that has no clock to be asked, and two that have.
+    const VERSIONS: [&str; 3] = ["2.9", "3.0", "4.1"];
+
+    /// Lags of so many frames of a server that answers no question of its clock; `took`: how long (s) after its exposure one is sent,
+    /// and arrives.
+    fn lags_of_natnet(version: &str, frames: u32, took: impl Fn(f64) -> [f64; 2]) -> Vec<f64> {
+        let (version, bodies) = (Version::parse(version).expect("version"), vec!["Catheter".to_owned()]);
+        let (frequency, data_port, multicast, up) = (1_000_000, 1511, false, UpAxis::Y);
+        let options = ServerOptions { version, bodies, frequency, data_port, multicast, up, rate: 60.0 };
+        let mut server = Server::new(options);
+        let mut decoder = NatNetDecoder::new(ClientOptions::default(), Stamps::Heeded);
+        decoder.take(0.0, &server.info().encode());
+        let lag = |i: u32| {
+            let measured = f64::from(i) / 60.0;
+            let [sent, arrives] = took(measured);
+            let bytes = server.frame(&[(Some(pose(measured)), 0.3)], measured, measured + sent);
+            match decoder.take(measured + arrives, &bytes) {
+                Taken::Frame(batch) => Some(batch.poses[0].lag),
+                _ => None,
+            }
+        };
+        (1..=frames).filter_map(lag).collect()
+    }
+
     /// It was said in each frame, and poses of 150 ms were as young as their arrival.
     #[test]
     fn what_a_natnet_server_says_of_its_own_delay_was_not_counted_without_a_common_clock() {
-        for version in ["2.9", "3.0", "4.1"].map(|v| Version::parse(v).expect("version")) {
-            let (bodies, up) = (vec!["Catheter".to_owned()], UpAxis::Y);
-            let (frequency, data_port, multicast) = (1_000_000, 1511, false);
-            let options = ServerOptions { version, bodies, frequency, data_port, multicast, up, rate: 60.0 };
-            let mut server = Server::new(options);
-            let mut decoder = NatNetDecoder::new(ClientOptions::default(), Stamps::Heeded);
-            decoder.take(0.0, &server.info().encode());
-            let mut lags = Vec::new();
-            for i in 1..600 {
-                let measured = f64::from(i) / 60.0;
-                // It takes longer from 5 s on.
-                let took = if i < 300 { 0.04 } else { 0.15 };
-                let bytes = server.frame(&[(Some(pose(measured)), 0.3)], measured, measured + took);
-                if let Taken::Frame(batch) = decoder.take(measured + took + 0.002, &bytes) {
-                    lags.push(batch.poses[0].lag);
-                }
-            }
+        for version in VERSIONS {
+            // It takes longer from 5 s on.
+            let took = |measured: f64| if measured < 5.0 { 0.04 } else { 0.15 };
+            let lags = lags_of_natnet(version, 599, |measured| [took(measured), took(measured) + 0.002]);
             let [before, after] = [lags[100], lags[lags.len() - 1]];
             assert!((before - 0.04).abs() < 1e-3 && (after - 0.15).abs() < 1e-3, "{version}: {before}, {after}");
         }
@@ -337,21 +348,9 @@ mod tests {
     /// Before 3.0 there is no clock to be asked, and a server may not answer.
     #[test]
     fn frames_of_a_natnet_server_without_a_clock_that_fell_behind_were_as_young_as_their_arrival() {
-        for version in ["2.9", "3.0", "4.1"].map(|v| Version::parse(v).expect("version")) {
-            let (bodies, up) = (vec!["Catheter".to_owned()], UpAxis::Y);
-            let (frequency, data_port, multicast) = (1_000_000, 1511, false);
-            let options = ServerOptions { version, bodies, frequency, data_port, multicast, up, rate: 60.0 };
-            let mut server = Server::new(options);
-            let mut decoder = NatNetDecoder::new(ClientOptions::default(), Stamps::Heeded);
-            decoder.take(0.0, &server.info().encode());
-            let mut last = 0.0;
-            for i in 1..1020 {
-                let measured = f64::from(i) / 60.0;
-                let bytes = server.frame(&[(Some(pose(measured)), 0.3)], measured, measured);
-                if let Taken::Frame(batch) = decoder.take(measured + queue(measured), &bytes) {
-                    last = batch.poses[0].lag;
-                }
-            }
+        for version in VERSIONS {
+            let lags = lags_of_natnet(version, 1019, |measured| [0.0, queue(measured)]);
+            let last = lags[lags.len() - 1];
             assert!((last - 0.8).abs() < 2e-3, "{version}: {last}");
         }
     }

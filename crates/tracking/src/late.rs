@@ -47,7 +47,7 @@ impl Late {
         *self = Self::new(self.stamps);
     }
 
-    /// That poses of `what` come late, where that makes them stale.
+    /// That poses of `what` come late, where that makes them stale, or may, for all that their stamps tell.
     pub(crate) fn words(&self, what: &str) -> Option<String> {
         if self.now < Expiry::default().stale {
             let (by, when) = self.lag.set_back().filter(|(_, when)| self.last - when < TOLD)?;

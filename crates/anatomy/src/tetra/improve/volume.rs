@@ -104,6 +104,11 @@ fn solved(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Vec<f64> {
     right
 }
 
+/// Whether the heights of a surface, their sum and the sum of their sizes, are mostly of one sign.
+fn bulges([gain, all]: [f64; 2]) -> bool {
+    gain.abs() >= BULGY * all
+}
+
 impl Work<'_> {
     /// [`Work::restore_volumes`], and where good elements leave points no room for it once more after bettering those.
     pub(in super::super) fn settle_volumes(&mut self, wanted: &[f64]) {
@@ -155,7 +160,7 @@ impl Work<'_> {
             *gain += s.area * s.height;
             *all += s.area * s.height.abs();
         }
-        let is_mixed = |s: &&Stand| heights[&s.pair][0].abs() < BULGY * heights[&s.pair][1];
+        let is_mixed = |s: &&Stand| !bulges(heights[&s.pair]);
         for s in stands.iter().filter(is_mixed) {
             self.shift(s, QUARTER * s.height, bounds);
         }
@@ -233,7 +238,7 @@ impl Work<'_> {
         let part = (missing / gain).clamp(-MOST, MOST);
         let most = MOST_SHIFT * self.fields.step;
         let even = (missing / area).clamp(-most, most);
-        let by_height = gain.abs() >= BULGY * heights;
+        let by_height = bulges([gain, heights]);
         for s in chosen() {
             self.shift(s, if by_height { part * s.height } else { even }, bounds);
         }
