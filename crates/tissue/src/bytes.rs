@@ -47,7 +47,7 @@ impl Stepper {
             ("copies of the state, loads", copies),
             ("spheres", self.spheres.bytes()),
             ("solver's memory", self.paper.bytes() + self.descent.bytes()),
-            ("contact", self.found.bytes() + of(&self.couplings)),
+            ("contact", self.found.bytes() + of(&self.couplings) + of(&self.rooms)),
             ("fluid, checks", self.fluid.bytes() + checks),
         ]
     }

@@ -27,7 +27,7 @@ const MOST_SUCTION: f64 = 3.0;
 /// Shear modulus of the solid elements that share a vertex with the fluid, kPa: their median by volume, so that a stiff sheet
 /// that reaches the fluid (a dura is ten thousand times stiffer) sets no gain for all. Where none does, of all elements.
 fn shear_around(model: &Model, fluid: &[u32]) -> f64 {
-    let of = |t: usize| &model.regions[model.region[t] as usize].material;
+    let of = |t: usize| model.material_of(t as u32);
     let mut wet = vec![false; model.rest.len()];
     fluid.iter().flat_map(|&t| model.tets[t as usize]).for_each(|v| wet[v as usize] = true);
     let beside = |t: &usize| !of(*t).fluid && model.tets[*t].iter().any(|&v| wet[v as usize]);
@@ -92,15 +92,14 @@ impl FluidSpace {
     }
 
     pub(crate) fn new(model: &Model) -> Self {
-        let of = |t: u32| &model.regions[model.region[t as usize] as usize].material;
-        let tets: Vec<u32> = (0..model.tets.len() as u32).filter(|&t| of(t).fluid).collect();
+        let tets: Vec<u32> = (0..model.tets.len() as u32).filter(|&t| model.material_of(t).fluid).collect();
         let mut out = Self { shear_kpa: shear_around(model, &tets), tets, ..Self::default() };
         out.rest_mm3 = out.volume_mm3(model, &model.rest);
         for &t in &out.tets {
             let corners = model.tets[t as usize].map(|v| xyz(model.rest[v as usize]));
             let share = f64::from(six_volume(corners)) / (6.0 * out.rest_mm3);
             out.middle = add(out.middle, scale(centroid(corners), share as f32));
-            out.density += share * of(t).density_kg_m3 * 1e-9;
+            out.density += share * model.material_of(t).density_kg_m3 * 1e-9;
         }
         out
     }

@@ -268,6 +268,11 @@ impl Model {
         }
     }
 
+    /// What an element is made of.
+    pub(crate) fn material_of(&self, tet: u32) -> &Material {
+        &self.regions[self.region[tet as usize] as usize].material
+    }
+
     fn pressures(&self) -> usize {
         match &self.solver {
             Solver::Paper(_) => 0,

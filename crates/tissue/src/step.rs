@@ -6,7 +6,7 @@
 //! half the time step.
 
 use crate::abutments::{Against, Place};
-use crate::contact::{self, Coupling, Rule, Scene, ToolState};
+use crate::contact::{self, Coupling, Room, Rule, Scene, ToolState};
 use crate::csf::FluidSpace;
 use crate::fast::{MOST_THREADS, Pool, Row, widest};
 use crate::model::Solver;
@@ -64,11 +64,13 @@ pub struct Stepper {
     pub(crate) spheres: Spheres,
     pub(crate) found: contact::Found,
     pub(crate) couplings: Vec<Coupling>,
+    /// What tools take up in physical mode.
+    pub(crate) rooms: Vec<Room>,
     pub(crate) tethers: Vec<V3>,
     pub(crate) paper: PaperScratch,
     pub(crate) descent: DescentScratch,
     pub(crate) fluid: FluidSpace,
-    /// Weight of fluid that has come in since rest, or left, on its nodes, mN.
+    /// Weight of fluid that has come in since rest, or left, on its nodes, and what rooms do beside pressing, mN.
     pub(crate) loads: Vec<(u32, V3)>,
     /// For each node the place of the wall that it lies against.
     pub(crate) against: Vec<Place>,
@@ -106,6 +108,7 @@ impl Stepper {
             spheres: Spheres::default(),
             found: contact::Found::default(),
             couplings: Vec::new(),
+            rooms: Vec::new(),
             tethers: vec![[0.0; 3]; model.tethers.len()],
             paper: PaperScratch::default(),
             descent: DescentScratch::default(),
@@ -334,6 +337,7 @@ impl Stepper {
     /// Lists what touches or is held.
     fn touch(&mut self, model: &Model, state: &mut State, tools: &[ToolMotion], share: f64) {
         self.couplings.clear();
+        self.rooms.clear();
         for (tool, motion) in tools.iter().enumerate() {
             let Some(rod) = pose(model, motion, share) else {
                 if !self.events.contains(&Event::BadPose { tool }) {
@@ -351,6 +355,9 @@ impl Stepper {
                 &mut self.couplings,
                 &mut self.events,
             );
+            if model.forces_are_physical() {
+                contact::take_up(model, &rod, &memory.anchors, &mut self.rooms);
+            }
             state.tools[tool] = memory;
         }
     }
@@ -361,6 +368,8 @@ impl Stepper {
         let fluid = self.fluid.under(state.csf_kpa, settings.gravity_mm_s2);
         self.loads.clear();
         self.fluid.add_weight(model, &state.positions, &fluid, |node, weight| self.loads.push((node, weight)));
+        let loads = &mut self.loads;
+        self.rooms.iter().for_each(|r| r.add_forces(model, &state.positions, |node, force| loads.push((node, force))));
         let mut body = Body {
             fluid,
             loads: &self.loads,
@@ -374,6 +383,7 @@ impl Stepper {
             region: &model.region,
             tethers: &model.tethers,
             couplings: &mut self.couplings,
+            rooms: &self.rooms,
             against: Against { abutments: &model.abutments, at: &self.against },
         };
         let gravity = settings.gravity_mm_s2.map(|g| g as f32);

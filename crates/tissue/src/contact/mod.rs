@@ -8,12 +8,15 @@ pub(crate) mod closest;
 mod coupling;
 mod detect;
 mod insertion;
+mod room;
 mod shaft;
 mod wall;
 
 pub(crate) use coupling::{Coupling, Rule, project};
 pub(crate) use detect::Found;
 pub(crate) use insertion::{prepare, settle};
+use room::Spread;
+pub(crate) use room::{Room, take_up};
 pub(crate) use wall::{Dimple, Yielded};
 
 use crate::sphere_tree::Spheres;
@@ -44,6 +47,8 @@ pub(crate) struct Anchor {
     pub(crate) stretch: f32,
     /// Where that place lies beside the axis, mm: points in elements smaller than the tool lie around it.
     pub(crate) aside: V3,
+    /// Where the volume of that piece of shaft makes room for itself.
+    pub(crate) spread: Spread,
     /// Share of the piece of shaft that holds it.
     pub(crate) share: f32,
     /// Length of shaft that it answers for, mm.

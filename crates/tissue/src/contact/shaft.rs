@@ -1,6 +1,7 @@
 //! What the shaft of a tool does to the tissue that it has passed: holds it at material points, rubs along it, lets it go.
 
 use super::detect::{self, Found};
+use super::room::Spread;
 use super::wall::away;
 use super::{Advance, Anchor, Coupling, Rule, Scene, ToolState};
 use crate::material::Insertion;
@@ -59,7 +60,7 @@ pub(super) fn renew_anchors(scene: Scene<'_>, rod: &Rod, memory: &mut ToolState,
         }
         match detect::locate(scene, rod.at(arc), found) {
             Some(place) => {
-                let new = around_axis(scene, rod, (arc, place), found);
+                let new = around_axis(scene, rod, (arc, place, memory.anchors.len()), found);
                 // What has just torn off is not caught again before it has gone back.
                 memory.anchors.extend(new.filter(|a| !torn(a)));
             }
@@ -80,32 +81,39 @@ pub(super) fn let_around(scene: Scene<'_>, rod: &Rod, memory: &mut ToolState, fo
     let Scene { model, state, .. } = scene;
     let Some(wall) = memory.yielded else { return };
     let ToolState { hole, anchors, .. } = memory;
+    let mut number = 0;
     anchors.retain_mut(|a| {
+        number += 1;
         if !wall.is_near(away(hole, &state.positions, current(state, a))) {
             return true;
         }
         let at = axpy(held_at(rod, a), -a.stretch, rod.back);
         let here = detect::locate(scene, at, found);
         let new = here.and_then(|place| anchor(model, place, (a.arc, a.aside), a.share));
-        new.map(|new| *a = Anchor { slipping: a.slipping, stretch: a.stretch, length: a.length, ..new }).is_some()
+        new.map(|new| {
+            let spread = Spread::around(scene, rod, (a.arc, number), found);
+            *a = Anchor { slipping: a.slipping, stretch: a.stretch, spread, length: a.length, ..new };
+        })
+        .is_some()
     });
 }
 
-/// The anchors of a piece of shaft that is in tissue `arc` mm behind the tip, at `place`.
+/// The anchors of a piece of shaft that is in tissue `arc` mm behind the tip, at `place`; there are `others`.
 fn around_axis(
     scene: Scene<'_>,
     rod: &Rod,
-    (arc, place): (f32, detect::Place),
+    (arc, place, others): (f32, detect::Place, usize),
     found: &mut Found,
 ) -> impl Iterator<Item = Anchor> {
     let Scene { model, .. } = scene;
     let (asides, count) = asides(rod, model.volumes.edge(place.tet) as f32);
-    asides.into_iter().take(count).filter_map(move |aside| {
+    (others..).zip(asides).take(count).filter_map(move |(turn, aside)| {
         let place = match aside == [0.0; 3] {
             true => Some(place),
             false => detect::locate(scene, add(rod.at(arc), aside), found),
         };
-        place.and_then(|p| anchor(model, p, (arc, aside), 1.0 / count as f32))
+        let new = place.and_then(|p| anchor(model, p, (arc, aside), 1.0 / count as f32));
+        new.map(|a| Anchor { spread: Spread::around(scene, rod, (arc, turn), found), ..a })
     })
 }
 
@@ -175,7 +183,7 @@ fn asides(rod: &Rod, edge: f32) -> ([V3; AROUND_AXIS + 1], usize) {
 }
 
 /// Two directions across an axis and each other.
-fn across(axis: V3) -> (V3, V3) {
+pub(super) fn across(axis: V3) -> (V3, V3) {
     let least = (0..3).min_by(|&a, &b| axis[a].abs().total_cmp(&axis[b].abs())).unwrap_or(0);
     let mut one = [0.0; 3];
     one[least] = 1.0;
@@ -203,8 +211,8 @@ fn anchor(model: &Model, place: detect::Place, (arc, aside): (f32, V3), share: f
     let region = model.region[place.tet as usize];
     let nodes = model.tets[place.tet as usize];
     let held = !model.regions[region as usize].material.fluid;
-    let (weights, slipping, stretch, length) = (place.weights, false, 0.0, 0.0);
-    held.then_some(Anchor { nodes, weights, region, slipping, arc, stretch, aside, share, length })
+    let (weights, slipping, stretch, spread, length) = (place.weights, false, 0.0, Spread::default(), 0.0);
+    held.then_some(Anchor { nodes, weights, region, slipping, arc, stretch, aside, spread, share, length })
 }
 
 /// One coupling per anchor. Where forces mean nothing (paper mode), friction is a length: tissue is dragged as far as

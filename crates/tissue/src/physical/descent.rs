@@ -5,7 +5,7 @@ use super::drift::Drift;
 use super::elastic::Elastic;
 use super::film::FilmsAround;
 use super::near::Near;
-use super::pressure::{Pressures, Still, Tissue, Which};
+use super::pressure::{Foreign, Pressures, Still, Tissue, Which};
 use super::region;
 use super::rhythm::{Press, Substep, calm_beyond};
 use super::rings::{self, Part};
@@ -14,7 +14,7 @@ use super::sweep::{Memory, Pace, Substep as Shared, Sweep, Task};
 use super::touch::{Touches, Touching, penalty_force};
 use crate::abutments::Against;
 use crate::bytes;
-use crate::contact::Coupling;
+use crate::contact::{Coupling, Room};
 use crate::csf::FluidPressure;
 use crate::fast::{Plans, Pool, Row, Turn, WIDTH, widest};
 use crate::model::{Region, Tether};
@@ -69,6 +69,8 @@ pub(crate) struct DescentScratch {
     total: Vec<f32>,
     memory: [Vec<Memory>; 2],
     touches: Touches,
+    /// What tools take up of the patches around them.
+    room: Vec<(u32, f32)>,
     near: Near,
     /// How far sweeps go in tissue that is calm, as found in the first one.
     calm: Option<f32>,
@@ -127,6 +129,8 @@ pub(crate) struct Body<'a> {
     pub(crate) region: &'a [u8],
     pub(crate) tethers: &'a [Tether],
     pub(crate) couplings: &'a mut [Coupling],
+    /// What tools take up.
+    pub(crate) rooms: &'a [Room],
     pub(crate) against: Against<'a>,
 }
 
@@ -233,6 +237,7 @@ impl Descent {
             memory.resize_with(parts.len(), Memory::default);
         }
         scratch.touches.list(body.couplings, body.tethers, body.positions.len());
+        self.pressures.list_room(body.rooms, body.tissue(), &mut scratch.room);
         scratch.target.resize(body.positions.len(), [0.0; 4]);
         scratch.active_nodes = body.positions.len();
         let damping = damping_ratio(self.damping_s, step.dt);
@@ -278,14 +283,15 @@ impl Descent {
 
     /// Makes pressures follow the positions.
     fn press(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, when: Press, pool: &Pool) {
-        let DescentScratch { slopes, streams, still, total, near, .. } = scratch;
+        let DescentScratch { slopes, streams, still, total, near, room, .. } = scratch;
         let which = match when {
             Press::Near => Which::Near(near),
             _ => Which::All { advance: when != Press::Begin },
         };
         let (tissue, numbers) = (body.tissue(), (&mut *body.pressure, &mut *body.growth));
         let elements = (when != Press::End).then_some((&*still, &mut *slopes));
-        self.pressures.update((tissue, body.positions), numbers, elements, total, (which, &body.fluid, pool));
+        let foreign = Foreign { fluid: &body.fluid, room };
+        self.pressures.update((tissue, body.positions), numbers, elements, total, (which, foreign, pool));
         match when {
             Press::Near => streams.put(&self.visits, near.elements(), slopes),
             Press::End => {}
@@ -419,6 +425,7 @@ impl DescentScratch {
             + elements
             + self.near.bytes()
             + self.touches.bytes()
+            + bytes::of(&self.room)
             + self.memory.iter().flatten().map(memory).sum::<usize>()
     }
 
@@ -481,6 +488,7 @@ mod tests {
             region: &model.region,
             tethers: &[],
             couplings: &mut [],
+            rooms: &[],
             against: Against { abutments: &model.abutments, at: &[] },
         };
         let step = Substep { dt: 0.01, iterations: 10, gravity: [0.0; 3], predicted_space: false };

@@ -2,6 +2,7 @@
 
 use super::elastic::{ELEMENT_BULK, Elastic, patch_kpa};
 use super::near::Near;
+use crate::contact::Room;
 use crate::csf::FluidPressure;
 use crate::fast::{Kernel, Lanes, Numbers, Pool, Row, Sums, Take, WIDTH, ask_ahead, widest};
 use crate::model::Region;
@@ -43,6 +44,14 @@ pub(super) struct Tissue<'a> {
     pub(super) volumes: &'a Volumes,
     /// Region of each element.
     pub(super) region: &'a [u8],
+}
+
+/// What is not tissue and presses on it.
+#[derive(Clone, Copy)]
+pub(super) struct Foreign<'a> {
+    pub(super) fluid: &'a FluidPressure,
+    /// As [`Pressures::list_room`] lists it.
+    pub(super) room: &'a [(u32, f32)],
 }
 
 /// Which pressures follow: all, with or without a step of their own, or those that are near, with one.
@@ -218,10 +227,11 @@ impl Pressures {
         (nodal, growth): (&mut [f32], &mut Vec<Row>),
         elements: Option<(&Still, &mut Vec<f32>)>,
         total: &mut Vec<f32>,
-        (which, fluid, pool): (Which<'_>, &FluidPressure, &Pool),
+        (which, Foreign { fluid, room }, pool): (Which<'_>, Foreign<'_>, &Pool),
     ) {
         of.volumes.measure_where(|row| which.row(row), positions, growth, pool);
         self.follow((nodal, total), growth, which, pool);
+        self.make_room(room, (nodal, total), which);
         let Some((still, slopes)) = elements else { return };
         if !fluid.is_none() {
             self.add_fluid((fluid, positions), (nodal, total), |p| which.batch(self.around.batch_of(p)));
@@ -242,6 +252,42 @@ impl Pressures {
             let steps = Steps { of: self, which, first: self.patch_cuts[i], nodal, total };
             self.around.of_piece(i, |batch| which.batch(batch), growth.as_flattened(), steps);
         });
+    }
+
+    /// Lists what tools take up of the patches around them: for each its penalty's share of the pressure, kPa.
+    pub(super) fn list_room(&self, rooms: &[Room], of: Tissue<'_>, list: &mut Vec<(u32, f32)>) {
+        list.clear();
+        for Room { place, mm3, .. } in rooms {
+            let patches = self.patches_of(place.tet, of).into_iter().zip(place.weights);
+            list.extend(patches.map(|(p, share)| (p, SUM_OF_VOLUME * self.rate[p as usize] * share * mm3)));
+        }
+        // In one order, so that sums are the same on every run.
+        list.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        list.dedup_by(|more, one| {
+            let same = more.0 == one.0;
+            one.1 += if same { more.1 } else { 0.0 };
+            same
+        });
+    }
+
+    /// Patches of an element's corners.
+    fn patches_of(&self, tet: u32, of: Tissue<'_>) -> [u32; 4] {
+        match self.walls.binary_search_by_key(&tet, |w| w.0) {
+            Ok(at) => self.walls[at].1,
+            Err(_) => of.volumes.corners().row(tet as usize / WIDTH).map(|c| c[tet as usize % WIDTH]),
+        }
+    }
+
+    /// Takes off what is no growth of the tissue, of the patches that are asked for, as if their elements had grown by less.
+    fn make_room(&self, room: &[(u32, f32)], (nodal, total): (&mut [f32], &mut [f32]), which: Which<'_>) {
+        for &(p, less) in room {
+            let p = p as usize;
+            if which.batch(self.around.batch_of(p)) {
+                let stepped = if which.advances(p) { less * self.share[p] } else { 0.0 };
+                nodal[p] -= stepped;
+                total[p] -= stepped + less;
+            }
+        }
     }
 
     /// Forgets what was near, before it is chosen anew.
@@ -324,8 +370,11 @@ impl Pressures {
     }
 }
 
+/// The sum of six times the growth of a patch's elements, each of which counts for a quarter, over its own.
+const SUM_OF_VOLUME: f32 = 24.0;
+
 /// Share of a patch's pressure in the derivative of an element's energy by six times its volume.
-const MEAN: f32 = 1.0 / 24.0;
+const MEAN: f32 = 1.0 / SUM_OF_VOLUME;
 
 /// Steps of a piece's patches.
 struct Steps<'a> {
@@ -439,7 +488,8 @@ mod tests {
         let rises = pressures.rises(of, &still);
         let mut nodal = vec![0.0; pressures.len()];
         for _ in 0..400 {
-            let which = (Which::All { advance: true }, &FluidPressure::default(), &pool);
+            let foreign = Foreign { fluid: &FluidPressure::default(), room: &[] };
+            let which = (Which::All { advance: true }, foreign, &pool);
             let elements = Some((&still, &mut slopes));
             pressures.update((of, &positions), (&mut nodal, &mut growth), elements, &mut total, which);
         }

@@ -43,9 +43,13 @@ fn what_was_folded_around_the_tip_before_a_wall_gave_way_hung_on_to_the_shaft() 
         let (state, at_tip) = push(&model, (0.4, beside), 20.0);
         assert_eq!(at_tip, Some(5), "it has gone through the wall");
         let at = |v: u32| model.position(&state, v as usize);
-        let left = mesh.tets.iter().map(|t| volume(t.map(at)) / volume(t.map(|v| mesh.vertices[v as usize])));
+        // Where it came in the shaft itself moves the surface by more.
+        let far_in = |v: u32| mesh.vertices[v as usize].z < EDGE - 8.0;
+        let tets = mesh.tets.iter().filter(|t| t.iter().all(|&v| far_in(v)));
+        let left = tets.map(|t| volume(t.map(at)) / volume(t.map(|v| mesh.vertices[v as usize])));
         let least = left.fold(f64::INFINITY, f64::min);
-        let moved = (0..).zip(&mesh.vertices).map(|(v, rest)| at(v).distance(*rest)).fold(0.0, f64::max);
+        let within = (0..).zip(&mesh.vertices).filter(|(v, _)| far_in(*v));
+        let moved = within.map(|(v, rest)| at(v).distance(*rest)).fold(0.0, f64::max);
         println!("{cells} cells, {beside} mm beside: {least} of a volume left, {moved} mm moved");
         assert!(least > 0.7 && moved < 1.3, "{cells} cells, {beside} mm beside: {least} left, {moved} mm");
     }

@@ -108,8 +108,12 @@ fn a_catheter_put_into_tissue_felt_twenty_newtons() {
         let deep = [23.3, 24.7, 20.0];
         let mut report = stepper.step(&model, &mut state, &[rod(first, deep)], &FrameSettings::default());
         assert!(report.events.iter().any(|e| matches!(e, Event::Found { tool: 0, label: 4, .. })), "{report:?}");
-        for _ in 0..20 {
-            assert!(report.tools[0].force_mn.norm() < 0.1 && report.max_displacement_mm < 1e-3, "{report:?}");
+        let mut way = 0.0;
+        for f in 0..40 {
+            // The tissue makes room for the shaft, and then is at rest.
+            let moved = report.max_displacement_mm - core::mem::replace(&mut way, report.max_displacement_mm);
+            assert!(report.tools[0].force_mn.norm() < 10.0 && way < 1.0, "{report:?}");
+            assert!(f < 30 || moved.abs() < 1e-3, "{report:?}");
             assert!(report.tools[0].label == Some(4) && report.tools[0].inserted_mm > 25.0, "{report:?}");
             report = stepper.step(&model, &mut state, &[rod(deep, deep)], &FrameSettings::default());
         }

@@ -15,6 +15,7 @@ mod oblique_tools;
 mod paper_mode;
 mod physical_mode;
 mod rigid_bodies;
+mod room;
 mod seen_from_outside;
 mod slivers;
 mod thin_membrane;
