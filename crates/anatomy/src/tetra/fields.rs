@@ -4,6 +4,7 @@
 //! they are cut off ([`cutting_order`]). Inside, a point carries the label of the largest field, so a septum thinner than a
 //! cell survives between two ventricles.
 
+use super::bodies::{Body, pieces, voids};
 use super::cells::Cells;
 use super::gaps::between_slices;
 use super::nearby::Nearby;
@@ -11,7 +12,6 @@ use super::order::cutting_order;
 use super::remainder::give_away;
 use super::smooth::smoothed;
 use super::vec3::{V3, sub};
-use super::voids::{Void, voids};
 use crate::surface::even::{Extent, even, even_step, extents};
 use monro_geometry::{Grid, Volume};
 use std::ops::Range;
@@ -158,7 +158,9 @@ pub(super) struct LabelFields {
     /// Where each label's voxels are, and how many.
     pub(super) extents: Vec<Extent>,
     /// Cavities that no label fills.
-    pub(super) voids: Vec<Void>,
+    pub(super) voids: Vec<Body>,
+    /// Of each label but the last, or of it where it is the only one, the separate pieces but for the largest.
+    pub(super) pieces: Vec<Vec<Body>>,
     /// Which labels are but specks, for which no number of elements is enough: for the sake of these none is given up.
     pub(super) specks: Vec<bool>,
     /// Volume of a voxel, mm3.
@@ -195,6 +197,11 @@ impl LabelFields {
         let (parts, fronts) = (put_in_order(parts, &order), put_in_order(fronts, &order));
         present = order.iter().map(|&l| present[l]).chain([rest]).collect();
         let voids = voids(labels, &all, &union);
+        let own = |l: &(u16, Extent), field: &Field| pieces(labels, &|v: T| v.into() == l.0, field);
+        let pieces = match parts.is_empty() {
+            true => vec![own(&rest, &union)],
+            false => present.iter().zip(&parts).map(|(l, field)| own(l, field)).collect(),
+        };
         Some(Self {
             nearby: Nearby::new(&union, &parts),
             union,
@@ -204,6 +211,7 @@ impl LabelFields {
             volumes: present.iter().map(|p| p.1.count as f64 * labels.grid().voxel_volume()).collect(),
             extents: present.iter().map(|p| p.1).collect(),
             voids,
+            pieces,
             specks: vec![false; present.len()],
             voxel: labels.grid().voxel_volume(),
             at_border,
@@ -223,6 +231,7 @@ impl LabelFields {
             volumes: vec![self.volumes.iter().sum()],
             extents: self.extents.iter().copied().reduce(Extent::joined).into_iter().collect(),
             voids: self.voids.clone(),
+            pieces: Vec::new(),
             specks: vec![false],
             ..*self
         }

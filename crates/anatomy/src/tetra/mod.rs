@@ -26,6 +26,7 @@
 
 mod adjacency;
 mod along;
+mod bodies;
 mod cells;
 mod census;
 mod cleared;
@@ -54,7 +55,6 @@ mod start;
 mod thickness;
 mod torn;
 mod vec3;
-mod voids;
 mod voxels;
 
 pub use error::MeshError;

@@ -9,6 +9,8 @@ const BRAIN: u16 = Structure::Brain.label() as u16;
 /// Ventricles lie inside the head: at most this share of their voxels' faces is at nothing, the label 0. Skin around bone, or one
 /// of several vertebrae, is there by more.
 const AT_NOTHING: f64 = 0.25;
+/// And in the brain and its fluid with at least this share.
+const IN_BRAIN: f64 = 0.5;
 
 /// The ventricles where the labels are those of a case, else all: an atlas may use the same numbers for anything.
 pub(super) fn usually_fine(labels: &Volume<u16>, keep: &[u16]) -> Vec<u16> {
@@ -29,7 +31,8 @@ fn lie_inside(labels: &Volume<u16>, ventricles: &[u16]) -> bool {
     let rows = data.chunks(nx).flat_map(|row| row.iter().zip(&row[1..]));
     let sheets = data.chunks(nx * ny).flat_map(|sheet| sheet.iter().zip(&sheet[nx..]));
     let pairs = rows.chain(sheets).chain(data.iter().zip(&data[nx * ny..]));
-    let (mut at_nothing, mut all) = (0usize, 0usize);
+    let (mut at_nothing, mut in_brain, mut all) = (0usize, 0usize, 0usize);
+    let around = [BRAIN, u16::from(Structure::Csf.label())];
     for (a, b) in pairs.filter(|(a, b)| a != b) {
         let beside = match (ventricles.contains(a), ventricles.contains(b)) {
             (true, false) => *b,
@@ -37,9 +40,10 @@ fn lie_inside(labels: &Volume<u16>, ventricles: &[u16]) -> bool {
             _ => continue,
         };
         at_nothing += usize::from(beside == 0);
+        in_brain += usize::from(around.contains(&beside));
         all += 1;
     }
-    all > 0 && at_nothing as f64 <= AT_NOTHING * all as f64
+    all > 0 && at_nothing as f64 <= AT_NOTHING * all as f64 && in_brain as f64 >= IN_BRAIN * all as f64
 }
 
 /// What is said where labels have numbers of ventricles and were not taken for these.
@@ -47,7 +51,7 @@ pub(super) fn not_taken_for_ventricles(keep: &[u16], fine: &[u16]) -> Option<Str
     let ventricles = ventricles(keep);
     (keep.contains(&BRAIN) && !ventricles.is_empty() && fine.len() > ventricles.len()).then(|| {
         format!(
-            "the mesh is as fine around all labels: {} are ventricles in cases of Monro, but here they lie at the outside, or \
+            "the mesh is as fine around all labels: {} are ventricles in cases of Monro, but here they lie at the outside or not in label 4, or \
              other numbers than those of a case are there too; \"--fine {}\" makes it fine around these alone",
             numbers(&ventricles, ", "),
             numbers(&ventricles, ",")
@@ -74,6 +78,9 @@ mod tests {
         assert_eq!(usually_fine(&head, &keep), keep);
         let said = not_taken_for_ventricles(&keep, &keep).expect("told");
         assert!(said.contains("5 are ventricles") && said.contains("lie at the outside"), "{said}");
+        // A plate numbered like one in what is no brain had two of five labels made coarse regions.
+        let plate = balls(|r| [2.0, 4.0, 8.0, 10.0].iter().position(|&end| r < end).map_or(0, |l| [4, 3, 5, 1][l]));
+        assert_eq!(usually_fine(&plate, &keep), keep);
         let case = balls(|r| if r < 4.0 { 5 } else { u16::from(r < 10.0) * 4 });
         assert_eq!(usually_fine(&case, &[4, 5]), [5]);
     }

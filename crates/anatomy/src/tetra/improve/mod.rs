@@ -2,6 +2,7 @@
 //!
 //! Every change must better the worst element it touches, so the passes can stop at any time.
 
+mod bodies;
 mod coarsen;
 mod collapse;
 mod insert;
@@ -13,7 +14,6 @@ mod ring;
 mod split;
 mod tighten;
 mod volume;
-mod walls;
 mod work;
 
 use super::adjacency::EDGES;

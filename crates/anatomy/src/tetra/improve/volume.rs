@@ -7,8 +7,8 @@
 
 use super::super::adjacency::FACES;
 use super::super::vec3::{V3, add, cross, dot, scale, sub};
+use super::bodies::Bodies;
 use super::relax::{Freedom, Pair};
-use super::walls::Walls;
 use super::work::{DEAD, Work};
 use std::collections::BTreeMap;
 
@@ -25,9 +25,9 @@ const MET: f64 = 2e-4;
 /// A pass that leaves more than this part of what was missing, over all labels, is the last.
 const STUCK: f64 = 0.95;
 
-/// Rounds of moving points and bettering elements, unless volumes are met to this part.
+/// Rounds of moving points and bettering elements, unless volumes are met to this part: of labels, and of other bodies.
 const ROUNDS: usize = 5;
-const ENOUGH: f64 = 2e-3;
+const ENOUGH: [f64; 2] = [2e-3, 1e-2];
 /// Elements are not made worse than this by volumes in the end, and are bettered up to that between the rounds.
 pub(in super::super) const GOOD: f64 = 0.47;
 const RESTED: f64 = 0.52;
@@ -113,31 +113,34 @@ impl Work<'_> {
     /// [`Work::restore_volumes`], and where good elements leave points no room for it once more after bettering those.
     pub(in super::super) fn settle_volumes(&mut self, wanted: &[f64]) {
         for round in 0..ROUNDS {
-            self.restore_volumes(wanted, Bounds { floor: GOOD, lift: 1.5f64.powi(round as i32) });
-            if self.volumes(wanted.len()).iter().zip(wanted).all(|(n, w)| (n - w).abs() <= ENOUGH * w) {
+            let off = self.restore_volumes(wanted, Bounds { floor: GOOD, lift: 1.5f64.powi(round as i32) });
+            let (labels, others) = off.split_at(wanted.len());
+            if labels.iter().all(|o| *o <= ENOUGH[0]) && others.iter().all(|o| *o <= ENOUGH[1]) {
                 break;
             }
             self.pass(RESTED);
         }
     }
 
-    /// Moves the points of each surface so that labels have the volumes `wanted` (mm3, in the order of the labels).
-    pub(in super::super) fn restore_volumes(&mut self, wanted: &[f64], bounds: Bounds) {
+    /// Moves the points of each surface so that labels have the volumes `wanted` (mm3, in the order of the labels), and other bodies
+    /// theirs. By what part of them each of these is off then.
+    pub(in super::super) fn restore_volumes(&mut self, wanted: &[f64], bounds: Bounds) -> Vec<f64> {
         let faces = self.surface_faces();
-        let walls = self.walls(&faces, wanted.len());
-        let wanted: &[f64] = &[wanted, &walls.wanted].concat();
+        let bodies = self.bodies(&faces, wanted);
+        let wanted: &[f64] = &bodies.wanted;
         let mut before = [f64::INFINITY; 2];
+        let off = |now: &[f64]| now.iter().zip(wanted).map(|(n, w)| (n - w).abs() / w).collect::<Vec<f64>>();
+        let mut now = self.body_volumes(&bodies);
         for _ in 0..PASSES {
-            let now = [self.volumes(wanted.len() - walls.wanted.len()), walls.volumes(&self.points)].concat();
-            let off: Vec<f64> = now.iter().zip(wanted).map(|(n, w)| (n - w).abs() / w).collect();
-            // Specks may be off for good: the others are not to wait for them.
-            let is_speck = |l: usize| self.fields.specks.get(l) == Some(&true);
-            let sums = [off.iter().sum(), (0..off.len()).filter(|&l| !is_speck(l)).map(|l| off[l]).sum::<f64>()];
+            let off = off(&now);
+            // Small ones may be off for good: the others are not to wait for them.
+            let is_minor = |l: usize| bodies.is_minor(l, &self.fields.specks);
+            let sums = [off.iter().sum(), (0..off.len()).filter(|&l| !is_minor(l)).map(|l| off[l]).sum::<f64>()];
             if off.iter().all(|o| *o <= MET) || (0..2).all(|i| sums[i] > STUCK * before[i]) {
                 break;
             }
             before = sums;
-            let stands = self.stands(&faces, &walls);
+            let stands = self.stands(&faces, &bodies);
             let lacking: Vec<f64> = wanted.iter().zip(&now).map(|(w, n)| w - n).collect();
             for (pair, gain) in shares(&stands, &lacking) {
                 let smaller = pair.1.map_or(f64::INFINITY, |b| wanted[usize::from(b)]).min(wanted[usize::from(pair.0)]);
@@ -145,7 +148,9 @@ impl Work<'_> {
                     self.inflate(&stands, pair, gain, bounds);
                 }
             }
+            now = self.body_volumes(&bodies);
         }
+        off(&now)
     }
 
     /// Moves the points of surfaces with as much hollow as bulge off them by what the chords around each leave out, inwards where
@@ -153,7 +158,7 @@ impl Work<'_> {
     /// [`Work::restore_volumes`].
     pub(in super::super) fn round_out(&mut self, labels: usize, bounds: Bounds) {
         let faces = self.surface_faces();
-        let stands = self.stands(&faces, &self.walls(&faces, labels));
+        let stands = self.stands(&faces, &self.bodies(&faces, &vec![0.0; labels]));
         let mut heights: BTreeMap<Pair, [f64; 2]> = BTreeMap::new();
         for s in &stands {
             let [gain, all] = heights.entry(s.pair).or_default();
@@ -201,7 +206,7 @@ impl Work<'_> {
         sides.filter(|c| c.len() == 1 || c[0].1 != c[1].1).map(|c| (c[0].2, c.len() == 1)).collect()
     }
 
-    fn stands(&self, faces: &[([u32; 3], bool)], walls: &Walls) -> Vec<Stand> {
+    fn stands(&self, faces: &[([u32; 3], bool)], bodies: &Bodies) -> Vec<Stand> {
         let mut sums = vec![([0.0; 3], [0.0; 3], 0.0); self.points.len()];
         for (f, _) in faces {
             let p = f.map(|v| self.points[v as usize]);
@@ -215,7 +220,7 @@ impl Work<'_> {
         let mut out = Vec::new();
         for (v, (area, ring, count)) in sums.into_iter().enumerate() {
             let Freedom::Surface(pair) = self.freedom(v as u32) else { continue };
-            let pair = (pair.0, pair.1.or(walls.of(v as u32)));
+            let pair = bodies.between(v as u32, pair);
             let length = dot(area, area).sqrt();
             if count > 0.0 && length > 0.0 {
                 let normal = scale(area, 1.0 / length);
