@@ -56,13 +56,13 @@ pub struct ReferenceGuard {
     recent: VecDeque<(f64, Rigid<Tracker, Tool>)>,
     /// How many of them were not compared yet.
     fresh: usize,
-    /// Where the reference was at the last touch.
+    /// Where the reference was at the last touch that a registration is made of.
     touched: Option<Rigid<Tracker, Tool>>,
     bump: Option<Bump>,
 }
 
 impl ReferenceGuard {
-    /// A guard that remembers poses, and watches from [`confirm`](Self::confirm) on.
+    /// A guard that remembers poses, and watches from the first registration ([`accept`](Self::accept)) on.
     pub const fn new(options: GuardOptions) -> Self {
         Self { options, watching: false, baseline: None, recent: VecDeque::new(), fresh: 0, touched: None, bump: None }
     }
@@ -125,13 +125,10 @@ impl ReferenceGuard {
         }
     }
 
-    /// Notes where the reference is: a landmark has just been touched. What follows builds on that place, whenever it is
-    /// confirmed.
+    /// Notes where the reference is: a landmark has just been touched. A registration builds on that place, whenever and how
+    /// often it is accepted.
     pub fn touched(&mut self) {
-        let settled = self.recent.back().map_or(0.0, |(last, _)| last - self.options.settled);
-        let at_touch = |(i, (time, _)): &(usize, &(f64, _))| *i < self.options.touch || *time >= settled;
-        let poses = self.recent.iter().rev().enumerate().take_while(at_touch).map(|(_, (_, pose))| pose);
-        self.touched = mean(poses).filter(|_| self.recent.len() >= self.options.touch);
+        self.touched = self.at_touch();
     }
 
     /// Forgets the last touch: it is void.
@@ -139,12 +136,30 @@ impl ReferenceGuard {
         self.touched = None;
     }
 
-    /// Lowers the alarm and takes a new baseline: after a landmark was touched and found in its place. The poses of that
-    /// touch are the baseline, so that nothing which happens after it is missed; those before it are not. Without a touch
-    /// it is those just before now.
-    pub fn confirm(&mut self) {
-        if let Some(place) = self.touched.take() {
-            (self.watching, self.baseline, self.bump) = (true, Some(place), None);
+    /// Where the reference was while the tip rested just now.
+    fn at_touch(&self) -> Option<Rigid<Tracker, Tool>> {
+        let settled = self.recent.back().map_or(0.0, |(last, _)| last - self.options.settled);
+        let at_touch = |(i, (time, _)): &(usize, &(f64, _))| *i < self.options.touch || *time >= settled;
+        let poses = self.recent.iter().rev().enumerate().take_while(at_touch).map(|(_, (_, pose))| pose);
+        mean(poses).filter(|_| self.recent.len() >= self.options.touch)
+    }
+
+    /// A registration is accepted: the reference belongs where it was at the last of its touches, and what has happened since
+    /// raises the alarm.
+    pub fn accept(&mut self) {
+        self.confirm_at(self.touched);
+    }
+
+    /// A landmark has just been found in its place: the reference belongs where it is.
+    pub fn check(&mut self) {
+        self.confirm_at(self.at_touch());
+    }
+
+    /// Lowers the alarm and takes a new baseline: the poses of a touch, so that nothing which happens after it is missed; those
+    /// before it are not. Without a touch it is those just before now.
+    fn confirm_at(&mut self, place: Option<Rigid<Tracker, Tool>>) {
+        if place.is_some() {
+            (self.watching, self.baseline, self.bump) = (true, place, None);
             return;
         }
         let settled = self.recent.back().map_or(0.0, |(last, _)| last - self.options.settled);
@@ -193,7 +208,7 @@ mod tests {
 
     fn watching(options: GuardOptions) -> ReferenceGuard {
         let mut guard = ReferenceGuard::new(options);
-        guard.confirm();
+        guard.accept();
         guard
     }
 
@@ -206,7 +221,7 @@ mod tests {
         assert!((1.0..3.0).contains(&bump.shift), "{bump:?}");
         let still = feed(&mut guard, &pose(0.0, 0.0), 480, &mut random);
         assert_eq!(still, Some(bump), "the alarm stays until it is confirmed");
-        guard.confirm();
+        guard.check();
         assert!(guard.bump().is_none() && guard.is_armed(), "the poses before are where it should be");
     }
 
@@ -217,8 +232,8 @@ mod tests {
         let (mut guard, mut random) = (ReferenceGuard::new(GuardOptions::default()), Random::new(3));
         assert_eq!(feed(&mut guard, &pose(0.0, 0.0), 60, &mut random), None);
         assert_eq!(feed(&mut guard, &pose(9.0, 0.0), 60, &mut random), None, "nobody watches before a registration");
-        guard.confirm();
-        let bump = feed(&mut guard, &pose(13.0, 0.0), 24, &mut random).expect("4 mm");
+        guard.check();
+        let bump = feed(&mut guard, &pose(13.0, 0.0), 25, &mut random).expect("4 mm");
         assert!((3.0..5.0).contains(&bump.shift), "{bump:?}");
         guard.rest();
         assert!(guard.bump().is_some() && !guard.is_armed());
@@ -233,7 +248,7 @@ mod tests {
             guard.touched();
             // Moved before it was confirmed, too.
             (30..33).for_each(|i| _ = guard.push(&pose(8.0, 0.0), f64::from(i) / hz));
-            guard.confirm();
+            guard.accept();
             (33..90).for_each(|i| _ = guard.push(&pose(8.0, 0.0), f64::from(i) / hz));
             let bump = guard.bump().expect("8 mm");
             assert!((bump.shift - 8.0).abs() < 1e-9, "{bump:?} at {hz} Hz");
@@ -246,7 +261,7 @@ mod tests {
         (0..30).for_each(|i| assert_eq!(guard.push(&pose(0.0, 0.0), f64::from(i) / 20.0), None));
         // Put back in its place 0.3 s before the touch is over.
         (0..6).for_each(|i| assert_eq!(guard.push(&pose(5.0, 0.0), 10.0 + f64::from(i) / 20.0), None));
-        guard.confirm();
+        guard.accept();
         assert!(!guard.is_armed());
         (6..200).for_each(|i| assert_eq!(guard.push(&pose(5.0, 0.0), 10.0 + f64::from(i) / 20.0), None));
         assert!(guard.is_armed());

@@ -3,6 +3,7 @@
 
 use crate::body::Body;
 use crate::door::refuse;
+use crate::lock::lock;
 use crate::server::Shared;
 use axum::Json;
 use axum::extract::State;
@@ -13,7 +14,7 @@ use monro_geometry::{Patient, Point, Tool};
 use monro_session::live::{Phase, PlainEvent, Refusal, Registering, SessionEvent, Touch, TouchError, TouchMark};
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::sync::{Arc, MutexGuard, PoisonError};
+use std::sync::{Arc, MutexGuard};
 use std::time::Duration;
 use tokio::time::sleep;
 
@@ -77,8 +78,8 @@ pub(crate) async fn post(State(shared): State<Arc<Shared>>, Body(action): Body<A
     }
 }
 
-fn lock(shared: &Shared) -> MutexGuard<'_, Registering> {
-    shared.live.registering.lock().unwrap_or_else(PoisonError::into_inner)
+fn held(shared: &Shared) -> MutexGuard<'_, Registering> {
+    lock(&shared.live.registering)
 }
 
 /// Does it; a check tells what it found.
@@ -86,15 +87,20 @@ async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
     match action {
         Action::Touch { name } => {
             let (touch, round) = watch(shared).await?;
-            still(shared, round)?.touch(&name, touch)?;
+            let mut registering = still(shared, round)?;
+            let mut tried = registering.clone();
+            tried.touch(&name, touch)?;
+            // From any phase in which the tip is known: refused only where that has just been lost, and then it is void.
+            shared.live.apply(SessionEvent::Plain(PlainEvent::Touched)).map_err(|_| TouchError::Voided)?;
+            *registering = tried;
         }
-        Action::Forget { name } => lock(shared).forget(&name)?,
-        Action::Mark { name, position_lps_mm } => lock(shared).mark(&name, Point::from_array(position_lps_mm))?,
-        Action::Unmark { name } => lock(shared).unmark(&name)?,
+        Action::Forget { name } => held(shared).forget(&name)?,
+        Action::Mark { name, position_lps_mm } => held(shared).mark(&name, Point::from_array(position_lps_mm))?,
+        Action::Unmark { name } => held(shared).unmark(&name)?,
         Action::Accept => {
             // The phase may refuse: only then is the old registration still the one that is checked. Held meanwhile: what voids
             // it comes before or after.
-            let mut registering = lock(shared);
+            let mut registering = held(shared);
             let mut tried = registering.clone();
             shared.live.apply(SessionEvent::Registered(tried.accept()?))?;
             *registering = tried;
@@ -125,13 +131,13 @@ async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
 
 /// The landmarks, if what was watched in this round still counts; nothing voids it while they are held.
 fn still(shared: &Shared, round: u64) -> Result<MutexGuard<'_, Registering>, TouchError> {
-    let registering = lock(shared);
+    let registering = held(shared);
     if registering.round() == round { Ok(registering) } else { Err(TouchError::Voided) }
 }
 
 /// Watches the tip while it rests: the touch, and the round it belongs to.
 async fn watch(shared: &Shared) -> Result<(Touch, u64), TouchError> {
-    let (live, round) = (&shared.live, lock(shared).round());
+    let (live, round) = (&shared.live, held(shared).round());
     if live.phase() < Phase::Calibrated {
         return Err(TouchError::NotCalibrated);
     }
@@ -146,14 +152,11 @@ async fn watch(shared: &Shared) -> Result<(Touch, u64), TouchError> {
         sleep(LOOK).await;
     }
     drop(still(shared, round)?);
-    let touch = Touch::new(&samples)?;
-    // From any phase in which the tip is known: refused only where that has just been lost, and then it is void.
-    live.apply(SessionEvent::Plain(PlainEvent::Touched)).map_err(|_| TouchError::Voided)?;
-    Ok((touch, round))
+    Ok((Touch::new(&samples)?, round))
 }
 
 fn describe(shared: &Shared, checked: Option<Value>) -> Value {
-    let registering = lock(shared).clone();
+    let registering = held(shared).clone();
     let solved = registering.solve();
     let contradiction = solved.as_ref().ok().and_then(|s| registering.contradiction(s));
     let why_not = solved.as_ref().err().map(ToString::to_string).or_else(|| Some(contradiction.as_ref()?.to_string()));

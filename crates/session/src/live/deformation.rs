@@ -366,6 +366,8 @@ pub(crate) mod tests {
             skull_angle_deg: None,
             source,
             findings: Vec::new(),
+            scan_findings: 0,
+            elements: None,
             confidence: Vec::new(),
             doubts: Vec::new(),
             files: Vec::new(),

@@ -168,7 +168,8 @@ impl Session {
         self.placement += u32::from(event.moves_needle());
         // A registration, or a landmark found in its place again, is the word that the reference is where it should be.
         match event {
-            SessionEvent::Registered(_) | SessionEvent::Plain(PlainEvent::CheckPassed) => self.guard.confirm(),
+            SessionEvent::Registered(_) => self.guard.accept(),
+            SessionEvent::Plain(PlainEvent::CheckPassed) => self.guard.check(),
             SessionEvent::Plain(PlainEvent::Touched) => self.guard.touched(),
             // These void what was touched.
             SessionEvent::Calibrated(_)
@@ -487,6 +488,23 @@ pub(crate) mod tests {
         s.apply(SessionEvent::Plain(PlainEvent::Touched)).expect("touched");
         accept(&mut s);
         assert_eq!(see(&mut s, &script, 300, &shifted(4.0)), None);
+    }
+
+    /// The touches that it was made of were from before the bump.
+    #[test]
+    fn accepting_the_same_touches_again_silenced_the_alarm() {
+        let script = Script::new(plan());
+        let mut s = navigating(&script);
+        let apply = |s: &mut Session, event| s.apply(event).expect("fits");
+        see(&mut s, &script, 0, &shifted(0.0));
+        apply(&mut s, SessionEvent::Plain(PlainEvent::Touched));
+        apply(&mut s, SessionEvent::Plain(PlainEvent::Stopped));
+        for (i, check) in (1..).zip([None, Some(PlainEvent::CheckFailed), Some(PlainEvent::CheckPassed)]) {
+            check.into_iter().for_each(|c| _ = apply(&mut s, SessionEvent::Plain(c)));
+            apply(&mut s, SessionEvent::Registered(script.truth().registration));
+            let alarm = see(&mut s, &script, 100 * i, &shifted(4.0));
+            assert!(alarm.is_some_and(|mm| mm > 3.5), "{alarm:?} after {check:?}");
+        }
     }
 
     #[test]
