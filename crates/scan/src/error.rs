@@ -65,7 +65,9 @@ pub enum Problem {
         limit: u64,
     },
     /// The file does not say where left and right are.
-    #[error("does not say how its voxels lie in the patient ({0}), so left and right cannot be told apart")]
+    #[error(
+        "does not say how its voxels lie in the patient ({0}), so left and right cannot be told apart; write it into the header (NIfTI: a sform or qform with a code of 1 or more; NRRD: space and space directions; MetaImage: TransformMatrix)"
+    )]
     NoOrientation(String),
     /// The index axes within a slice are not perpendicular.
     #[error(
@@ -92,7 +94,9 @@ pub enum Problem {
     #[error("its data file {0:?} is not a plain name in the same folder")]
     OutsideFolder(String),
     /// A label that is not a whole number of 0 to 65535.
-    #[error("voxel {voxel:?} has the value {value}: labels are whole numbers from 0 to 65535")]
+    #[error(
+        "voxel {voxel:?} has the value {value}: labels are whole numbers from 0 to 65535: renumber them, and set what is no label to 0"
+    )]
     NotALabel {
         /// The value found.
         value: f64,

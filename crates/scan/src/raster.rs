@@ -7,6 +7,8 @@ use std::io::{self, ErrorKind, Read};
 
 /// No head CT comes near this many voxels (1 GiB as 16-bit).
 pub(crate) const MAX_VOXELS: u64 = 1 << 29;
+/// Most voxels in a row: NIfTI, in which a case keeps its images, has no larger number.
+const LONGEST: u64 = i16::MAX as u64;
 
 /// Deflate cannot expand a stream by more than this factor, so a header that promises more is lying.
 const DEFLATE_LIMIT: u64 = 1032;
@@ -274,6 +276,9 @@ pub(crate) fn grid(dims: [u64; 3], placement: Affine<Patient, Voxel>) -> Result<
     let count = dims.iter().try_fold(1u64, |n, &d| n.checked_mul(d));
     if count.is_none_or(|n| n > MAX_VOXELS) {
         return Err(Problem::TooLarge { dims, limit: MAX_VOXELS });
+    }
+    if let Some(long) = dims.iter().find(|&&d| d > LONGEST) {
+        return Err(header("dimensions", format!("{dims:?}: {long} voxels in a row; at most {LONGEST} are read")));
     }
     if dims.contains(&0) {
         return Err(header("dimensions", format!("{dims:?} is empty")));

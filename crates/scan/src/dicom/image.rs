@@ -7,7 +7,7 @@ use crate::error::{Problem, header, unsupported};
 use crate::raster::MAX_VOXELS;
 use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
-use dicom_object::{InMemDicomObject, OpenFileOptions};
+use dicom_object::{FileDicomObject, InMemDicomObject, OpenFileOptions};
 use monro_geometry::{Patient, Point, Vector};
 use std::path::{Path, PathBuf};
 
@@ -128,11 +128,15 @@ pub(crate) fn describe(path: &Path, bytes: &[u8]) -> Result<Found, Problem> {
     images(path, &outline, &root).map(Found::Images)
 }
 
-/// All elements before the pixel data.
+/// All elements before the pixel data of a file that [`outline::outline`] has walked.
 pub(crate) fn parse_header(bytes: &[u8]) -> Result<InMemDicomObject, Problem> {
+    open_header(bytes).map(FileDicomObject::into_inner)
+}
+
+/// The same with what the file says of itself.
+pub(crate) fn open_header(bytes: &[u8]) -> Result<FileDicomObject<InMemDicomObject>, Problem> {
     let options = OpenFileOptions::new().read_until(tags::PIXEL_DATA);
-    let object = options.from_reader(&bytes[128..]);
-    object.map(|o| o.into_inner()).map_err(|e| header("DICOM elements", chain(&e)))
+    options.from_reader(&bytes[128..]).map_err(|e| header("DICOM elements", chain(&e)))
 }
 
 /// An error with its causes in one line.

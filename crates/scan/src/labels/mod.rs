@@ -2,8 +2,8 @@
 //! DICOM segmentations, besides the plain volumes that [`crate::read_labels`] reads.
 //!
 //! Segments are recognised by their terms (SNOMED CT), else by their names; then they get the numbers of
-//! [`Structure`], whatever their own were. Not read: segmentations with overlapping layers (four-dimensional NRRD),
-//! fractional DICOM segmentations.
+//! [`Structure`], whatever their own were. Segments of a DICOM segmentation may overlap
+//! (told). Not read: overlapping layers of a `.seg.nrrd` (four-dimensional NRRD), fractional DICOM segmentations.
 
 mod seg_nrrd;
 mod terms;
@@ -69,8 +69,9 @@ pub(crate) struct Segment {
 /// Any [`ScanError`]; a file whose segments are all unknown, with their names.
 pub fn read(path: &Path) -> Result<CaseLabels, ScanError> {
     let (CaseLabels { volume, mut warnings, drawn_on }, segments) = if path.is_file() && is_dicom_file(path) {
-        let (volume, segments, drawn_on) = seg::read(path)?;
-        (CaseLabels { volume, warnings: Vec::new(), drawn_on: Some(drawn_on) }, segments)
+        let seg::Stored { volume, segments, drawn_on, contested } = seg::read(path)?;
+        let warnings = overlapping(contested).into_iter().collect();
+        (CaseLabels { volume, warnings, drawn_on: Some(drawn_on) }, segments)
     } else {
         (file::read_labels(path)?, seg_nrrd::segments(path))
     };
@@ -88,6 +89,10 @@ fn renumbered(volume: Volume<u16>, segments: &[Segment]) -> Result<CaseLabels, P
     let mut warnings = Vec::new();
     for segment in segments {
         match structure(segment) {
+            Some(_) if segment.number == 0 => {
+                let name = &segment.name;
+                warnings.push(format!("the segment {name:?} has the value of the background, 0, and was left out"));
+            }
             Some(s) => table[usize::from(segment.number)] = u16::from(s.label()),
             None => warnings.push(format!("the segment {:?} is no structure of a case and was left out", segment.name)),
         }
@@ -99,6 +104,20 @@ fn renumbered(volume: Volume<u16>, segments: &[Segment]) -> Result<CaseLabels, P
     }
     warnings.extend(nameless(&volume, segments));
     Ok(CaseLabels { volume: volume.map(|l| table[usize::from(l)]), warnings, drawn_on: None })
+}
+
+/// A remark on voxels that several segments claim.
+fn overlapping(voxels: usize) -> Option<String> {
+    (voxels > 0).then(|| {
+        format!(
+            "segments of the file overlap in {voxels} voxels, which went to the inner structure of each two (ventricles before brain,              brain before CSF, the third ventricle before the others): look whether that is right"
+        )
+    })
+}
+
+/// Which of the segments that claim a voxel gets it: the one of the highest rank. 0 for what is no structure of a case.
+pub(crate) fn rank(segments: &[Segment], number: u16) -> u8 {
+    segments.iter().find(|s| s.number == number).and_then(structure).map_or(0, Structure::label)
 }
 
 /// A remark on voxels whose number is that of no segment: with the others they become 0.
@@ -183,6 +202,16 @@ mod tests {
         assert!(found.warnings.len() == 1 && found.warnings[0].contains("tumour"));
         let said = renumbered(volume, &known[2..]).expect_err("nothing known").to_string();
         assert!(said.contains("tumour") && said.contains("third_ventricle"), "{said}");
+    }
+
+    #[test]
+    fn a_segment_with_the_value_of_the_background_took_all_of_it() {
+        let grid = monro_geometry::Grid::axis_aligned([3, 1, 1], [1.0; 3], [0.0; 3]).expect("grid");
+        let volume = Volume::new(grid, vec![0, 0, 2]).expect("volume");
+        let found =
+            renumbered(volume, &[segment(0, "brain", ["", ""]), segment(2, "skull", ["", ""])]).expect("labels");
+        assert_eq!(found.volume.data(), [0, 0, 2]);
+        assert!(found.warnings.len() == 1 && found.warnings[0].contains("background"), "{:?}", found.warnings);
     }
 
     #[test]

@@ -78,7 +78,9 @@ pub(super) fn segments(path: &Path) -> Vec<Segment> {
 
 /// Files of older versions lack the label's value; it is then the place in the list.
 fn segment(place: u32, fields: &BTreeMap<String, String>) -> Option<Segment> {
-    let number = fields.get("LabelValue").map_or(u16::try_from(place + 1).ok(), |v| v.trim().parse().ok())?;
+    let number = fields
+        .get("LabelValue")
+        .map_or_else(|| u16::try_from(place.checked_add(1)?).ok(), |v| v.trim().parse().ok())?;
     let tags = fields.get("Tags").map_or("", String::as_str);
     let entry = tags.split('|').find_map(|t| t.strip_prefix("TerminologyEntry:")).unwrap_or("");
     let code = |place: usize| entry.split('~').nth(place).and_then(|t| t.split('^').nth(1)).unwrap_or("").to_owned();
@@ -89,6 +91,13 @@ fn segment(place: u32, fields: &BTreeMap<String, String>) -> Option<Segment> {
 mod tests {
     use super::*;
     use monro_geometry::Grid;
+
+    #[test]
+    fn a_segment_without_a_value_after_the_last_number_has_none() {
+        let fields = BTreeMap::from([("Name".to_owned(), "brain".to_owned())]);
+        assert_eq!(segment(u32::MAX, &fields), None);
+        assert_eq!(segment(3, &fields).map(|s| s.number), Some(4));
+    }
 
     #[test]
     fn what_is_written_is_read_again_with_its_names() {

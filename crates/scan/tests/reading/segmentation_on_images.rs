@@ -1,6 +1,8 @@
 //! A DICOM segmentation that refers to its images. `scripts/oracle_labels.py` reads the same with highdicom.
 
 use crate::common;
+use dicom_core::value::{DataSetSequence, PrimitiveValue};
+use dicom_core::{DataElement, VR};
 use dicom_dictionary_std::tags;
 use dicom_object::{InMemDicomObject, open_file};
 use monro_geometry::{Grid, Structure, Volume};
@@ -189,4 +191,81 @@ fn without_images_nobody_and_nothing_is_named() {
     let seg = open_file(&file).expect("DICOM").into_inner();
     assert_eq!(text(&seg, tags::PATIENT_NAME), "anonymous");
     assert!(seg.get(tags::REFERENCED_SERIES_SEQUENCE).is_none());
+}
+
+/// Rewrites a stored segmentation.
+fn rewritten(file: &Path, change: impl Fn(&mut InMemDicomObject)) {
+    let mut seg = open_file(file).expect("DICOM");
+    change(&mut seg);
+    seg.write_to_file(file).expect("written");
+}
+
+/// Of two that claimed a voxel the one that came last in the file had it; with an unknown one last there was a hole.
+#[test]
+fn where_segments_overlap_the_last_one_cut_the_others() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (images, grid) = series(&dir.path().join("series"));
+    let file = dir.path().join("labels.dcm");
+    let (bytes, _) = encode_on(&drawn(grid), &images).expect("encoded");
+    std::fs::write(&file, bytes).expect("write");
+    assert!(labels::read(&file).expect("labels").warnings.is_empty());
+    // All of every frame: brain in seven slices, and in the middle three the ventricle, too. Frames in reverse: brain comes last.
+    rewritten(&file, |seg| {
+        let frames = items(seg, tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE).into_iter().rev().collect::<Vec<_>>();
+        let sequence = DataSetSequence::from(frames);
+        seg.put(DataElement::new(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE, VR::SQ, sequence));
+        let bits = seg.element(tags::PIXEL_DATA).expect("pixels").to_bytes().expect("bytes").len();
+        seg.put(DataElement::new(tags::PIXEL_DATA, VR::OB, PrimitiveValue::from(vec![0xff_u8; bits])));
+    });
+    let read = labels::read(&file).expect("labels");
+    let label = |n: usize, inner: u8| u16::from(if (2..5).contains(&grid.voxel(n)[2]) { inner } else { BRAIN });
+    assert!((0..grid.len()).all(|n| read.volume.data()[n] == label(n, THIRD)));
+    assert!(read.warnings.len() == 1 && read.warnings[0].contains("overlap in 216 voxels"), "{:?}", read.warnings);
+    // What is no structure of a case takes nothing from what is one.
+    rewritten(&file, |seg| {
+        let mut segments = items(seg, tags::SEGMENT_SEQUENCE);
+        for third in segments.iter_mut().filter(|s| text(s, tags::SEGMENT_LABEL).contains("third")) {
+            third.put(DataElement::new(tags::SEGMENT_LABEL, VR::LO, "haematoma"));
+            third.remove_element(tags::SEGMENTED_PROPERTY_TYPE_CODE_SEQUENCE);
+        }
+        seg.put(DataElement::new(tags::SEGMENT_SEQUENCE, VR::SQ, DataSetSequence::from(segments)));
+    });
+    let read = labels::read(&file).expect("labels");
+    assert!((0..grid.len()).all(|n| read.volume.data()[n] == label(n, BRAIN)));
+    assert!(read.warnings.len() == 1 && read.warnings[0].contains("haematoma"), "{:?}", read.warnings);
+}
+
+#[test]
+fn frames_turned_against_each_other_were_read_as_if_they_were_not() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (images, grid) = series(&dir.path().join("series"));
+    let file = dir.path().join("labels.dcm");
+    std::fs::write(&file, encode_on(&drawn(grid), &images).expect("encoded").0).expect("write");
+    rewritten(&file, |seg| {
+        let mut frames = items(seg, tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE);
+        let mut own = InMemDicomObject::new_empty();
+        own.put(DataElement::new(tags::IMAGE_ORIENTATION_PATIENT, VR::DS, PrimitiveValue::from("1\\0\\0\\0\\0\\-1")));
+        let turned = DataSetSequence::from(vec![own]);
+        frames[4].put(DataElement::new(tags::PLANE_ORIENTATION_SEQUENCE, VR::SQ, turned));
+        let sequence = DataSetSequence::from(frames);
+        seg.put(DataElement::new(tags::PER_FRAME_FUNCTIONAL_GROUPS_SEQUENCE, VR::SQ, sequence));
+    });
+    let said = labels::read(&file).expect_err("refused").to_string();
+    assert!(said.contains("frame 5 lies otherwise"), "{said}");
+}
+
+/// 16 MB of sequences within sequences ended the program: nothing bounded their depth.
+#[test]
+fn a_segmentation_of_endless_sequences_is_refused() {
+    let dir = tempfile::tempdir().expect("temp");
+    let (images, grid) = series(&dir.path().join("series"));
+    let file = dir.path().join("labels.dcm");
+    let bytes = encode_on(&drawn(grid), &images).expect("encoded").0;
+    let pixels = bytes.windows(6).position(|w| w == [0xe0, 0x7f, 0x10, 0x00, b'O', b'B']).expect("pixel data");
+    // Sequences and items of undefined length, within each other.
+    let begun =
+        [0xdf, 0x7f, 0x01, 0x10, b'S', b'Q', 0, 0, 0xff, 0xff, 0xff, 0xff, 0xfe, 0xff, 0, 0xe0, 0xff, 0xff, 0xff, 0xff];
+    std::fs::write(&file, [&bytes[..pixels], &begun.repeat(800_000), &bytes[pixels..]].concat()).expect("write");
+    let said = labels::read(&file).map(|_| ()).expect_err("refused").to_string();
+    assert!(said.contains("labels.dcm"), "{said}");
 }

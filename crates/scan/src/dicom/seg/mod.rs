@@ -6,5 +6,5 @@ mod references;
 mod write;
 
 pub use images::Images;
-pub(crate) use read::read;
+pub(crate) use read::{Stored, read};
 pub use write::{SegError, encode, encode_on};

@@ -1,13 +1,15 @@
 //! A binary DICOM segmentation as labels: the number of a voxel is that of its segment.
 
 use super::super::attributes::Attributes;
+use super::super::outline::{Outline, outline};
+use super::super::{folder, image};
 use crate::error::{Problem, ScanError, header, unsupported};
 use crate::hash;
-use crate::labels::{DrawnOn, Segment};
+use crate::labels::{self, DrawnOn, Segment};
 use crate::raster::grid;
 use dicom_core::Tag;
 use dicom_dictionary_std::{tags, uids};
-use dicom_object::{InMemDicomObject, open_file};
+use dicom_object::InMemDicomObject;
 use monro_geometry::{Affine, Matrix3, Patient, Vector, Volume};
 use std::ops::Range;
 use std::path::Path;
@@ -18,32 +20,53 @@ const LABEL_MAP_STORAGE: &str = "1.2.840.10008.5.1.4.1.1.66.7";
 const OFF_PLACE: f64 = 0.05;
 /// Frames nearer than this lie in the same plane, mm.
 const SAME_PLANE_MM: f64 = 0.01;
+/// Direction cosines (and pixels, mm) of frames differ by less than this where they are the same.
+const SAME_FRAME: f64 = 1e-3;
 /// Uneven planes come onto slices of the smallest distance between them, but not finer than this, mm.
 const FINEST_MM: f64 = 0.5;
 
-/// Reads a segmentation, its segments and what it was drawn on.
+/// A segmentation as it is stored.
+pub(crate) struct Stored {
+    /// The number of a segment, or 0.
+    pub(crate) volume: Volume<u16>,
+    pub(crate) segments: Vec<Segment>,
+    pub(crate) drawn_on: DrawnOn,
+    /// Voxels that more than one structure of a case claims.
+    pub(crate) contested: usize,
+}
+
+/// Reads a segmentation, its segments and what it was drawn on. Where segments overlap, what is no structure of a case gives
+/// way to what is, and of two structures the outer one to the inner one.
 ///
 /// # Errors
 /// [`ScanError::File`] with what is missing or not supported.
-pub(crate) fn read(path: &Path) -> Result<(Volume<u16>, Vec<Segment>, DrawnOn), ScanError> {
-    let at = |problem| ScanError::file(path, problem);
-    let object = open_file(path).map_err(|e| at(Problem::Corrupt(crate::dicom::image::chain(&e))))?;
+pub(crate) fn read(path: &Path) -> Result<Stored, ScanError> {
+    stored(path).map_err(|problem| ScanError::file(path, problem))
+}
+
+fn stored(path: &Path) -> Result<Stored, Problem> {
+    let other =
+        || unsupported("a DICOM file that is no segmentation", "give a DICOM-SEG file, or NIfTI, NRRD or .seg.nrrd");
+    let bytes = folder::load(path)?.ok_or_else(other)?;
+    let outline = outline(&bytes)?;
+    let object = image::open_header(&bytes)?;
     match object.meta().media_storage_sop_class_uid().trim_end_matches(['\0', ' ']) {
-        uids::SEGMENTATION_STORAGE => {
-            let (volume, segments) = labels(&object).map_err(at)?;
-            Ok((volume, segments, drawn_on(&object)))
-        }
-        LABEL_MAP_STORAGE => {
-            Err(at(unsupported("a DICOM label map segmentation", "export it as a BINARY segmentation")))
-        }
-        _ => Err(at(unsupported(
-            "a DICOM file that is no segmentation",
-            "give a DICOM-SEG file, or NIfTI, NRRD or .seg.nrrd",
-        ))),
+        uids::SEGMENTATION_STORAGE => labels(&object, &outline),
+        LABEL_MAP_STORAGE => Err(unsupported("a DICOM label map segmentation", "export it as a BINARY segmentation")),
+        _ => Err(other()),
     }
 }
 
-fn labels(o: &InMemDicomObject) -> Result<(Volume<u16>, Vec<Segment>), Problem> {
+/// The bits of a segmentation that is not compressed.
+fn bits<'a>(outline: &'a Outline<'_>) -> Result<&'a [u8], Problem> {
+    let pixels = outline.pixels.as_ref().ok_or_else(|| header("PixelData", "is missing: the file is truncated"))?;
+    match pixels.promised {
+        Some(_) => Ok(&outline.data[pixels.range.clone()]),
+        None => Err(unsupported("a DICOM segmentation that is compressed", "export it without compression")),
+    }
+}
+
+fn labels(o: &InMemDicomObject, outline: &Outline<'_>) -> Result<Stored, Problem> {
     let root = Attributes::new(o);
     let kind = root.text(tags::SEGMENTATION_TYPE).unwrap_or_default();
     if kind != "BINARY" || root.whole(tags::BITS_ALLOCATED) != Some(1) {
@@ -59,27 +82,54 @@ fn labels(o: &InMemDicomObject) -> Result<(Volume<u16>, Vec<Segment>), Problem> 
         return Err(header("PerFrameFunctionalGroupsSequence", format!("has no {count} items")));
     }
     let frames = (0..count).map(|n| frame(&root.frame(n))).collect::<Result<Vec<_>, _>>()?;
+    alike(&root, count)?;
     let stack = Stack::of(&root.frame(0), &frames, images_referred_to(o))?;
     let [wide, tall] = [columns.saturating_add(stack.wider[0]), rows.saturating_add(stack.wider[1])];
     let grid = grid([wide, tall, stack.slices as u64], stack.placement)?;
-    let pixels = o.get(tags::PIXEL_DATA).and_then(|e| e.to_bytes().ok()).unwrap_or_default();
+    let pixels = bits(outline)?;
     let (columns, plane) = (columns as usize, (columns * rows) as usize);
     let (expected, found) = ((count * plane).div_ceil(8) as u64, pixels.len() as u64);
     if found < expected {
         return Err(Problem::Truncated { expected, found });
     }
-    let mut data = vec![0u16; grid.len()];
-    for (n, (f, (corner, slices))) in frames.iter().zip(&stack.places).enumerate() {
-        for m in 0..plane {
-            let bit = n * plane + m;
-            if pixels[bit / 8] >> (bit % 8) & 1 == 1 {
-                for k in slices.clone() {
-                    data[grid.index(m % columns + corner[0], m / columns + corner[1], k)] = f.segment;
-                }
+    let segments = segments(o);
+    let rank = |n: usize| labels::rank(&segments, frames[n].segment);
+    let mut order: Vec<usize> = (0..count).collect();
+    order.sort_by_key(|&n| rank(n));
+    let (mut data, mut contested) = (vec![0u16; grid.len()], 0);
+    for n in order {
+        let (own, (corner, slices)) = (frames[n].segment, &stack.places[n]);
+        for m in (0..plane).filter(|m| pixels[(n * plane + m) / 8] >> ((n * plane + m) % 8) & 1 == 1) {
+            for k in slices.clone() {
+                let voxel = &mut data[grid.index(m % columns + corner[0], m / columns + corner[1], k)];
+                contested += usize::from(![0, own].contains(voxel) && labels::rank(&segments, *voxel) > 0);
+                *voxel = own;
             }
         }
     }
-    Ok((Volume::new(grid, data)?, segments(o)))
+    Ok(Stored { volume: Volume::new(grid, data)?, segments, drawn_on: drawn_on(o), contested })
+}
+
+/// Refuses frames that are turned against each other, or of other pixels.
+fn alike(root: &Attributes<'_>, count: usize) -> Result<(), Problem> {
+    let of = |n: usize| {
+        let a = root.frame(n);
+        let turn = vectors::<6>(&a, tags::PLANE_ORIENTATION_SEQUENCE, tags::IMAGE_ORIENTATION_PATIENT);
+        let pixel = vectors::<2>(&a, tags::PIXEL_MEASURES_SEQUENCE, tags::PIXEL_SPACING);
+        turn.into_iter().flatten().chain(pixel.into_iter().flatten()).collect::<Vec<f64>>()
+    };
+    let first = of(0);
+    let unlike = |n: &usize| {
+        let other = of(*n);
+        other.len() != first.len() || other.iter().zip(&first).any(|(a, b)| (a - b).abs() > SAME_FRAME)
+    };
+    match (1..count).find(unlike) {
+        None => Ok(()),
+        Some(n) => Err(unsupported(
+            format!("a DICOM segmentation whose frame {} lies otherwise than the first, or has other pixels", n + 1),
+            "export it on one series of parallel images",
+        )),
+    }
 }
 
 /// Which segment, where its first pixel is.
