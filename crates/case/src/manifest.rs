@@ -27,6 +27,12 @@ pub struct Manifest {
     /// What a user of the case should know: doubts of the segmentation, cut scans, resampling.
     #[serde(default)]
     pub findings: Vec<String>,
+    /// How many of them, the first ones, tell of the scan; a rebuild from corrected labels keeps those.
+    #[serde(default)]
+    pub scan_findings: usize,
+    /// Tetrahedra that were asked for, if known; the mesh has nearly as many.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub elements: Option<usize>,
     /// How far the automatic segmentation could be trusted that the labels began with; a rebuild from corrected labels
     /// keeps it. Empty for labels made elsewhere.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

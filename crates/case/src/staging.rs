@@ -38,6 +38,8 @@ pub enum StagingError {
 #[derive(Debug)]
 pub struct Staging {
     temporary: PathBuf,
+    /// Folders around it that were not there, from the outermost.
+    around: Vec<PathBuf>,
     /// As it was asked for.
     named: PathBuf,
     /// Where that leads.
@@ -58,6 +60,8 @@ impl Staging {
         let target = real(target).map_err(|error| StagingError::Io { path: named.clone(), error })?;
         let parent = target.parent().unwrap_or(Path::new("/")).to_owned();
         let refused = |error| StagingError::Place { place: parent.clone(), error };
+        let mut around: Vec<PathBuf> = parent.ancestors().take_while(|p| !p.exists()).map(Path::to_owned).collect();
+        around.reverse();
         fs::create_dir_all(&parent).map_err(refused)?;
         let mut name = OsString::from(".");
         name.push(target.file_name().unwrap_or_default());
@@ -67,12 +71,18 @@ impl Staging {
         let temporary = parent.join(name);
         remove_leftovers(&parent, &name_of_all)?;
         fs::create_dir(&temporary).map_err(refused)?;
-        Ok(Self { temporary, named, target, force, kind: *kind, finished: false })
+        Ok(Self { temporary, around, named, target, force, kind: *kind, finished: false })
     }
 
     /// Where to write the files meanwhile.
     pub fn path(&self) -> &Path {
         &self.temporary
+    }
+
+    /// What was made for it and is to go with it where it is not finished: the folder itself, then those around it that were not
+    /// there, of which one with anything else in it stays.
+    pub fn made(&self) -> impl Iterator<Item = &Path> {
+        core::iter::once(&self.temporary).chain(self.around.iter().rev()).map(PathBuf::as_path)
     }
 
     /// Writes one file.
@@ -150,6 +160,7 @@ impl Drop for Staging {
         if !self.finished {
             // Nothing sensible can be done about a failure while unwinding; the name says that it is a leftover.
             let _ = fs::remove_dir_all(&self.temporary);
+            self.around.iter().rev().for_each(|empty| _ = fs::remove_dir(empty));
         }
     }
 }
@@ -172,6 +183,23 @@ mod tests {
         staging.finish().expect("finish");
         assert_eq!(fs::read(out.join("case.toml")).expect("file"), b"1");
         assert_eq!(fs::read_dir(dir.path()).expect("list").count(), 1);
+    }
+
+    #[test]
+    fn folders_made_for_an_output_that_never_came_stayed() {
+        let dir = tempfile::tempdir().expect("temp");
+        let begin = |name: &str| Staging::begin(&dir.path().join(name), false, &CASE, &[]).expect("begin");
+        drop(begin("a/b/case"));
+        assert_eq!(fs::read_dir(dir.path()).expect("list").count(), 0);
+        // Where there is anything else by then they stay.
+        let staging = begin("a/b/case");
+        fs::write(dir.path().join("a/notes"), "x").expect("write");
+        drop(staging);
+        assert!(dir.path().join("a/notes").exists() && !dir.path().join("a/b").exists());
+        let staging = begin("a/c/case");
+        staging.write("case.toml", b"1").expect("write");
+        staging.finish().expect("finish");
+        assert!(dir.path().join("a/c/case/case.toml").exists());
     }
 
     #[test]

@@ -49,11 +49,11 @@ pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<P
     let volumes_ml = volumes_ml(&segmentation.labels);
     let mut findings = findings(&scan, &segmentation, &planned, &surfaces);
     findings.extend(of_mesh(&mesh));
-    for finding in findings.iter().skip(scan.warnings.len() + usize::from(scan.resampled.is_some())) {
+    for finding in findings.iter().skip(of_scan(&scan)) {
         observer.remark(finding);
     }
     let case = Case {
-        manifest: manifest(&scan, &segmentation, &planned, findings),
+        manifest: Manifest { elements: Some(request.elements), ..manifest(&scan, &segmentation, &planned, findings) },
         plan: planned.plan,
         landmarks: planned.landmarks,
         skin: surfaces.skin.mesh,
@@ -66,29 +66,33 @@ pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<P
 }
 
 /// Builds a case again from its own CT and from corrected labels. Identity, source, side, the wanted number of
-/// tetrahedra, what is known of the automatic segmentation and a path that was given are those of the case; landmarks,
+/// tetrahedra, what is known of the scan and of the automatic segmentation and a path that was given are those of the case; landmarks,
 /// surfaces, tetrahedra and a path that was found are made anew.
 ///
 /// # Errors
 /// As [`build`].
 pub fn rebuild(
     case: &Case,
-    scan: Scan,
+    mut scan: Scan,
     labels: Volume<u16>,
     observer: &dyn Observer,
 ) -> Result<Prepared, PrepareError> {
+    let known = &case.manifest;
+    // The case's own CT shows nothing any more of how it was made.
+    scan.warnings.retain(|w| !known.findings.contains(w));
+    scan.warnings.splice(0..0, known.findings.iter().take(known.scan_findings).cloned());
     let request = Request {
-        elements: case.tets.tets.len(),
+        elements: known.elements.unwrap_or(case.tets.tets.len()),
         side: Some(case.plan.side()),
         labels: Labels::Given(labels),
         path: given_path(case),
     };
     let mut prepared = build(scan, &request, observer)?;
     let made = &mut prepared.case.manifest;
-    made.pseudonym.clone_from(&case.manifest.pseudonym);
-    made.source = case.manifest.source.clone();
-    made.confidence.clone_from(&case.manifest.confidence);
-    made.doubts.clone_from(&case.manifest.doubts);
+    made.pseudonym.clone_from(&known.pseudonym);
+    made.source = known.source.clone();
+    made.confidence.clone_from(&known.confidence);
+    made.doubts.clone_from(&known.doubts);
     Ok(prepared)
 }
 
@@ -176,6 +180,11 @@ pub fn volumes_ml(labels: &Volume<u8>) -> Vec<(Structure, f64)> {
     let ml = labels.grid().voxel_volume() / 1000.0;
     let of = |s: Structure| (s, counts[usize::from(s.label())] as f64 * ml);
     Structure::ALL.into_iter().skip(1).map(of).collect()
+}
+
+/// How many findings tell of the scan; they come first.
+fn of_scan(scan: &Scan) -> usize {
+    scan.warnings.len() + usize::from(scan.resampled.is_some())
 }
 
 fn findings(scan: &Scan, segmentation: &Segmentation, planned: &Planned, surfaces: &Surfaces) -> Vec<String> {
@@ -297,6 +306,8 @@ fn manifest(scan: &Scan, segmentation: &Segmentation, planned: &Planned, finding
             spacing_mm: grid.spacing(),
         },
         findings,
+        scan_findings: of_scan(scan),
+        elements: None,
         confidence: confidence(&segmentation.confidence),
         doubts: spots(segmentation),
         files: Vec::new(),

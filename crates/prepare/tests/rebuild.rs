@@ -57,6 +57,11 @@ fn a_corrected_ventricle_is_in_the_rebuilt_case_and_its_identity_stays() {
     first.case.manifest.pseudonym = "kept".into();
     assert!(first.case.manifest.confidence.is_empty(), "nothing is known of labels made elsewhere");
     first.case.manifest.confidence = confidence(&[(Structure::Brain, 0.91)]);
+    assert_eq!(first.case.manifest.scan_findings, 0);
+    // What is told of a scan is not seen in the CT of the case; what is told of labels, plan and mesh is found anew.
+    let told = ["slices 5 and 6 are 9 mm apart", "an artery is drawn as a ventricle"];
+    first.case.manifest.findings.splice(0..0, told.map(String::from));
+    first.case.manifest.scan_findings = 1;
     // The part of the left ventricle that lies behind its middle is taken for brain.
     let left = Structure::LeftLateralVentricle.label();
     let rows: Vec<usize> = (0..made.labels.data().len()).filter(|&n| made.labels.data()[n] == left).collect();
@@ -70,6 +75,10 @@ fn a_corrected_ventricle_is_in_the_rebuilt_case_and_its_identity_stays() {
     let (before, after) = (ml(&first, Structure::LeftLateralVentricle), ml(&second, Structure::LeftLateralVentricle));
     assert!(after < 0.75 * before, "{after} of {before} ml");
     assert_eq!(second.case.manifest.pseudonym, "kept");
+    // "slices 5 and 6 are 9 mm apart" was gone once labels were corrected, and each mesh was to be like the last one.
+    let manifest = &second.case.manifest;
+    assert_eq!((manifest.findings[0].as_str(), manifest.scan_findings, manifest.elements), (told[0], 1, Some(3000)));
+    assert!(!manifest.findings.iter().any(|f| f == told[1]));
     assert_eq!(second.case.plan.side().name(), "left");
     let known = second.case.manifest.confidence.iter().map(|c| (c.structure.as_str(), c.expected_dice));
     assert_eq!(known.collect::<Vec<_>>(), [("brain", 0.91)]);

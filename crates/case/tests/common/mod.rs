@@ -22,6 +22,8 @@ pub(crate) fn case() -> Case {
         skull_angle_deg: Some(89.5),
         source,
         findings: vec!["vertex cut".into()],
+        scan_findings: 1,
+        elements: None,
         confidence: vec![Confidence { structure: "brain".into(), expected_dice: 0.93 }],
         doubts: vec![DoubtfulSpot { structure: "third_ventricle".into(), at_mm: [1.0, -2.0, 3.5], area_mm2: 42.0 }],
         files: Vec::new(),
