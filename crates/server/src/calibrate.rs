@@ -3,6 +3,7 @@
 
 use crate::body::Body;
 use crate::door::refuse;
+use crate::lock::lock;
 use crate::server::Shared;
 use axum::Json;
 use axum::extract::State;
@@ -15,7 +16,7 @@ use monro_guidance::calibration::{
 use monro_session::live::{Calibration, Refusal, SessionEvent};
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::sync::{Arc, MutexGuard, PoisonError};
+use std::sync::{Arc, MutexGuard};
 use std::time::Duration;
 use tokio::time::sleep;
 
@@ -84,8 +85,8 @@ enum Why {
     Seconds,
 }
 
-fn lock(shared: &Shared) -> MutexGuard<'_, Calibrating> {
-    shared.live.calibrating.lock().unwrap_or_else(PoisonError::into_inner)
+fn held(shared: &Shared) -> MutexGuard<'_, Calibrating> {
+    lock(&shared.live.calibrating)
 }
 
 /// `GET /api/calibration`.
@@ -110,7 +111,7 @@ async fn act(shared: &Shared, action: Action) -> Result<(), Why> {
             still(shared, round)?.take_tip(found);
         }
         Action::Turn { seconds, hub_mm } => {
-            let tip = || lock(shared).tip.as_ref().map(|t| t.tip).ok_or(Why::NoTip);
+            let tip = || held(shared).tip.as_ref().map(|t| t.tip).ok_or(Why::NoTip);
             tip()?;
             let (poses, round) = watch(shared, seconds).await?;
             let hub = hub_mm.map_or(Point::ORIGIN, Point::from_array);
@@ -119,7 +120,7 @@ async fn act(shared: &Shared, action: Action) -> Result<(), Why> {
         }
         Action::Accept => {
             // Held meanwhile: what voids it comes before or after.
-            let found = lock(shared);
+            let found = held(shared);
             let tip = found.tip.as_ref().ok_or(Why::NoTip)?.tip;
             let axis = found.axis.as_ref().ok_or(Why::NoAxis)?.axis;
             shared.live.apply(SessionEvent::Calibrated(Calibration { tip, axis }))?;
@@ -130,7 +131,7 @@ async fn act(shared: &Shared, action: Action) -> Result<(), Why> {
 
 /// What was found so far, if what was watched in this round still counts.
 fn still(shared: &Shared, round: u64) -> Result<MutexGuard<'_, Calibrating>, Why> {
-    let calibrating = lock(shared);
+    let calibrating = held(shared);
     if calibrating.round == round { Ok(calibrating) } else { Err(Why::Voided) }
 }
 
@@ -140,7 +141,7 @@ async fn watch(shared: &Shared, seconds: Option<f64>) -> Result<(Vec<Rigid<Track
     if !(LEAST_S..=MOST_S).contains(&seconds) {
         return Err(Why::Seconds);
     }
-    let (live, round) = (&shared.live, lock(shared).round);
+    let (live, round) = (&shared.live, held(shared).round);
     let begun = live.clock.now();
     let (mut poses, mut last) = (Vec::new(), begun);
     while live.clock.now() < begun + seconds {
@@ -156,7 +157,7 @@ async fn watch(shared: &Shared, seconds: Option<f64>) -> Result<(Vec<Rigid<Track
 }
 
 fn describe(shared: &Shared) -> Value {
-    let Calibrating { tip, axis, .. } = lock(shared).clone();
+    let Calibrating { tip, axis, .. } = held(shared).clone();
     json!({
         "phase": shared.live.phase().name(),
         "tip": tip.map(|t| json!({

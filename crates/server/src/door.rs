@@ -3,6 +3,7 @@
 
 use crate::limit::Limits;
 use crate::listener::Peer;
+use crate::lock::lock;
 use crate::pairing::Pairing;
 use axum::extract::{ConnectInfo, Request, State};
 use axum::http::header::{AUTHORIZATION, HOST, ORIGIN};
@@ -12,7 +13,7 @@ use axum::response::{IntoResponse, Response};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::net::IpAddr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 use tokio::time::timeout;
 
@@ -73,13 +74,13 @@ impl Keys {
 
     /// The codes for pairing.
     pub(crate) fn pairing(&self) -> MutexGuard<'_, Pairing> {
-        self.pairing.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.pairing)
     }
 
     /// A ticket for one WebSocket.
     pub(crate) fn ticket(&self) -> Result<String, getrandom::Error> {
         let ticket = random()?;
-        let mut tickets = self.tickets.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut tickets = lock(&self.tickets);
         tickets.retain(|(_, made)| made.elapsed() < TICKET_LIFE);
         if tickets.len() >= MOST_TICKETS {
             tickets.remove(0);
@@ -90,7 +91,7 @@ impl Keys {
 
     /// Takes a ticket back; it is good once.
     fn redeem(&self, ticket: &str) -> bool {
-        let mut tickets = self.tickets.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut tickets = lock(&self.tickets);
         tickets.retain(|(_, made)| made.elapsed() < TICKET_LIFE);
         let found = tickets.iter().position(|(t, _)| equal(t, ticket));
         found.map(|i| tickets.remove(i)).is_some()

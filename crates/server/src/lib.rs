@@ -30,6 +30,7 @@ mod headers;
 mod limit;
 mod listener;
 mod live;
+mod lock;
 mod options;
 mod pairing;
 mod places;

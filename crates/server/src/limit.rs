@@ -1,15 +1,16 @@
 //! How many requests one address may make: a bucket of tokens that fills up again.
 
+use crate::lock::lock;
 use std::collections::BTreeMap;
 use std::net::IpAddr;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 use std::time::Instant;
 
 /// Requests a second in the long run: a hand that leafs through the slices of three panes asks for some two hundred.
 const PER_SECOND: f64 = 500.0;
 /// Requests at once.
 const BURST: f64 = 1500.0;
-/// Addresses that are remembered; the fullest buckets are forgotten first, which costs nothing.
+/// Addresses that are remembered before full buckets, which tell nothing, are forgotten.
 const MOST_ADDRESSES: usize = 1024;
 
 /// A bucket for each address.
@@ -19,7 +20,7 @@ pub(crate) struct Limits(Mutex<BTreeMap<IpAddr, (f64, Instant)>>);
 impl Limits {
     /// Whether this address may make one more request.
     pub(crate) fn allows(&self, address: IpAddr, now: Instant) -> bool {
-        let mut buckets = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut buckets = lock(&self.0);
         let filled =
             |(tokens, at): (f64, Instant)| (tokens + PER_SECOND * now.duration_since(at).as_secs_f64()).min(BURST);
         if buckets.len() >= MOST_ADDRESSES {

@@ -203,9 +203,12 @@ mod tests {
     async fn a_client_that_trickles_its_headers_is_cut_off() {
         let address = served(IMPATIENT).await;
         let mut stream = begun(address, 0).await;
-        while stream.write_all(b"a").await.is_ok() {
-            sleep(SHORT / 10).await;
-        }
+        let trickle = async {
+            while stream.write_all(b"a").await.is_ok() {
+                sleep(SHORT / 10).await;
+            }
+        };
+        timeout(100 * SHORT, trickle).await.expect("cut off");
     }
 
     #[tokio::test]

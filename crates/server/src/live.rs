@@ -4,6 +4,7 @@ use crate::bound::Bound;
 use crate::calibrate::Calibrating;
 use crate::clock::Clock;
 use crate::guidance::Guidance;
+use crate::lock::lock;
 use crate::rate::Rate;
 use crate::record::Log;
 use crate::snapshot::{Moved, Quantised, digest, encode};
@@ -18,7 +19,7 @@ use monro_session::live::{
 use monro_tracking::{Batch, Bodies, tool_name};
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock};
 use tokio::sync::watch;
 
 /// How fast the loops run.
@@ -92,11 +93,6 @@ fn through_the_log(entry: Entry) -> (Vec<u8>, Entry) {
     let bytes = entry.encode();
     let read = Entry::decode(&bytes).unwrap_or(entry);
     (bytes, read)
-}
-
-/// A panic in another thread does not take the session away from this one: values are replaced whole.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Live {
@@ -267,16 +263,21 @@ impl Live {
         Some(cue)
     }
 
-    /// Takes what is done to the patient's fluid, and gravity; they must have been checked.
-    pub(crate) fn load(&self, loads: Loads) {
-        let (bytes, loaded) = through_the_log(Entry::Loaded(loads));
-        let Entry::Loaded(loads) = loaded else { unreachable!("loads stay loads") };
-        {
+    /// Changes what is done to the patient's fluid, and gravity, from what they are now: nobody else's change is lost meanwhile.
+    ///
+    /// # Errors
+    /// Those of `change`, which checks what it gives; nothing is changed then.
+    pub(crate) fn change_loads<E>(&self, change: impl FnOnce(Loads) -> Result<Loads, E>) -> Result<Loads, E> {
+        let loads = {
             let mut session = lock(&self.session);
+            let (bytes, loaded) = through_the_log(Entry::Loaded(change(session.loads())?));
+            let Entry::Loaded(loads) = loaded else { unreachable!("loads stay loads") };
             self.log(&bytes);
             session.load(loads);
-        }
+            loads
+        };
         self.tell();
+        Ok(loads)
     }
 
     /// What is done to the patient's fluid, and gravity.

@@ -1,8 +1,9 @@
 //! Places for connections: a bounded number, of which one address gets a share, so that no client shuts the others out.
 
+use crate::lock::lock;
 use std::collections::BTreeMap;
 use std::net::IpAddr;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 /// Connections at a time: browsers open up to six each.
@@ -11,10 +12,6 @@ pub(crate) const MOST_CONNECTIONS: usize = 96;
 pub(crate) const MOST_OF_ONE: usize = 32;
 
 type Held = Arc<Mutex<BTreeMap<IpAddr, usize>>>;
-
-fn lock(held: &Held) -> MutexGuard<'_, BTreeMap<IpAddr, usize>> {
-    held.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// All places of a listener.
 #[derive(Debug)]

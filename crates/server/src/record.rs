@@ -2,13 +2,14 @@
 //! this program loses what was waiting for that thread, which is less than the tenth of a second that is promised.
 
 use crate::ServeError;
+use crate::lock::lock;
 use monro_case::Case;
 use monro_session::live::log::{Entry, MAGIC, Opened, framed};
 use std::fs::{File, create_dir_all};
 use std::io::{self, Write};
 use std::path::{Component, Path, PathBuf, absolute};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread;
 
 /// Why a log has ended, where it has.
@@ -74,7 +75,7 @@ impl Log {
 
     /// Why nothing is recorded any more, where that is so.
     pub(crate) fn trouble(&self) -> Option<String> {
-        self.trouble.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        lock(&self.trouble).clone()
     }
 }
 
@@ -86,7 +87,7 @@ fn write((mut file, path): (File, &Path), entries: &Receiver<Vec<u8>>, trouble: 
         let written = file.write_all(&bytes).and_then(|()| path.metadata().map(drop));
         if let Err(error) = written {
             let why = format!("the session is not recorded any more: {}: {error}", path.display());
-            *trouble.lock().unwrap_or_else(PoisonError::into_inner) = Some(why);
+            *lock(trouble) = Some(why);
             return;
         }
     }

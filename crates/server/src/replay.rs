@@ -9,7 +9,7 @@ use monro_session::live::Playback;
 use monro_session::live::log::{Entry, Log, Opened, read};
 use monro_session::{FrameSettings, ModelSettings};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What a replay found.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,6 +32,8 @@ pub struct Replayed {
     pub cut_off: usize,
     /// Why those cannot be played, where they are damaged.
     pub damage: Option<String>,
+    /// Where the case lies.
+    pub case_dir: PathBuf,
     /// The program that recorded it.
     pub generator: String,
 }
@@ -58,11 +60,11 @@ pub fn replay(
     }
     let Log { entries, left, damage } = read(&file)?;
     let Some(Entry::Opened(opened)) = entries.first() else { return Err(ServeError::NoOpening) };
-    let case = open_case(opened, recording, case_dir)?;
+    let (case, case_dir) = open_case(opened, recording, case_dir)?;
     let (model, frame) = settings(&opened.settings).ok_or_else(|| ServeError::Settings(opened.settings.clone()))?;
     let mut taken = BTreeMap::new();
     let mut playback = Playback::new(&case, &model, frame)?;
-    let mut out = Replayed::begin(opened, left, damage.map(|error| error.to_string()));
+    let mut out = Replayed::begin(opened, case_dir, (left, damage.map(|error| error.to_string())));
     let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
     for (i, entry) in entries.iter().enumerate() {
         progress(i as f64 / entries.len() as f64);
@@ -86,7 +88,7 @@ pub fn replay(
 }
 
 impl Replayed {
-    fn begin(opened: &Opened, cut_off: usize, damage: Option<String>) -> Self {
+    fn begin(opened: &Opened, case_dir: PathBuf, (cut_off, damage): (usize, Option<String>)) -> Self {
         let generator = opened.generator.clone();
         let (frames, steps, events, snapshots, identical) = (0, 0, 0, 0, 0);
         Self {
@@ -99,6 +101,7 @@ impl Replayed {
             differs_at_s: None,
             cut_off,
             damage,
+            case_dir,
             generator,
         }
     }
@@ -129,7 +132,7 @@ impl Replayed {
 }
 
 /// The case of a recording; another one, or a changed one, is refused.
-fn open_case(opened: &Opened, recording: &Path, case_dir: Option<&Path>) -> Result<Case, ServeError> {
+fn open_case(opened: &Opened, recording: &Path, case_dir: Option<&Path>) -> Result<(Case, PathBuf), ServeError> {
     let (case, dir) = match case_dir {
         Some(dir) => (Case::open(dir)?, dir.to_owned()),
         None => {
@@ -137,5 +140,5 @@ fn open_case(opened: &Opened, recording: &Path, case_dir: Option<&Path>) -> Resu
             (Case::open(&dir).map_err(ServeError::CaseGone)?, dir)
         }
     };
-    if identity(&case) == opened.identity { Ok(case) } else { Err(ServeError::OtherCase(dir)) }
+    if identity(&case) == opened.identity { Ok((case, dir)) } else { Err(ServeError::OtherCase(dir)) }
 }

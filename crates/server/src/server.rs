@@ -169,12 +169,17 @@ pub(crate) async fn start_on(
     let (mut shared, deformation, plan, tracker, peers) =
         tokio::task::spawn_blocking(move || prepare(options, keys)).await.map_err(io::Error::other)??;
     shared.igtl = igtl_address;
-    if let Some(listener) = igtl {
-        tokio::spawn(slicer::serve(listener, Arc::clone(&shared.live), Arc::new(peers)));
+    let live = Arc::clone(&shared.live);
+    let begun = deformer::spawn(Arc::clone(&live), deformation).map_err(ServeError::from);
+    let begun = begun.and_then(|()| Ok(tracker.start(&live, plan)?));
+    let running = begun.and_then(|()| run(shared, listener, (address, names), tls));
+    if running.is_err() {
+        // Nobody would ever stop what has begun.
+        live.stop();
+    } else if let Some(listener) = igtl {
+        tokio::spawn(slicer::serve(listener, live, Arc::new(peers)));
     }
-    deformer::spawn(Arc::clone(&shared.live), deformation)?;
-    tracker.start(&shared.live, plan)?;
-    run(shared, listener, (address, names), tls)
+    running
 }
 
 /// What others can reach is encrypted, and so is what the user has a certificate for.

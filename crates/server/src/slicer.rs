@@ -29,12 +29,14 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::tcp::OwnedWriteHalf;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, mpsc};
-use tokio::time::{MissedTickBehavior, interval, timeout};
+use tokio::time::{MissedTickBehavior, interval, sleep, timeout};
 
 /// Peers at a time.
 const MOST_PEERS: usize = 8;
 /// Of the catheter.
 const TICK: Duration = Duration::from_millis(33);
+/// How often the session is asked whether it stops while nobody comes.
+const LOOK: Duration = Duration::from_millis(200);
 /// Everything else comes with every third tick: 10 Hz at most.
 const SLOW: u32 = 3;
 /// A peer that does not take a message for this long is gone.
@@ -150,7 +152,14 @@ pub(crate) async fn listen(address: SocketAddr) -> Result<TcpListener, ServeErro
 pub(crate) async fn serve(listener: TcpListener, live: Arc<Live>, scene: Arc<Scene>) {
     let seats = Arc::new(Semaphore::new(MOST_PEERS));
     while !live.is_stopping() {
-        let Ok((mut stream, _)) = listener.accept().await else { continue };
+        let accepted = timeout(LOOK, listener.accept()).await;
+        let Ok(Ok((mut stream, _))) = accepted else {
+            if accepted.is_ok() {
+                // Too many open files, perhaps: not again at once.
+                sleep(LOOK).await;
+            }
+            continue;
+        };
         let (live, scene) = (Arc::clone(&live), Arc::clone(&scene));
         let seat = Arc::clone(&seats).try_acquire_owned();
         tokio::spawn(async move {

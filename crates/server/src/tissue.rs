@@ -80,16 +80,18 @@ pub(crate) async fn get(State(shared): State<Arc<Shared>>) -> Response {
 }
 
 pub(crate) async fn post(State(shared): State<Arc<Shared>>, Body(request): Body<TissueRequest>) -> Response {
-    let loads = match request.loads(shared.live.loads()) {
-        Ok(loads) => loads,
-        Err(why) => return refuse(StatusCode::UNPROCESSABLE_ENTITY, why),
-    };
-    match loads.check_on(shared.tissue.model.mode, shared.tissue.ventricles_ml) {
-        Ok(()) => {
-            shared.live.load(loads);
-            Json(shared.tissue.describe(&loads)).into_response()
-        }
-        Err(why @ LoadError::Paper) => refuse(StatusCode::CONFLICT, &why.to_string()),
-        Err(why) => refuse(StatusCode::UNPROCESSABLE_ENTITY, &why.to_string()),
+    let tissue = &shared.tissue;
+    let changed = shared.live.change_loads(|now| {
+        let loads = request.loads(now).map_err(|why| (StatusCode::UNPROCESSABLE_ENTITY, why.to_owned()))?;
+        let status = |why: &LoadError| match why {
+            LoadError::Paper => StatusCode::CONFLICT,
+            _ => StatusCode::UNPROCESSABLE_ENTITY,
+        };
+        let checked = loads.check_on(tissue.model.mode, tissue.ventricles_ml);
+        checked.map(|()| loads).map_err(|why| (status(&why), why.to_string()))
+    });
+    match changed {
+        Ok(loads) => Json(tissue.describe(&loads)).into_response(),
+        Err((status, why)) => refuse(status, &why),
     }
 }

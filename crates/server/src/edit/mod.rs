@@ -78,7 +78,7 @@ struct Shared {
     notes: Vec<String>,
     rebuild: Rebuild,
     progress: Mutex<Progress>,
-    /// Pages that were opened, and the number of the one that edited last.
+    /// Pages that were opened, and how many edits there were of all of them.
     pages: AtomicU64,
     edited: watch::Sender<u64>,
 }

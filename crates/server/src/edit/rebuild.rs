@@ -1,11 +1,12 @@
 //! Rebuilding the case on a thread of its own, one at a time.
 
 use super::{Known, Shared, Subject};
+use crate::lock::lock;
 use monro_geometry::Volume;
 use monro_prepare::{Observer, Stage};
 use serde_json::{Value, json};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 /// Makes the case again from labels, and what is known of those that they began with; writes it, and tells the observer.
@@ -58,10 +59,6 @@ impl Progress {
             Self::Done { result: Err(e), seconds, .. } => json!({ "state": "failed", "seconds": seconds, "error": e }),
         }
     }
-}
-
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Writes the stage down.

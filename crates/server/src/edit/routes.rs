@@ -1,10 +1,12 @@
 //! HTTP and WebSocket of the editor.
 
-use super::rebuild::{self, lock};
+use super::rebuild;
 use super::request;
+use super::work::Work;
 use super::{Shared, export};
 use crate::door::{self, Door, refuse};
 use crate::listener;
+use crate::lock::lock;
 use crate::{headers, web};
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::extract::{DefaultBodyLimit, Query, State};
@@ -50,10 +52,21 @@ async fn ticket(State(shared): State<Arc<Shared>>) -> Response {
     door::ticket(&shared.keys)
 }
 
-async fn describe(State(shared): State<Arc<Shared>>) -> Json<Value> {
-    let work = lock(&shared.work);
+async fn describe(State(shared): State<Arc<Shared>>) -> Response {
+    let of = Arc::clone(&shared);
+    answered(at_work(&shared, move |work| Json(describe_work(&of, work))).await)
+}
+
+/// What was found at the desk.
+fn answered(found: Option<impl IntoResponse>) -> Response {
+    let failed =
+        || refuse(StatusCode::INTERNAL_SERVER_ERROR, "the editor has failed; what was edited is in its folder");
+    found.map_or_else(failed, IntoResponse::into_response)
+}
+
+fn describe_work(shared: &Shared, work: &Work) -> Value {
     let grid = work.desk.ct().grid();
-    Json(json!({
+    json!({
         "scan": shared.subject.scan,
         "notice": monro_prepare::NOTICE,
         "dims": grid.dims(),
@@ -64,7 +77,7 @@ async fn describe(State(shared): State<Arc<Shared>>) -> Json<Value> {
         "confidence": expected(&shared.subject.known.confidence),
         "state": request::state(&work.desk),
         "wire": request::wire(&work.desk),
-    }))
+    })
 }
 
 /// A label as the page needs it, which decides nothing itself.
@@ -102,21 +115,20 @@ async fn slice(State(shared): State<Arc<Shared>>, Query(q): Query<SliceQuery>) -
         Ok(axis) => axis,
         Err(e) => return refuse(StatusCode::UNPROCESSABLE_ENTITY, &e),
     };
-    let work = lock(&shared.work);
-    let bytes = if q.labels {
-        work.desk.slice_labels(axis, q.index)
-    } else {
-        work.desk.slice_hu(axis, q.index).map(|hu| hu.into_iter().flat_map(i16::to_le_bytes).collect())
+    let bytes = move |work: &mut Work| match q.labels {
+        true => work.desk.slice_labels(axis, q.index),
+        false => work.desk.slice_hu(axis, q.index).map(|hu| hu.into_iter().flat_map(i16::to_le_bytes).collect()),
     };
-    match bytes {
+    let found = at_work(&shared, bytes).await;
+    answered(found.map(|bytes| match bytes {
         Ok(bytes) => ([(CONTENT_TYPE, "application/octet-stream")], bytes).into_response(),
         Err(e) => refuse(StatusCode::NOT_FOUND, &e.to_string()),
-    }
+    }))
 }
 
-async fn progress(State(shared): State<Arc<Shared>>) -> Json<Value> {
-    let edits = lock(&shared.work).store.length();
-    Json(lock(&shared.progress).describe(edits))
+async fn progress(State(shared): State<Arc<Shared>>) -> Response {
+    let edits = at_work(&shared, |work| work.store.length()).await;
+    answered(edits.map(|edits| Json(lock(&shared.progress).describe(edits))))
 }
 
 async fn rebuilding(State(shared): State<Arc<Shared>>) -> Response {
@@ -135,9 +147,12 @@ struct ExportQuery {
 
 async fn download(State(shared): State<Arc<Shared>>, Query(q): Query<ExportQuery>) -> Response {
     // A copy, so that drawing goes on while it is compressed.
-    let labels = lock(&shared.work).desk.labels().clone();
-    let made = tokio::task::spawn_blocking(move || export(&labels, &q.format)).await;
-    match made {
+    let of = Arc::clone(&shared);
+    let made = tokio::task::spawn_blocking(move || {
+        let labels = lock(&of.work).desk.labels().clone();
+        export(&labels, &q.format)
+    });
+    match made.await {
         Ok(Ok(bytes)) => ([(CONTENT_TYPE, "application/octet-stream")], bytes).into_response(),
         Ok(Err(e)) => refuse(StatusCode::UNPROCESSABLE_ENTITY, &e.to_string()),
         Err(e) => refuse(StatusCode::INTERNAL_SERVER_ERROR, &e.to_string()),
@@ -154,45 +169,64 @@ async fn upgrade(State(shared): State<Arc<Shared>>, ws: WebSocketUpgrade) -> Res
 async fn talk(mut socket: WebSocket, shared: Arc<Shared>) {
     let page = shared.pages.fetch_add(1, Ordering::Relaxed);
     let mut edited = shared.edited.subscribe();
+    // Edits that the page has seen.
+    let mut seen = *edited.borrow_and_update();
     loop {
         let said = tokio::select! {
             message = socket.recv() => {
                 let Some(Ok(message)) = message else { break };
                 let Message::Text(text) = message else { continue };
                 let shared = Arc::clone(&shared);
-                let Ok(answer) = tokio::task::spawn_blocking(move || answer(&shared, page, &text)).await else { break };
-                answer
+                let Ok((said, edit)) = tokio::task::spawn_blocking(move || answer(&shared, page, &text)).await else { break };
+                // Another page's before it is yet to be told, with this one.
+                seen = edit.filter(|&edit| edit == seen + 1).unwrap_or(seen);
+                said
             }
             changed = edited.changed() => {
-                if changed.is_err() || *edited.borrow_and_update() == page {
+                let now = *edited.borrow_and_update();
+                if changed.is_err() || now == seen {
                     continue;
                 }
-                let work = lock(&shared.work);
-                json!({ "id": 0, "state": request::state(&work.desk), "wire": request::wire(&work.desk) })
+                seen = now;
+                let Some(said) = at_work(&shared, |work| {
+                    json!({ "id": 0, "state": request::state(&work.desk), "wire": request::wire(&work.desk) })
+                }).await else { break };
+                said
             }
         };
         if socket.send(Message::Text(said.to_string().into())).await.is_err() {
             break;
         }
     }
-    lock(&shared.work).leave(page);
+    let _ = at_work(&shared, move |work| work.leave(page)).await;
 }
 
-/// Does what a message of a page asks and appends it to the journal before the answer goes out.
-fn answer(shared: &Shared, page: u64, text: &str) -> Value {
+/// Looks at the desk, which a tool may hold for seconds, off the threads that serve. `None` when that has failed.
+async fn at_work<T: Send + 'static>(
+    shared: &Arc<Shared>,
+    look: impl FnOnce(&mut Work) -> T + Send + 'static,
+) -> Option<T> {
+    let shared = Arc::clone(shared);
+    tokio::task::spawn_blocking(move || look(&mut lock(&shared.work))).await.ok()
+}
+
+/// Does what a message of a page asks and appends it to the journal before the answer goes out. With the number of the edit,
+/// if it was one.
+fn answer(shared: &Shared, page: u64, text: &str) -> (Value, Option<u64>) {
     let request = match request::parse(text) {
         Ok(request) => request,
-        Err(answer) => return answer,
+        Err(answer) => return (answer, None),
     };
     let id = request.id;
     let mut work = lock(&shared.work);
     let said = work.answer(page, request);
     let bytes = work.desk.take_journal();
     let kept = work.store.append(&bytes);
+    let edit = (!bytes.is_empty()).then(|| {
+        shared.edited.send_modify(|edits| *edits += 1);
+        *shared.edited.borrow()
+    });
     drop(work);
-    if !bytes.is_empty() {
-        shared.edited.send_replace(page);
-    }
     let mut out = match said {
         Ok(value) => value,
         Err(error) => json!({ "error": error }),
@@ -203,5 +237,5 @@ fn answer(shared: &Shared, page: u64, text: &str) -> Value {
                 .into();
     }
     out["id"] = id.into();
-    out
+    (out, edit)
 }

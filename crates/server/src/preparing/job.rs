@@ -2,6 +2,7 @@
 
 use super::Beside;
 use crate::case_data;
+use crate::lock::lock;
 use axum::body::Bytes;
 use monro_case::{CASE, Staging};
 use monro_geometry::{Bvh, Patient, Point};
@@ -10,8 +11,8 @@ use monro_prepare::{Labels, Observer, Prepared, Request, Stage};
 use monro_scan::{ReadOptions, Scan};
 use serde_json::{Value, json};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 /// What is to be done.
@@ -47,7 +48,10 @@ struct Inner {
     case_dir: PathBuf,
     beside: Beside,
     progress: Mutex<Progress>,
-    made: Mutex<Option<Made>>,
+    /// Shared with those who look at it or write it, so that nobody waits for them.
+    made: Mutex<Option<Arc<Made>>>,
+    /// How many were made.
+    versions: AtomicU32,
     busy: AtomicBool,
     /// What was written last.
     written: Mutex<Option<u32>>,
@@ -56,10 +60,6 @@ struct Inner {
 /// The job; clones share it.
 #[derive(Clone)]
 pub(super) struct Job(Arc<Inner>);
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 impl Observer for Job {
     fn begin(&self, stage: Stage) {
@@ -78,7 +78,8 @@ impl Observer for Job {
 impl Job {
     pub(super) fn new(scans: PathBuf, case_dir: PathBuf, beside: Beside) -> Self {
         let (progress, made, written) = (Mutex::default(), Mutex::default(), Mutex::default());
-        Self(Arc::new(Inner { scans, case_dir, beside, progress, made, busy: AtomicBool::new(false), written }))
+        let (versions, busy) = (AtomicU32::new(0), AtomicBool::new(false));
+        Self(Arc::new(Inner { scans, case_dir, beside, progress, made, versions, busy, written }))
     }
 
     fn enter(&self, stage: &'static str) {
@@ -94,9 +95,14 @@ impl Job {
 
     /// Starts a task; false while another runs, or when there is nothing to go on with.
     pub(super) fn start(&self, task: Task) -> bool {
-        let fits = matches!(task, Task::Scan { .. }) || lock(&self.0.made).is_some();
+        let is_new = matches!(task, Task::Scan { .. });
+        let fits = is_new || self.made().is_some();
         if !fits || self.0.busy.swap(true, Ordering::AcqRel) {
             return false;
+        }
+        if is_new {
+            // Of another scan: nobody is to open it for this one, which may turn out to be none.
+            *lock(&self.0.made) = None;
         }
         *lock(&self.0.progress) = Progress::default();
         let job = self.clone();
@@ -118,10 +124,13 @@ impl Job {
         let scene = case_data::scene(&prepared.case).map_err(|e| e.to_string())?.0.into();
         let ct = case_data::ct_for_displays(&prepared.scan.volume).into();
         self.leave();
-        let mut made = lock(&self.0.made);
-        let version = made.as_ref().map_or(0, |m| m.version) + 1;
-        *made = Some(Made { prepared, scene, ct, version });
+        let version = self.0.versions.fetch_add(1, Ordering::Relaxed) + 1;
+        *lock(&self.0.made) = Some(Arc::new(Made { prepared, scene, ct, version }));
         Ok(())
+    }
+
+    fn made(&self) -> Option<Arc<Made>> {
+        lock(&self.0.made).clone()
     }
 
     fn request(&self, task: Task) -> Result<(Scan, Request), String> {
@@ -133,8 +142,8 @@ impl Job {
                 Ok((scan, Request { side, ..Request::default() }))
             }
             Task::Path([near_entry, target]) => {
-                let made = lock(&self.0.made);
-                let Made { prepared, .. } = made.as_ref().ok_or("nothing is prepared yet")?;
+                let made = self.made().ok_or("nothing is prepared yet")?;
+                let prepared = &made.prepared;
                 let skin = Bvh::new(&prepared.case.skin);
                 let entry = skin.nearest(near_entry).ok_or("the entry is not a place")?.point;
                 let labels = Labels::Known(prepared.segmentation.clone());
@@ -149,8 +158,8 @@ impl Job {
         if self.0.busy.load(Ordering::Acquire) {
             return Err("wait until the case is prepared".into());
         }
-        let made = lock(&self.0.made);
-        let Made { prepared, version, .. } = made.as_ref().ok_or("nothing is prepared yet")?;
+        let made = self.made().ok_or("nothing is prepared yet")?;
+        let Made { prepared, version, .. } = &*made;
         let mut written = lock(&self.0.written);
         if *written == Some(*version) {
             return Ok(());
@@ -167,18 +176,18 @@ impl Job {
 
     /// Surfaces, plan and mesh for displays.
     pub(super) fn scene(&self) -> Option<Bytes> {
-        lock(&self.0.made).as_ref().map(|m| m.scene.clone())
+        self.made().map(|m| m.scene.clone())
     }
 
     /// The CT for displays.
     pub(super) fn ct(&self) -> Option<Bytes> {
-        lock(&self.0.made).as_ref().map(|m| m.ct.clone())
+        self.made().map(|m| m.ct.clone())
     }
 
     /// Progress and result as JSON.
     pub(super) fn describe(&self) -> Value {
         // In this order: what is made has all of its stages behind it.
-        let made = lock(&self.0.made).as_ref().map(Made::describe);
+        let made = self.made().map(|made| made.describe());
         let progress = lock(&self.0.progress).clone();
         let stage = |(name, seconds): &(&str, f64)| json!({ "stage": name, "seconds": seconds });
         json!({

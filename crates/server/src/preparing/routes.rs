@@ -52,13 +52,15 @@ fn binary(bytes: Option<Bytes>) -> Response {
     }
 }
 
-/// What can be prepared in the folder of scans.
-fn scans(shared: &Shared) -> io::Result<Vec<String>> {
-    monro_scan::scans_in(&shared.scans)
+/// What can be prepared in the folder of scans, which may lie far away and be large.
+async fn scans(shared: &Shared) -> io::Result<Vec<String>> {
+    let folder = shared.scans.clone();
+    let looked = tokio::task::spawn_blocking(move || monro_scan::scans_in(&folder)).await;
+    looked.map_err(io::Error::other)?
 }
 
 async fn describe(State(shared): State<Arc<Shared>>) -> Response {
-    match scans(&shared) {
+    match scans(&shared).await {
         Ok(names) => {
             let mut out = shared.job.describe();
             out["scans"] = json!(names);
@@ -82,7 +84,7 @@ enum Action {
 
 async fn act(State(shared): State<Arc<Shared>>, Body(request): Body<Action>) -> Response {
     let started = match request {
-        Action::Start { scan, side } => start(&shared, &scan, side.as_deref()),
+        Action::Start { scan, side } => start(&shared, &scan, side.as_deref()).await,
         Action::Path { entry_lps_mm, target_lps_mm } => {
             Ok(Task::Path([entry_lps_mm, target_lps_mm].map(Point::from_array)))
         }
@@ -95,9 +97,9 @@ async fn act(State(shared): State<Arc<Shared>>, Body(request): Body<Action>) -> 
     }
 }
 
-fn start(shared: &Shared, scan: &str, side: Option<&str>) -> Result<Task, String> {
+async fn start(shared: &Shared, scan: &str, side: Option<&str>) -> Result<Task, String> {
     // Only what was listed: a name cannot lead out of the folder.
-    let known = scans(shared).map_err(|e| e.to_string())?.into_iter().find(|n| n == scan);
+    let known = scans(shared).await.map_err(|e| e.to_string())?.into_iter().find(|n| n == scan);
     let path: PathBuf = shared.scans.join(known.ok_or("no such scan in the list")?);
     let side = match side {
         None => None,

@@ -130,6 +130,8 @@ pub fn case() -> Case {
         skull_angle_deg: Some(85.0),
         source: Source { format, series, dims: [64, 80, 60], spacing_mm: [2.6; 3] },
         findings: Vec::new(),
+        scan_findings: 0,
+        elements: None,
         confidence: Vec::new(),
         doubts: Vec::new(),
         files: Vec::new(),
