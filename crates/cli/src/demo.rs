@@ -43,8 +43,7 @@ pub(crate) fn run(args: &DemoArgs, console: &Console) -> Result<()> {
     let stages = console.stages();
     let times = json!({ "notice": NOTICE, "seconds": seconds_json(&stages) });
     staging.write("demo.json", format!("{times:#}\n").as_bytes())?;
-    let out = staging.finish()?;
-    drop(guard);
+    let out = guard.finish(staging)?;
     report(&prepared, &preparing, &done, &out, console);
     if !wants_live_view(args) {
         return Ok(());

@@ -2,7 +2,7 @@
 
 use crate::args::EditArgs;
 use crate::console::{Console, tell};
-use crate::interrupt::Guard;
+use crate::interrupt::{self, Guard};
 use crate::{NOTICE, prepare};
 use anyhow::{Context, Result, bail, ensure};
 use monro_anatomy::segment::{self, SegmentError};
@@ -205,8 +205,7 @@ fn write(prepared: &Prepared, (out, inputs): (&Path, &[PathBuf]), observer: &dyn
     let guard = Guard::new(&staging);
     monro_prepare::write(prepared, &staging, observer)?;
     staging.write("report.html", prepare::report(prepared, &[])?.as_bytes())?;
-    let case = staging.finish()?;
-    drop(guard);
+    let case = guard.finish(staging)?;
     let manifest = Case::open(&case)?.manifest;
     Ok(Rebuilt { origin: origin(&manifest), findings: manifest.findings, case })
 }
@@ -218,6 +217,7 @@ fn origin(manifest: &Manifest) -> String {
 }
 
 fn announce(ready: &Ready, console: &Console) {
+    interrupt::ends_the_command();
     ready.notes.iter().for_each(|note| console.note(note));
     let line = json!({ "url": ready.url, "token": ready.token, "open": ready.browser_url() });
     let text = format!("Open {} in a browser on this machine (Ctrl-C ends it).\n{NOTICE}", ready.browser_url());

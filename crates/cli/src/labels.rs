@@ -27,7 +27,7 @@ pub(crate) fn run(command: &LabelsCommand, console: &Console) -> Result<()> {
         Some(images) => on_images(&labels, drawn_on.as_ref(), (images, series.clone()), console),
         None => Ok(monro_server::edit::export(&labels, format)?),
     })?;
-    std::fs::write(out, bytes).with_context(|| format!("cannot write {}", out.display()))?;
+    output_file::write(out, &bytes)?;
     let volumes = volumes(&labels);
     let text = format!("{}: {} structures", out.display(), volumes.as_object().map_or(0, serde_json::Map::len));
     console.result(&json!({ "out": out.display().to_string(), "format": format, "volumes_ml": volumes }), &text);

@@ -6,7 +6,6 @@ mod import;
 pub(crate) mod meeting;
 mod of_a_case;
 mod options;
-mod out;
 mod report;
 
 pub(crate) use facts::place;
@@ -16,6 +15,7 @@ pub(crate) use options::{coarsest, growth, label};
 use crate::args::MeshArgs;
 use crate::console::{Console, seconds_json};
 use crate::mesh_file::{AnyMesh, Encoded, Format};
+use crate::output_file;
 use anyhow::{Result, bail};
 use facts::{SurfaceFacts, bounds, label_facts, shapes_json, shapes_words};
 use monro_anatomy::tetra::{self, LabelReport, MeshOptions, MeshReport, Stage, SurfaceReport};
@@ -42,7 +42,7 @@ pub(crate) struct Input {
 /// Runs the command.
 pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
     for file in std::iter::once(&args.out).chain(&args.report) {
-        out::check(file, args.force, &args.labels)?;
+        output_file::check(file, args.force, &[&args.labels])?;
     }
     if args.report.as_ref() == Some(&args.out) {
         bail!("--report and --out name the same file, {}", args.out.display());
@@ -74,12 +74,12 @@ pub(crate) fn run(args: &MeshArgs, console: &Console) -> Result<()> {
     let mesh = AnyMesh::Tetrahedra(mesh);
     let Encoded { bytes, remark } = format.encode(&mesh)?;
     report.remarks.extend(remark);
-    console.stage("write", || out::write(&args.out, &bytes))?;
+    console.stage("write", || output_file::write(&args.out, &bytes))?;
     if let (Some(file), AnyMesh::Tetrahedra(mesh)) = (&args.report, &mesh) {
         let source = args.labels.file_name().unwrap_or_default().to_string_lossy();
         let stages = console.stages();
         let page = console.stage("report", || report::page(&source, &input, mesh, &report, &stages));
-        out::write(file, page.as_bytes())?;
+        output_file::write(file, page.as_bytes())?;
     }
     for remark in report.all_remarks() {
         console.warn(remark);

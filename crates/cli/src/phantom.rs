@@ -29,8 +29,7 @@ pub(crate) fn run(args: &PhantomArgs, console: &Console) -> Result<()> {
     let guard = Guard::new(&staging);
     let made = console.stage("make phantom", || make(args.kind, args.seed))?;
     console.stage("write DICOM", || write(&made, staging.path(), args.seed))?;
-    let out = staging.finish()?;
-    drop(guard);
+    let out = guard.finish(staging)?;
     // A box with a drawer is no head to the segmentation.
     let labels = match args.kind {
         PhantomKind::Head => String::new(),

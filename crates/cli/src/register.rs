@@ -147,7 +147,8 @@ pub(crate) fn run(args: &RegisterArgs, console: &Console) -> Result<()> {
         "predicted_tre_mm": found.tre(target).rms(),
     });
     let result = json!({
-        "session_event": session_event,
+        // A pose that its own check refutes is none to go on with.
+        "session_event": check.as_ref().filter(|c| c["holds"] == false).map_or(session_event, |_| Value::Null),
         "quaternion_wxyz": pose.quaternion_wxyz(), "translation_mm": pose.translation().to_array(),
         "predicted_tre_mm": found.tre(target).rms(), "predicted_tre_95_mm": found.tre(target).percentile_95(),
         "predicted_tre_entry_mm": found.tre(entry).rms(),

@@ -2,33 +2,20 @@
 
 use crate::args::ReplayArgs;
 use crate::console::Console;
-use crate::{output_file, recorded};
+use crate::output_file::{self, OutputFile};
+use crate::recorded;
 use anyhow::{Context, Result, bail};
 use monro_server::Replayed;
 use serde_json::{Value, json};
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::iter;
 use std::path::{Path, PathBuf};
-
-/// An empty file of our own would only be in the way of the next try.
-fn remove_empty(args: &ReplayArgs) {
-    let is_empty = |out: &&PathBuf| out.symlink_metadata().is_ok_and(|file| file.is_file() && file.len() == 0);
-    let _ = args.out.as_ref().filter(|_| !args.force).filter(is_empty).map(std::fs::remove_file);
-}
-
-/// The file for the numbers, if one is wanted.
-fn open_out(args: &ReplayArgs) -> Result<Option<BufWriter<File>>> {
-    let Some(path) = &args.out else { return Ok(None) };
-    let file = if args.force { File::create(path) } else { File::create_new(path) };
-    Ok(Some(BufWriter::new(file.with_context(|| format!("cannot make {}", path.display()))?)))
-}
 
 /// Runs the command. A snapshot that comes out differently is a failure.
 pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
     let inputs: Vec<&Path> = iter::once(&args.recording).chain(&args.case).map(PathBuf::as_path).collect();
     args.out.as_deref().map_or(Ok(()), |out| output_file::check(out, args.force, &inputs))?;
-    let mut out = open_out(args)?;
+    let mut out = args.out.as_deref().map(OutputFile::create).transpose()?;
     let mut written = Ok(());
     let each = |guidance: &Value| {
         if let Some(out) = &mut out
@@ -46,14 +33,11 @@ pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
         }
     };
     let play = || monro_server::replay(&args.recording, args.case.as_deref(), recorded::known, each, progress);
-    let played = console.stage("replay", play);
-    if played.is_err() {
-        drop(out.take());
-        remove_empty(args);
-    }
-    let done = played?;
+    let done = console.stage("replay", play)?;
     written.context("cannot write the numbers (disk full?)")?;
-    out.map_or(Ok(()), |mut out| out.flush()).context("cannot write the numbers (disk full?)")?;
+    // The case is known by the recording only; the numbers must not take the place of a file of it.
+    args.out.as_deref().map_or(Ok(()), |out| output_file::check(out, args.force, &[&done.case_dir]))?;
+    out.map_or(Ok(()), OutputFile::finish)?;
     say(&done, console);
     verdict(&done)
 }
@@ -65,9 +49,13 @@ fn say(done: &Replayed, console: &Console) {
         "events": done.events, "snapshots": done.snapshots, "identical": done.identical,
         "differs_at_s": done.differs_at_s, "cut_off_bytes": done.cut_off, "damage": done.damage,
     });
+    let compared = match done.snapshots {
+        0 => "no display was shown anything, so nothing is compared and there are no numbers".to_owned(),
+        all => format!("{} of {all} snapshots are the same bit for bit", done.identical),
+    };
     let text = format!(
-        "{:.1} s: {} tracker frames, {} steps of the soft body; {} of {} snapshots are the same bit for bit.",
-        done.seconds, done.frames, done.steps, done.identical, done.snapshots
+        "{:.1} s: {} tracker frames, {} steps of the soft body; {compared}.",
+        done.seconds, done.frames, done.steps
     );
     console.result(&result, &text);
     if done.damage.is_none() && done.cut_off > 0 {

@@ -3,11 +3,11 @@
 use crate::NOTICE;
 use crate::args::{ModeArg, ServeArgs};
 use crate::console::Console;
-use crate::{prepare, recorded, soft_body};
+use crate::{interrupt, prepare, recorded, soft_body};
 use anyhow::{Context, Result, bail, ensure};
 use monro_case::{CASE, OutputError, Staging, check_output};
 use monro_prepare::Prepared;
-use monro_server::{Certificate, Invitation, Ready, Recording, ServeOptions, Tracker};
+use monro_server::{Certificate, Invitation, Ready, Recording, ServeError, ServeOptions, Tracker};
 use monro_session::ModelSettings;
 use monro_tissue::FrameSettings;
 use qrcode::QrCode;
@@ -57,11 +57,22 @@ pub(crate) fn run(args: &ServeArgs, console: &Console) -> Result<()> {
                 }
                 other => other?,
             }
-            monro_server::serve_scans(scans.clone(), options, Box::new(report), |ready| announce(ready, console))?;
+            monro_server::serve_scans(scans.clone(), options, Box::new(report), |ready| announce(ready, console))
         }
-        None => monro_server::serve(options, |ready| announce(ready, console))?,
+        None => monro_server::serve(options, |ready| announce(ready, console)),
     }
-    Ok(())
+    .map_err(not_recorded)
+}
+
+/// With what helps where nothing can be written beside a case.
+fn not_recorded(error: ServeError) -> anyhow::Error {
+    let is_refused = matches!(error, ServeError::Recording { .. });
+    let error = anyhow::Error::from(error);
+    if is_refused {
+        error.context("keep the recording elsewhere with --record FILE, or none with --no-record")
+    } else {
+        error
+    }
 }
 
 /// Writes the report of a case that was prepared in the browser.
@@ -123,6 +134,7 @@ pub(crate) fn date(seconds: u64) -> String {
 }
 
 fn announce(ready: &Ready, console: &Console) {
+    interrupt::ends_the_command();
     let line = json!({
         "url": ready.url, "token": ready.token, "open": ready.browser_url(),
         "igtl": ready.igtl.map(|a| a.to_string()), "recording": ready.recording,

@@ -2,6 +2,7 @@
 
 use crate::args::{in_range, rate};
 use crate::console::{Console, tell};
+use crate::interrupt;
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand, ValueEnum};
 use monro_cli::track::{TrackOptions, track as print_poses};
@@ -201,7 +202,12 @@ fn is_broken_pipe(e: &anyhow::Error) -> bool {
 
 /// Plays a scene until it is interrupted.
 pub(crate) fn fake(command: &FakeTrackerCommand) -> Result<()> {
-    let ready = |what: &'static str| move |at| tell(&format!("{what} on {at}; Ctrl-C ends it"));
+    let ready = |what: &'static str| {
+        move |at| {
+            interrupt::ends_the_command();
+            tell(&format!("{what} on {at}; Ctrl-C ends it"));
+        }
+    };
     match command {
         FakeTrackerCommand::Natnet { listen, data_port, unicast, protocol, z_up, scene } => {
             let version = Version::parse(protocol).filter(|v| (Version::OLDEST..=Version::new(4, 9)).contains(v));

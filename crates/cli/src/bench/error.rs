@@ -58,7 +58,7 @@ pub(super) fn run(args: &ErrorArgs, console: &Console) -> Result<()> {
         events: Vec::new(),
     };
     if let Some(path) = &args.svg {
-        fs::write(path, plot.figure().standalone()).with_context(|| format!("cannot write {}", path.display()))?;
+        output_file::write(path, plot.figure().standalone().as_bytes())?;
     }
     let all = plot.series.iter().map(|s| json!({ "solver": s.name, "ms_and_error_percent": s.points }));
     let result = json!({ "case": args.of.case, "mesh": args.of.mesh, "series": all.collect::<Vec<Value>>() });

@@ -1,10 +1,11 @@
 //! Meshes from elsewhere: checked, told about, converted.
 
 use super::facts::{SurfaceFacts, bounds, label_facts, place, shapes_json, shapes_words};
-use super::{meeting, merged, out};
+use super::{meeting, merged};
 use crate::args::MeshArgs;
 use crate::console::{Console, seconds_json};
 use crate::mesh_file::{AnyMesh, Encoded, Format, Read};
+use crate::output_file;
 use anyhow::{Result, bail};
 use monro_anatomy::shapes::ShapeSummary;
 use monro_anatomy::tetra::{LARGEST_DIHEDRAL, LEAST_DIHEDRAL, LEAST_RADIUS_RATIO};
@@ -53,7 +54,7 @@ pub(super) fn convert(Read { mesh, remarks }: &Read, format: Format, args: &Mesh
     let Encoded { bytes, remark } = format.encode(mesh)?;
     let remarks: Vec<&String> = remarks.iter().chain(&doubts).chain(&remark).collect();
     remarks.iter().for_each(|remark| console.warn(remark));
-    console.stage("write", || out::write(&args.out, &bytes))?;
+    console.stage("write", || output_file::write(&args.out, &bytes))?;
     let out = args.out.display().to_string();
     let seconds = seconds_json(&console.stages());
     let json = merged(json, json!({ "out": out, "seconds": seconds, "remarks": remarks }));

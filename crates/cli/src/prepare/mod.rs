@@ -40,15 +40,14 @@ pub(crate) fn run(args: &PrepareArgs, console: &Console) -> Result<()> {
     let mut scan = console.stage("read", || monro_scan::read(&args.scan, &options))?;
     let path = args.plan.as_deref().map(read_plan).transpose()?;
     let labels = args.labels.as_deref().map(monro_scan::labels::read).transpose()?;
-    labels.iter().flat_map(|l| &l.warnings).for_each(|w| console.warn(w));
+    scan.warnings.extend(labels.iter().flat_map(|l| l.warnings.iter().cloned()));
     scan.warnings.extend(labels.iter().filter_map(|l| l.drawn_on.as_ref()?.unlike(&scan.source)));
     let labels = labels.map_or(Labels::Automatic, |l| Labels::Given(l.volume));
     let request = Request { elements: args.elements, side: args.side.map(Side::from), labels, path };
     let prepared = monro_prepare::build(scan, &request, console);
     let prepared = prepared.map_err(|e| named(e, args.labels.as_deref()))?;
     write(&prepared, &staging, console)?;
-    let out = staging.finish()?;
-    drop(guard);
+    let out = guard.finish(staging)?;
     let stages = console.stages();
     console.result(&summary_json(&prepared, &out, &stages), &summary_text(&prepared, &out, &stages));
     Ok(())

@@ -47,8 +47,7 @@ pub(crate) fn run(args: &SimulateArgs, console: &Console) -> Result<()> {
     let mut done = insert(&case, &beside::paths(args, &case)?, &asked(args)?, console)?;
     done.materials_file = args.materials.as_ref().map(|file| file.display().to_string());
     write(&args.case, &case, &done, &staging, console)?;
-    let out = staging.finish()?;
-    drop(guard);
+    let out = guard.finish(staging)?;
     console.result(&summary_json(&done, &out), &summary_text(&done, &out));
     Ok(())
 }

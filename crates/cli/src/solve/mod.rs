@@ -17,7 +17,7 @@ mod words;
 use crate::args::{ModeArg, SolveArgs};
 use crate::console::Console;
 use crate::{output_file, soft_body};
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 use monro_case::vtu::{self, DataArray, Kind, UnstructuredGrid};
 use monro_geometry::{Patient, TetMesh, Vector, Walls};
 use monro_tissue::{
@@ -26,7 +26,6 @@ use monro_tissue::{
 use scene::Scene;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -102,8 +101,6 @@ fn self_crossing(mesh: &TetMesh, found: &mut Found) {
 fn writable(out: &Path, force: bool, sources: &[PathBuf]) -> Result<()> {
     let vtu = out.extension().is_some_and(|e| e.eq_ignore_ascii_case("vtu"));
     ensure!(vtu, "{}: only .vtu is written", out.display());
-    let folder = out.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    ensure!(folder.is_dir(), "{}: there is no folder {}; make it first", out.display(), folder.display());
     output_file::check(out, force, &sources.iter().map(PathBuf::as_path).collect::<Vec<_>>())
 }
 
@@ -204,5 +201,5 @@ fn write(out: &Path, scene: &Scene, found: &Found) -> Result<()> {
         cell_data: region.into_iter().chain(found.cells.iter().cloned()).collect(),
         ..UnstructuredGrid::default()
     };
-    fs::write(out, vtu::encode(&grid)).with_context(|| format!("cannot write {}", out.display()))
+    output_file::write(out, &vtu::encode(&grid))
 }
