@@ -125,8 +125,8 @@ impl ReferenceGuard {
         }
     }
 
-    /// Notes where the reference is: a landmark has just been touched. A registration builds on that place, whenever and how
-    /// often it is accepted.
+    /// Notes where the reference is: a landmark has just been touched. The next registration builds on that place, whenever it
+    /// is accepted.
     pub fn touched(&mut self) {
         self.touched = self.at_touch();
     }
@@ -147,7 +147,13 @@ impl ReferenceGuard {
     /// A registration is accepted: the reference belongs where it was at the last of its touches, and what has happened since
     /// raises the alarm.
     pub fn accept(&mut self) {
-        self.confirm_at(self.touched);
+        let place = self.touched.take();
+        self.confirm_at(place);
+    }
+
+    /// Whether the reference has moved, and nothing was touched since the last registration: what was touched before is void.
+    pub const fn needs_touch(&self) -> bool {
+        self.bump.is_some() && self.touched.is_none()
     }
 
     /// A landmark has just been found in its place: the reference belongs where it is.

@@ -295,6 +295,11 @@ impl Live {
         lock(&self.session).registration().copied()
     }
 
+    /// As [`Session::needs_touch`](monro_session::live::Session::needs_touch).
+    pub(crate) fn needs_touch(&self) -> bool {
+        lock(&self.session).needs_touch()
+    }
+
     /// As [`Session::hidden_motion`](monro_session::live::Session::hidden_motion).
     pub(crate) fn hidden_motion(&self, touched: Point<Tool>, found: &Recheck) -> Option<f64> {
         lock(&self.session).hidden_motion(touched, found)

@@ -101,6 +101,9 @@ async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
             // The phase may refuse: only then is the old registration still the one that is checked. Held meanwhile: what voids
             // it comes before or after.
             let mut registering = held(shared);
+            if shared.live.needs_touch() {
+                return Err(TouchError::Moved.into());
+            }
             let mut tried = registering.clone();
             shared.live.apply(SessionEvent::Registered(tried.accept()?))?;
             *registering = tried;

@@ -12,7 +12,7 @@ use monro_scan::{ReadOptions, Scan};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, TryLockError};
 use std::time::Instant;
 
 /// What is to be done.
@@ -97,7 +97,9 @@ impl Job {
     pub(super) fn start(&self, task: Task) -> bool {
         let is_new = matches!(task, Task::Scan { .. });
         let fits = is_new || self.made().is_some();
-        if !fits || self.0.busy.swap(true, Ordering::AcqRel) {
+        // While one is being written it is about to be opened.
+        let is_written = matches!(self.0.written.try_lock(), Err(TryLockError::WouldBlock));
+        if !fits || is_written || self.0.busy.swap(true, Ordering::AcqRel) {
             return false;
         }
         if is_new {

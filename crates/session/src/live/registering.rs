@@ -55,6 +55,11 @@ pub enum TouchError {
     /// What the place of the tip was told by changed while it was watched.
     #[error("the reference or the calibration changed while the tip was watched: touch the landmark again")]
     Voided,
+    /// What was touched was touched before the reference moved.
+    #[error(
+        "the reference has moved since these landmarks were touched: touch them again; if they are where they were, a check of one shows it"
+    )]
+    Moved,
     /// There is no tip to watch.
     #[error("the catheter is not calibrated: nothing tells where its tip is; calibrate it first")]
     NotCalibrated,

@@ -212,6 +212,11 @@ impl Session {
         self.guard.bump()
     }
 
+    /// Whether landmarks that were touched for the last registration are none to make another of: the reference has moved since.
+    pub const fn needs_touch(&self) -> bool {
+        self.guard.needs_touch()
+    }
+
     /// How far the patient may have been moved at a landmark (where the tip touches it in the frame of the reference) or at the
     /// target, the farther, without a check of it that holds telling: while the alarm is raised, unless the check rules out
     /// the motion of the landmark or both are back to within noise; mm.
@@ -499,12 +504,15 @@ pub(crate) mod tests {
         see(&mut s, &script, 0, &shifted(0.0));
         apply(&mut s, SessionEvent::Plain(PlainEvent::Touched));
         apply(&mut s, SessionEvent::Plain(PlainEvent::Stopped));
-        for (i, check) in (1..).zip([None, Some(PlainEvent::CheckFailed), Some(PlainEvent::CheckPassed)]) {
-            check.into_iter().for_each(|c| _ = apply(&mut s, SessionEvent::Plain(c)));
-            apply(&mut s, SessionEvent::Registered(script.truth().registration));
-            let alarm = see(&mut s, &script, 100 * i, &shifted(4.0));
-            assert!(alarm.is_some_and(|mm| mm > 3.5), "{alarm:?} after {check:?}");
-        }
+        assert!(!s.needs_touch());
+        apply(&mut s, SessionEvent::Registered(script.truth().registration));
+        assert!(!s.needs_touch(), "nothing has moved");
+        assert!(see(&mut s, &script, 100, &shifted(4.0)).is_some() && s.needs_touch());
+        // A check is no touch to register by.
+        apply(&mut s, SessionEvent::Plain(PlainEvent::CheckFailed));
+        assert!(s.needs_touch());
+        apply(&mut s, SessionEvent::Plain(PlainEvent::Touched));
+        assert!(!s.needs_touch());
     }
 
     #[test]
