@@ -5,6 +5,7 @@ use crate::console::Console;
 use crate::output_file::{self, OutputFile};
 use crate::recorded;
 use anyhow::{Context, Result, bail};
+use monro_case::check_output_file;
 use monro_server::Replayed;
 use serde_json::{Value, json};
 use std::io::Write;
@@ -36,7 +37,7 @@ pub(crate) fn run(args: &ReplayArgs, console: &Console) -> Result<()> {
     let done = console.stage("replay", play)?;
     written.context("cannot write the numbers (disk full?)")?;
     // The case is known by the recording only; the numbers must not take the place of a file of it.
-    args.out.as_deref().map_or(Ok(()), |out| output_file::check(out, args.force, &[&done.case_dir]))?;
+    args.out.as_deref().map_or(Ok(()), |out| check_output_file(out, &[&done.case_dir]))?;
     out.map_or(Ok(()), OutputFile::finish)?;
     say(&done, console);
     verdict(&done)

@@ -3,7 +3,10 @@
 use crate::common::{distance, json, monro, point, refusal, text};
 use serde_json::Value;
 use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Duration;
 
 /// Positions of a Slicer markups file, by label, LPS mm.
 fn markups(path: &Path) -> Vec<(String, [f64; 3])> {
@@ -50,7 +53,30 @@ fn a_phantom_written_as_dicom_becomes_a_case_and_the_catheter_reaches_csf() {
     a_catheter_comes_out_from_beside_another(&case, &done, dir.path());
     falx_and_tentorium_part_a_brain_that_slides(&case, dir.path());
     registrations_by_wrong_tables_and_marks(&case, dir.path());
+    a_file_of_the_case_was_emptied_for_the_numbers_of_a_replay(&case, dir.path());
     damaged_case(&case, dir.path());
+}
+
+/// The recording knows the case, which was not among the files that the command was given.
+fn a_file_of_the_case_was_emptied_for_the_numbers_of_a_replay(case: &Path, dir: &Path) {
+    let [recording, numbers, labels] = [dir.join("a.mnrs"), dir.join("numbers.jsonl"), case.join("labels.nii.gz")];
+    let mut serve = Command::new(env!("CARGO_BIN_EXE_monro"))
+        .args(["serve", text(case), "--listen", "127.0.0.1:0", "--no-igtl", "--record", text(&recording)])
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("monro");
+    let mut first = String::new();
+    BufReader::new(serve.stdout.take().expect("piped")).read_line(&mut first).expect("a line");
+    assert!(first.contains("Open http"), "{first}");
+    std::thread::sleep(Duration::from_secs(1));
+    assert!(Command::new("kill").args(["-TERM", &serve.id().to_string()]).status().expect("kill").success());
+    assert_eq!(serve.wait().expect("ended").code(), Some(0), "it is ended so");
+    let played = json(&["replay", text(&recording), "--out", text(&numbers)]);
+    assert!(played["frames"].as_u64().expect("frames") > 10 && numbers.is_file(), "{played}");
+    let before = fs::read(&labels).expect("labels");
+    let said = refusal(&["replay", text(&recording), "--out", text(&labels), "--force"]);
+    assert!(said.contains("which this command reads"), "{said}");
+    assert!(fs::read(&labels).expect("labels") == before);
 }
 
 /// A head on its side; a case without them is told.
