@@ -91,7 +91,9 @@ pub(super) fn let_around(scene: Scene<'_>, rod: &Rod, memory: &mut ToolState, fo
         let here = detect::locate(scene, at, found);
         let new = here.and_then(|place| anchor(model, place, (a.arc, a.aside), a.share));
         new.map(|new| {
-            let spread = Spread::around(scene, rod, (a.arc, number), found);
+            // In the same element what is around it is the same.
+            let stays = new.nodes == a.nodes;
+            let spread = if stays { a.spread } else { Spread::around(scene, rod, (a.arc, number), found) };
             *a = Anchor { slipping: a.slipping, stretch: a.stretch, spread, length: a.length, ..new };
         })
         .is_some()

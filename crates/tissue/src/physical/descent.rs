@@ -5,7 +5,7 @@ use super::drift::Drift;
 use super::elastic::Elastic;
 use super::film::FilmsAround;
 use super::near::Near;
-use super::pressure::{Foreign, Pressures, Still, Tissue, Which};
+use super::pressure::{Foreign, Pressures, Still, Taken, Tissue, Which};
 use super::region;
 use super::rhythm::{Press, Substep, calm_beyond};
 use super::rings::{self, Part};
@@ -70,7 +70,7 @@ pub(crate) struct DescentScratch {
     memory: [Vec<Memory>; 2],
     touches: Touches,
     /// What tools take up of the patches around them.
-    room: Vec<(u32, f32)>,
+    room: Taken,
     near: Near,
     /// How far sweeps go in tissue that is calm, as found in the first one.
     calm: Option<f32>,
@@ -290,7 +290,7 @@ impl Descent {
         };
         let (tissue, numbers) = (body.tissue(), (&mut *body.pressure, &mut *body.growth));
         let elements = (when != Press::End).then_some((&*still, &mut *slopes));
-        let foreign = Foreign { fluid: &body.fluid, room };
+        let foreign = Foreign { fluid: &body.fluid, room: &room.list };
         self.pressures.update((tissue, body.positions), numbers, elements, total, (which, foreign, pool));
         match when {
             Press::Near => streams.put(&self.visits, near.elements(), slopes),
@@ -425,7 +425,7 @@ impl DescentScratch {
             + elements
             + self.near.bytes()
             + self.touches.bytes()
-            + bytes::of(&self.room)
+            + self.room.bytes()
             + self.memory.iter().flatten().map(memory).sum::<usize>()
     }
 

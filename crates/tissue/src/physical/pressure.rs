@@ -54,6 +54,22 @@ pub(super) struct Foreign<'a> {
     pub(super) room: &'a [(u32, f32)],
 }
 
+/// What tools take up of the patches around them.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Taken {
+    /// For each patch its penalty's share of the pressure, kPa.
+    pub(super) list: Vec<(u32, f32)>,
+    /// Memory for the sums of all patches, of which none is left.
+    of_patch: Vec<f32>,
+}
+
+impl Taken {
+    /// Bytes that it takes.
+    pub(super) fn bytes(&self) -> usize {
+        bytes::of(&self.list) + bytes::of(&self.of_patch)
+    }
+}
+
 /// Which pressures follow: all, with or without a step of their own, or those that are near, with one.
 #[derive(Clone, Copy)]
 pub(super) enum Which<'a> {
@@ -254,20 +270,22 @@ impl Pressures {
         });
     }
 
-    /// Lists what tools take up of the patches around them: for each its penalty's share of the pressure, kPa.
-    pub(super) fn list_room(&self, rooms: &[Room], of: Tissue<'_>, list: &mut Vec<(u32, f32)>) {
+    /// Lists what tools take up of the patches around them.
+    pub(super) fn list_room(&self, rooms: &[Room], of: Tissue<'_>, taken: &mut Taken) {
+        let Taken { list, of_patch } = taken;
         list.clear();
+        of_patch.resize(self.len(), 0.0);
         for Room { place, mm3, .. } in rooms {
-            let patches = self.patches_of(place.tet, of).into_iter().zip(place.weights);
-            list.extend(patches.map(|(p, share)| (p, SUM_OF_VOLUME * self.rate[p as usize] * share * mm3)));
+            for (p, share) in self.patches_of(place.tet, of).into_iter().zip(place.weights) {
+                let sum = &mut of_patch[p as usize];
+                if *sum == 0.0 {
+                    list.push((p, 0.0));
+                }
+                *sum += SUM_OF_VOLUME * self.rate[p as usize] * share * mm3;
+            }
         }
-        // In one order, so that sums are the same on every run.
-        list.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        list.dedup_by(|more, one| {
-            let same = more.0 == one.0;
-            one.1 += if same { more.1 } else { 0.0 };
-            same
-        });
+        // One that is listed twice, as its first shares were nothing, has all of it the first time.
+        list.iter_mut().for_each(|(p, less)| *less = core::mem::take(&mut of_patch[*p as usize]));
     }
 
     /// Patches of an element's corners.
