@@ -38,7 +38,7 @@ pub enum StagingError {
 #[derive(Debug)]
 pub struct Staging {
     temporary: PathBuf,
-    /// Folders around it that were not there, from the outermost.
+    /// Folders around it that were not there, from the innermost.
     around: Vec<PathBuf>,
     /// As it was asked for.
     named: PathBuf,
@@ -60,8 +60,7 @@ impl Staging {
         let target = real(target).map_err(|error| StagingError::Io { path: named.clone(), error })?;
         let parent = target.parent().unwrap_or(Path::new("/")).to_owned();
         let refused = |error| StagingError::Place { place: parent.clone(), error };
-        let mut around: Vec<PathBuf> = parent.ancestors().take_while(|p| !p.exists()).map(Path::to_owned).collect();
-        around.reverse();
+        let around = parent.ancestors().take_while(|p| !p.exists()).map(Path::to_owned).collect();
         fs::create_dir_all(&parent).map_err(refused)?;
         let mut name = OsString::from(".");
         name.push(target.file_name().unwrap_or_default());
@@ -82,7 +81,7 @@ impl Staging {
     /// What was made for it and is to go with it where it is not finished: the folder itself, then those around it that were not
     /// there, of which one with anything else in it stays.
     pub fn made(&self) -> impl Iterator<Item = &Path> {
-        core::iter::once(&self.temporary).chain(self.around.iter().rev()).map(PathBuf::as_path)
+        core::iter::once(&self.temporary).chain(&self.around).map(PathBuf::as_path)
     }
 
     /// Writes one file.
@@ -160,7 +159,7 @@ impl Drop for Staging {
         if !self.finished {
             // Nothing sensible can be done about a failure while unwinding; the name says that it is a leftover.
             let _ = fs::remove_dir_all(&self.temporary);
-            self.around.iter().rev().for_each(|empty| _ = fs::remove_dir(empty));
+            self.around.iter().for_each(|empty| _ = fs::remove_dir(empty));
         }
     }
 }

@@ -53,7 +53,7 @@ pub fn build(scan: Scan, request: &Request, observer: &dyn Observer) -> Result<P
         observer.remark(finding);
     }
     let case = Case {
-        manifest: Manifest { elements: Some(request.elements), ..manifest(&scan, &segmentation, &planned, findings) },
+        manifest: manifest(&scan, &segmentation, &planned, (request.elements, findings)),
         plan: planned.plan,
         landmarks: planned.landmarks,
         skin: surfaces.skin.mesh,
@@ -290,7 +290,12 @@ pub fn spots(segmentation: &Segmentation) -> Vec<DoubtfulSpot> {
     segmentation.doubts.iter().map(spot).collect()
 }
 
-fn manifest(scan: &Scan, segmentation: &Segmentation, planned: &Planned, findings: Vec<String>) -> Manifest {
+fn manifest(
+    scan: &Scan,
+    segmentation: &Segmentation,
+    planned: &Planned,
+    (elements, findings): (usize, Vec<String>),
+) -> Manifest {
     let grid = scan.volume.grid();
     Manifest {
         schema: SCHEMA,
@@ -307,7 +312,7 @@ fn manifest(scan: &Scan, segmentation: &Segmentation, planned: &Planned, finding
         },
         findings,
         scan_findings: of_scan(scan),
-        elements: None,
+        elements: Some(elements),
         confidence: confidence(&segmentation.confidence),
         doubts: spots(segmentation),
         files: Vec::new(),

@@ -12,7 +12,7 @@
 
 use crate::fast::{Pool, Row};
 use crate::marks::Marks;
-use crate::vec3::{add, cross, dot, scale, shift, sub, xyz};
+use crate::vec3::{dot, shift, six_volume_with_gradients, sub, xyz};
 use crate::volumes::{Survey, Volumes};
 use crate::{State, bytes};
 
@@ -100,14 +100,11 @@ pub(crate) fn unknot(list: &[(u32, f32)], (tets, rest): (&[[u32; 4]], &[[f32; 4]
 
 /// Pushes one element open to six times the volume `least`; says whether it had less and could be pushed.
 fn open(tet: &[u32; 4], least: f32, positions: &mut [[f32; 4]]) -> bool {
-    let p = tet.map(|v| xyz(positions[v as usize]));
-    let [a, b, c] = [sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0])];
-    let (g1, g2, g3) = (cross(b, c), cross(c, a), cross(a, b));
-    let lack = least - dot(g3, c);
+    let (six, gradients) = six_volume_with_gradients(tet.map(|v| xyz(positions[v as usize])));
+    let lack = least - six;
     if lack <= 0.0 {
         return false;
     }
-    let gradients = [scale(add(add(g1, g2), g3), -1.0), g1, g2, g3];
     let weight: f32 = tet.iter().zip(&gradients).map(|(&v, g)| positions[v as usize][3] * dot(*g, *g)).sum();
     let step = EAGERNESS * lack / weight;
     // All held, or crushed to a point: nowhere to push.

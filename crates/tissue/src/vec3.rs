@@ -56,6 +56,14 @@ pub(crate) fn six_volume(p: [V3; 4]) -> f32 {
     dot(cross(sub(p[1], p[0]), sub(p[2], p[0])), sub(p[3], p[0]))
 }
 
+/// The same with its gradients by the corners.
+#[inline(always)]
+pub(crate) fn six_volume_with_gradients(p: [V3; 4]) -> (f32, [V3; 4]) {
+    let [a, b, c] = [sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0])];
+    let (g1, g2, g3) = (cross(b, c), cross(c, a), cross(a, b));
+    (dot(g3, c), [scale(add(add(g1, g2), g3), -1.0), g1, g2, g3])
+}
+
 /// Adds `s * d` to the first three components of a vertex, leaving its fourth alone.
 #[inline(always)]
 pub(crate) fn shift(p: &mut [f32; 4], s: f32, d: V3) {

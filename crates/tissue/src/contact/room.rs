@@ -8,7 +8,7 @@ use super::detect::{self, Found, Place};
 use super::shaft::{across, spacing};
 use super::{Anchor, Scene};
 use crate::tool::Rod;
-use crate::vec3::{V3, axpy, cross, dot, scale, sub, xyz};
+use crate::vec3::{V3, axpy, dot, scale, six_volume_with_gradients, xyz};
 use crate::{Material, Model};
 use core::f32::consts::{PI, TAU};
 
@@ -88,23 +88,16 @@ impl Room {
     /// that, `theta (1 / 6 - n n / 2)`.
     pub(crate) fn add_forces(&self, model: &Model, positions: &[[f32; 4]], mut add_force: impl FnMut(u32, V3)) {
         let nodes = model.tets[self.place.tet as usize];
-        let [a, b, c, d] = nodes.map(|n| xyz(positions[n as usize]));
-        // Gradients of the corners' shares, times six times the volume, outwards of the opposite faces or inwards.
-        let faces = [
-            cross(sub(d, b), sub(c, b)),
-            cross(sub(c, a), sub(d, a)),
-            cross(sub(d, a), sub(b, a)),
-            cross(sub(b, a), sub(c, a)),
-        ];
-        let six = dot(faces[3], sub(d, a));
+        // Over six times the volume these are the gradients of the corners' shares, too.
+        let (six, gradients) = six_volume_with_gradients(nodes.map(|n| xyz(positions[n as usize])));
         // What is turned over has none.
         if six <= 0.0 {
             return;
         }
         let shear = model.material_of(self.place.tet).shear_kpa() as f32;
-        for (n, face) in nodes.into_iter().zip(faces) {
-            let along = scale(self.axis, dot(face, self.axis));
-            add_force(n, scale(axpy(scale(face, 1.0 / 6.0), -0.5, along), 2.0 * shear * self.mm3 / six));
+        for (n, gradient) in nodes.into_iter().zip(gradients) {
+            let along = scale(self.axis, dot(gradient, self.axis));
+            add_force(n, scale(axpy(scale(gradient, 1.0 / 6.0), -0.5, along), 2.0 * shear * self.mm3 / six));
         }
     }
 }
@@ -113,7 +106,7 @@ impl Room {
 mod tests {
     use super::*;
     use crate::model::tests::{block, paper_options};
-    use crate::vec3::{add, norm};
+    use crate::vec3::{add, cross, norm};
 
     #[test]
     fn forces_of_a_room_neither_push_nor_turn_and_stretch_across_the_axis_alone() {
