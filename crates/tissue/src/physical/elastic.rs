@@ -72,11 +72,11 @@ pub(crate) struct Elastic {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Tangent {
     /// Derivative of each element's volume by its four corners.
-    pub(super) gradient: Vec<[D3; 4]>,
+    pub(crate) gradient: Vec<[D3; 4]>,
     /// Derivative of the energy by each element's volume.
-    pub(super) pressure: Vec<f64>,
-    /// The same of each patch's, of which that is the mean.
-    patch_rate: Vec<f64>,
+    pub(crate) pressure: Vec<f64>,
+    /// The part of it that is the mean of what its patches have: by each patch's volume.
+    volumetric: Vec<f64>,
 }
 
 pub(crate) fn sub(a: D3, b: D3) -> D3 {
@@ -103,7 +103,7 @@ pub(crate) fn volume_gradient(p: [D3; 4]) -> Shape {
 }
 
 /// Change of the volume gradient when the corners move by `d`.
-pub(super) fn gradient_change(p: [D3; 4], d: [D3; 4]) -> [D3; 4] {
+pub(crate) fn gradient_change(p: [D3; 4], d: [D3; 4]) -> [D3; 4] {
     let [a, b, c] = [1, 2, 3].map(|i| sub(p[i], p[0]));
     let [da, db, dc] = [1, 2, 3].map(|i| sub(d[i], d[0]));
     let mixed = |u: D3, dv: D3, du: D3, v: D3| -> D3 {
@@ -162,8 +162,8 @@ impl Elastic {
         let mut energy = self.shear(x, gradient);
         tangent.gradient.clear();
         tangent.pressure.clear();
-        tangent.patch_rate.clear();
-        tangent.patch_rate.resize(self.patch_volume.len(), 0.0);
+        tangent.volumetric.clear();
+        tangent.volumetric.resize(self.patch_volume.len(), 0.0);
         for (t, tet) in self.tets.iter().enumerate() {
             let (v, g) = volume_gradient(tet.map(|n| x[n as usize]));
             let (rest, mu, bulk) = (self.volume[t], self.mu[t], self.bulk[t]);
@@ -171,15 +171,15 @@ impl Elastic {
             energy += 0.5 * rest * bulk * dilation * dilation - mu * (v - rest);
             tangent.gradient.push(g);
             tangent.pressure.push(bulk * dilation - mu);
-            self.patch[t].iter().for_each(|&p| tangent.patch_rate[p as usize] += v / 4.0);
+            self.patch[t].iter().for_each(|&p| tangent.volumetric[p as usize] += v / 4.0);
         }
-        for (p, v) in tangent.patch_rate.iter_mut().enumerate() {
+        for (p, v) in tangent.volumetric.iter_mut().enumerate() {
             let dilation = *v / self.patch_volume[p] - 1.0;
             energy += 0.5 * self.patch_volume[p] * self.patch_bulk[p] * dilation * dilation;
             *v = self.patch_bulk[p] * dilation;
         }
         for (t, tet) in self.tets.iter().enumerate() {
-            let mean = self.patch[t].iter().map(|&p| tangent.patch_rate[p as usize]).sum::<f64>() / 4.0;
+            let mean = self.patch[t].iter().map(|&p| tangent.volumetric[p as usize]).sum::<f64>() / 4.0;
             tangent.pressure[t] += mean;
             scatter(gradient, tet, &tangent.gradient[t], tangent.pressure[t]);
         }
@@ -209,6 +209,25 @@ impl Elastic {
         out.resize(d.len(), [0.0; 3]);
         self.near.add_product(0, d, out);
         self.far.add_product(0, d, out);
+    }
+
+    /// Pressure of each patch after a motion by `d` as its volume grows along it, kPa: without what is of second order.
+    pub(crate) fn pressures_along(&self, tangent: &Tangent, d: &[D3]) -> Vec<f64> {
+        let mut growth = vec![0.0; self.patch_volume.len()];
+        for ((tet, g), patch) in self.tets.iter().zip(&tangent.gradient).zip(&self.patch) {
+            let own: f64 = g.iter().zip(tet).map(|(g, &n)| dot(*g, d[n as usize])).sum();
+            patch.iter().for_each(|&p| growth[p as usize] += own / 4.0);
+        }
+        let patches = growth.iter().zip(&self.patch_volume).zip(&self.patch_bulk).zip(&tangent.volumetric);
+        patches.map(|(((growth, volume), bulk), now)| now + bulk * growth / volume).collect()
+    }
+
+    /// Puts pressures of patches in place of those that follow from the volumes, for products with the Hessian.
+    pub(crate) fn take_pressures(&self, tangent: &mut Tangent, pressures: &[f64]) {
+        for (pressure, patch) in tangent.pressure.iter_mut().zip(&self.patch) {
+            let change = patch.iter().map(|&p| pressures[p as usize] - tangent.volumetric[p as usize]).sum::<f64>();
+            *pressure += change / 4.0;
+        }
     }
 
     /// Elements that have no volume left.
@@ -263,7 +282,7 @@ pub(super) fn add_outer(h: &mut [f64; 6], k: f64, n: D3) {
     h.iter_mut().zip(products).for_each(|(h, p)| *h += k * p);
 }
 
-pub(super) fn scatter<const N: usize>(out: &mut [D3], corners: &[u32; N], g: &[D3; N], factor: f64) {
+pub(crate) fn scatter<const N: usize>(out: &mut [D3], corners: &[u32; N], g: &[D3; N], factor: f64) {
     for (g, &n) in g.iter().zip(corners) {
         (0..3).for_each(|a| out[n as usize][a] += factor * g[a]);
     }

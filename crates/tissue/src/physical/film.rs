@@ -121,7 +121,7 @@ impl Film {
     }
 
     /// Product of the Hessian with `d`.
-    pub(super) fn product(&self, x: &[D3; 3], d: &[D3; 3]) -> [D3; 3] {
+    pub(crate) fn product(&self, x: &[D3; 3], d: &[D3; 3]) -> [D3; 3] {
         let mut out: [D3; 3] = core::array::from_fn(|i| self.pull(d, i));
         let Some(at) = Area::of(x, COLLAPSED * self.area) else { return out };
         let (slope, rate) = (self.slope(at.area), (0..3).map(|i| dot(at.by[i], d[i])).sum::<f64>());

@@ -4,7 +4,7 @@ use super::refine::distance;
 use super::{EmbeddedRod, StaticError, StaticProblem};
 use crate::Model;
 use crate::membrane::OUTSIDE;
-use crate::physical::elastic::{D3, Elastic, cross, dot, sub};
+use crate::physical::elastic::{D3, Elastic, cross, dot, scatter, sub};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What is unsymmetric in a pressure's derivative is nothing below this share of the tissue's stiffness.
@@ -140,16 +140,14 @@ impl Loads {
 
     /// The same of its symmetric part alone, which is all of it where the loads [have a potential](Self::have_potential).
     pub(crate) fn add_hessian(&self, share: f64, x: &[D3], d: &[D3], out: &mut [D3]) {
-        for (t, kpa) in &self.pushed {
-            let (p, q) = (t.map(|n| x[n as usize]), t.map(|n| d[n as usize]));
-            let opposite: [D3; 3] = core::array::from_fn(|i| sub(p[(i + 1) % 3], p[(i + 2) % 3]));
-            for j in 0..3 {
-                for i in (0..3).filter(|&i| i != j) {
-                    let change = cross(q[i], sub(opposite[i], opposite[j]));
-                    (0..3).for_each(|a| out[t[j] as usize][a] -= share * kpa * change[a] / 12.0);
-                }
-            }
+        for push in self.pushes(share, x) {
+            scatter(out, &push.nodes, &push.product(&push.nodes.map(|n| d[n as usize])), 1.0);
         }
+    }
+
+    /// All faces under a pressure, at a state.
+    pub(super) fn pushes(&self, share: f64, x: &[D3]) -> impl Iterator<Item = Push> {
+        self.pushed.iter().map(move |&(nodes, kpa)| Push::new(nodes, share * kpa, nodes.map(|n| x[n as usize])))
     }
 
     /// Sum of the sizes of all loads, mN.
@@ -167,6 +165,32 @@ impl Loads {
             .iter()
             .map(|(t, kpa)| area(t.map(|n| x[n as usize])).iter().map(|v| (kpa * v / 3.0).powi(2)).sum::<f64>() * 3.0);
         dead + pushed.sum::<f64>()
+    }
+}
+
+/// A face under a pressure, at a state.
+pub(super) struct Push {
+    pub(super) nodes: [u32; 3],
+    kpa: f64,
+    /// The edge opposite each corner.
+    opposite: [D3; 3],
+}
+
+impl Push {
+    fn new(nodes: [u32; 3], kpa: f64, p: [D3; 3]) -> Self {
+        Self { nodes, kpa, opposite: core::array::from_fn(|i| sub(p[(i + 1) % 3], p[(i + 2) % 3])) }
+    }
+
+    /// Symmetric part of the derivative, times `d`.
+    pub(super) fn product(&self, d: &[D3; 3]) -> [D3; 3] {
+        core::array::from_fn(|j| {
+            let mut out = [0.0; 3];
+            for i in (0..3).filter(|&i| i != j) {
+                let change = cross(d[i], sub(self.opposite[i], self.opposite[j]));
+                (0..3).for_each(|a| out[a] -= self.kpa * change[a] / 12.0);
+            }
+            out
+        })
     }
 }
 

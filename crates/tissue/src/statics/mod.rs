@@ -1,8 +1,8 @@
 //! Quasi-static equilibrium: what the tissue comes to rest at under given displacements, loads and rigid bodies.
 //!
 //! Newton's method on the energy of physical mode in double precision. Each linear system is solved by conjugate gradients
-//! as far as the step deserves; products with the Hessian come straight from the elements, no matrix is stored. A line
-//! search keeps the energy falling, so inverted trial states do no harm; imposed motion grows in steps that succeed. Pressures
+//! as far as the step deserves; products with the Hessian come straight from the elements. Where these would take more work than
+//! the factors of a matrix (slender bodies, near incompressible), a state near by is factored for them ([`direct`]). A line search keeps the energy falling, so inverted trial states do no harm; imposed motion grows in steps that succeed. Pressures
 //! on open surfaces have no energy: there systems are solved by biconjugate gradients, and steps are whole ones.
 //!
 //! Around rods and spheres the mesh is refined inside the solver until its elements can tell their radius: what a thin rod
@@ -10,9 +10,11 @@
 
 mod balance;
 mod bisect;
+mod direct;
 mod edges;
 mod held;
 mod level;
+mod linear;
 mod loads;
 mod newton;
 mod overlap;

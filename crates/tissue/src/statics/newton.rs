@@ -1,6 +1,7 @@
 //! Newton's method with conjugate gradients and a line search (where loads have an energy: see [`super::unsymmetric`]), along a path
 //! of growing motion and load.
 
+use super::direct::Direct;
 use super::loads::Loads;
 use super::overlap::Sphere;
 use super::sphere::Spheres;
@@ -19,6 +20,10 @@ const AUGMENTATIONS: u32 = 30;
 
 /// Where spheres rub, so many times the steps and products may be taken: they follow the way, which is as long as it is.
 const RUBBING: u32 = 10;
+
+/// Steps with pressures of their own, and to which part of the right side each is solved.
+const MIXED: u32 = 15;
+const MIXED_FORCING: f64 = 1e-3;
 
 /// Newton steps after which a step of motion and load counts as too long.
 const PATIENCE: u32 = 40;
@@ -69,20 +74,23 @@ pub(super) struct Solved {
 
 pub(super) struct Problem<'a> {
     pub(super) elastic: &'a Elastic,
-    loads: &'a Loads,
+    pub(super) loads: &'a Loads,
     /// Whether the loads have no potential.
-    open: bool,
-    spheres: Spheres,
+    pub(super) open: bool,
+    pub(super) spheres: Spheres,
     options: StaticOptions,
     keep_going: &'a mut dyn FnMut() -> bool,
     /// Share of the loads that acts.
-    share: f64,
+    pub(super) share: f64,
     steps: u32,
-    products: u32,
+    pub(super) products: u32,
     stop: Option<Stop>,
     /// Square of the force out of balance at each node that is nothing but rounding, mN2.
     rounding: Vec<f64>,
     hessian: Products,
+    pub(super) direct: Direct,
+    /// Whether a system had a direction without stiffness.
+    pub(super) bent: bool,
 }
 
 /// A state with its derivatives.
@@ -90,9 +98,9 @@ pub(super) struct Problem<'a> {
 pub(super) struct Point {
     pub(super) x: Vec<D3>,
     /// Of the tissue and of the spheres; what the loads give is told by the way between two states only.
-    energy: f64,
+    pub(super) energy: f64,
     pub(super) gradient: Vec<D3>,
-    tangent: Tangent,
+    pub(super) tangent: Tangent,
 }
 
 /// Solves from rest, or from `start` with the whole motion imposed at once. Friction depends on the way: where spheres rub,
@@ -126,6 +134,8 @@ pub(super) fn solve(
         stop,
         rounding,
         hessian,
+        direct: Direct::default(),
+        bent: false,
     };
     let (at, share) = match start {
         Some(x) if !problem.spheres.rub() => problem.from(x),
@@ -309,6 +319,9 @@ impl Problem<'_> {
     }
 
     fn newton(&mut self, at: &mut Point, tolerance: f64, patience: u32) -> bool {
+        if let Some(found) = self.mixed(at, tolerance) {
+            *at = found;
+        }
         let mut last = f64::INFINITY;
         // Whole steps settle soon or never.
         for _ in 0..if self.open { patience.min(PATIENCE) } else { patience } {
@@ -332,6 +345,35 @@ impl Problem<'_> {
             self.steps += 1;
         }
         false
+    }
+
+    /// Whole Newton steps with the pressures of patches as unknowns of their own (Magisano, Leonetti and Garcea 2017): where these
+    /// follow from displacements alone, a step that turns what hardly changes its volume has pressures of its second order in the
+    /// next tangent, and only short ones lower the energy. `None` where that leads nowhere.
+    fn mixed(&mut self, from: &Point, tolerance: f64) -> Option<Point> {
+        if self.open || self.residual(from) <= tolerance {
+            return None;
+        }
+        let mut at = from.clone();
+        for _ in 0..MIXED {
+            self.bent = false;
+            let d = self.linear(&at, None, MIXED_FORCING);
+            if self.bent || self.spent() || longest(&d) >= self.furthest(false) {
+                return None;
+            }
+            let pressures = self.elastic.pressures_along(&at.tangent, &d);
+            at = self.evaluate(shifted(&at.x, &d, 1.0));
+            self.steps += 1;
+            let residual = self.residual(&at);
+            if !residual.is_finite() || self.elastic.turned(&at.x).next().is_some() {
+                return None;
+            }
+            if residual <= tolerance {
+                return Some(at);
+            }
+            self.elastic.take_pressures(&mut at.tangent, &pressures);
+        }
+        None
     }
 
     pub(super) fn evaluate(&self, x: Vec<D3>) -> Point {
@@ -412,55 +454,6 @@ impl Problem<'_> {
         self.products += 1;
     }
 
-    /// Solves the Newton system by preconditioned conjugate gradients (where it has no symmetry, by biconjugate ones) to the
-    /// relative residual `tolerance`. With `lift` the prescribed components move by it and the rest follows. Stops at negative
-    /// curvature with what it has.
-    fn linear(&mut self, at: &Point, lift: Option<&[D3]>, tolerance: f64) -> Vec<D3> {
-        let mut d: Vec<D3> = lift.map_or_else(|| vec![[0.0; 3]; at.x.len()], <[D3]>::to_vec);
-        let mut hp = Vec::new();
-        let mut r: Vec<D3> = at.gradient.iter().map(|g| g.map(|v| -v)).collect();
-        if lift.is_some() {
-            self.product(at, &d, &mut hp);
-            shift(&mut r, &hp, -1.0);
-        }
-        self.mask(&mut r);
-        if self.open {
-            return self.biconjugate(at, (d, r), tolerance);
-        }
-        let blocks = self.preconditioner(at);
-        let mut z = Vec::new();
-        apply(&blocks, &r, &mut z);
-        self.mask(&mut z);
-        let (mut p, mut rz) = (z.clone(), inner(&r, &z));
-        let (goal, furthest) = (rz * tolerance * tolerance, self.furthest(lift.is_some()));
-        while rz > goal && rz > 0.0 && !self.spent() {
-            self.product(at, &p, &mut hp);
-            self.mask(&mut hp);
-            let curvature = inner(&p, &hp);
-            if curvature <= 0.0 {
-                if d.iter().flatten().all(|&v| v == 0.0) {
-                    d = p;
-                }
-                break;
-            }
-            let alpha = rz / curvature;
-            let way = longest(&p);
-            if alpha * way > furthest {
-                // Nothing bears it there yet: on to where something may (Steihaug 1983).
-                shift(&mut d, &p, furthest / way);
-                break;
-            }
-            shift(&mut d, &p, alpha);
-            shift(&mut r, &hp, -alpha);
-            apply(&blocks, &r, &mut z);
-            self.mask(&mut z);
-            let next = inner(&r, &z);
-            p.iter_mut().zip(&z).for_each(|(p, z)| (0..3).for_each(|a| p[a] = z[a] + next / rz * p[a]));
-            rz = next;
-        }
-        d
-    }
-
     /// Size of the body, mm.
     fn size(&self) -> f64 {
         let rest = &self.elastic.rest;
@@ -472,23 +465,6 @@ impl Problem<'_> {
         let size = self.size();
         let radius = self.spheres.least_radius().filter(|_| !carried);
         radius.map_or(FURTHEST * size, |radius| radius.min(FURTHEST * size))
-    }
-
-    /// Inverses of the Hessian's diagonal blocks, prescribed components taken out.
-    pub(super) fn preconditioner(&self, at: &Point) -> Vec<[f64; 6]> {
-        let mut blocks = self.elastic.diagonal(&at.x, &at.tangent);
-        self.spheres.add_diagonal(&at.x, &mut blocks);
-        for (b, s) in blocks.iter_mut().zip(&self.loads.support) {
-            // Entries xx, yy, zz, xy, xz, yz.
-            const OFF: [[usize; 2]; 3] = [[3, 4], [3, 5], [4, 5]];
-            for a in 0..3 {
-                if s[a].is_some() {
-                    b[a] = 1.0;
-                    OFF[a].iter().for_each(|&k| b[k] = 0.0);
-                }
-            }
-        }
-        blocks.iter().map(|b| inverse(*b)).collect()
     }
 
     /// The longest step of `1, 1/2, 1/4...` that lowers the energy enough (Armijo).
@@ -507,24 +483,4 @@ impl Problem<'_> {
         }
         None
     }
-}
-
-pub(super) fn apply(blocks: &[[f64; 6]], r: &[D3], out: &mut Vec<D3>) {
-    let row = |b: &[f64; 6], v: &D3| {
-        [
-            b[0] * v[0] + b[3] * v[1] + b[4] * v[2],
-            b[3] * v[0] + b[1] * v[1] + b[5] * v[2],
-            b[4] * v[0] + b[5] * v[1] + b[2] * v[2],
-        ]
-    };
-    out.clear();
-    out.extend(blocks.iter().zip(r).map(|(b, v)| row(b, v)));
-}
-
-/// Inverse of a symmetric positive definite 3x3 matrix given as xx, yy, zz, xy, xz, yz.
-fn inverse([xx, yy, zz, xy, xz, yz]: [f64; 6]) -> [f64; 6] {
-    let (cx, cy, cz) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
-    let det = xx * cx + xy * cy + xz * cz;
-    let s = 1.0 / det;
-    [cx * s, (xx * zz - xz * xz) * s, (xx * yy - xy * xy) * s, cy * s, cz * s, (xy * xz - xx * yz) * s]
 }

@@ -21,8 +21,8 @@ pub(super) type Hold = [Option<f64>; 3];
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Site {
     /// The vertex, or those of the face, and how much each has of the point.
-    nodes: [u32; 3],
-    share: [f64; 3],
+    pub(super) nodes: [u32; 3],
+    pub(super) share: [f64; 3],
     /// Radius of the sphere that it meets, over the true one: 1 for a vertex.
     pub(super) reach: f64,
     /// Area around it at rest, mm2.

@@ -114,6 +114,32 @@ impl Touch {
     }
 }
 
+/// A site and how it is touched.
+pub(super) struct Press<'a> {
+    site: &'a Site,
+    touch: Touch,
+}
+
+impl Press<'_> {
+    /// Change of the force's opposite when the site moves by `d`.
+    fn change(&self, d: D3) -> D3 {
+        self.touch.change(self.site.penalty, d).map(|c| self.site.area * c)
+    }
+
+    /// The site's nodes: of a vertex the same three times.
+    pub(super) fn nodes(&self) -> [u32; 3] {
+        self.site.nodes
+    }
+
+    /// The same as [`Spheres::add_hessian`] of this site alone, between its nodes.
+    pub(super) fn product(&self, d: &[D3; 3]) -> [D3; 3] {
+        let share = self.site.share;
+        let moved = core::array::from_fn(|a| (0..3).map(|i| share[i] * d[i][a]).sum());
+        let change = self.change(moved);
+        share.map(|w| change.map(|c| w * c))
+    }
+}
+
 impl Sphere {
     fn touch(&self, i: usize, site: &Site, x: D3) -> Option<Touch> {
         let out = sub(x, self.centre);
@@ -256,9 +282,14 @@ impl Spheres {
     }
 
     pub(super) fn add_hessian(&self, x: &[D3], d: &[D3], out: &mut [D3]) {
-        for (_, _, site, t) in self.touches(x) {
-            site.scatter(t.change(site.penalty, site.at(d)).map(|c| site.area * c), out);
+        for press in self.presses(x) {
+            press.site.scatter(press.change(press.site.at(d)), out);
         }
+    }
+
+    /// All sites that are touched.
+    pub(super) fn presses<'a>(&'a self, x: &'a [D3]) -> impl Iterator<Item = Press<'a>> {
+        self.touches(x).map(|(_, _, site, touch)| Press { site, touch })
     }
 
     /// Adds an upper bound of the diagonal blocks (xx, yy, zz, xy, xz, yz).

@@ -4,7 +4,8 @@
 //! under a pressure that turns along does not. There is no energy that a step could lower: steps are whole ones, and motion and load
 //! grow in shorter steps where those do not settle.
 
-use super::newton::{Point, Problem, apply, inner, longest, shift, shifted};
+use super::linear::{Conditioner, Unsolved};
+use super::newton::{Point, Problem, inner, longest, shift, shifted};
 use crate::physical::elastic::D3;
 
 /// Most iterations for one Newton step.
@@ -13,52 +14,56 @@ const MOST: u32 = 4000;
 const HALVINGS: u32 = 8;
 
 impl Problem<'_> {
-    /// Solves the Newton system by the stabilised biconjugate gradients (van der Vorst 1992), preconditioned, to the relative
-    /// residual `tolerance`, from `d` on; the first residual is `r`. Ends where they break down, with the best there was.
-    pub(super) fn biconjugate(&mut self, at: &Point, (mut d, mut r): (Vec<D3>, Vec<D3>), tolerance: f64) -> Vec<D3> {
-        let blocks = self.preconditioner(at);
+    /// Solves the Newton system by the stabilised biconjugate gradients (van der Vorst 1992), preconditioned, on from where it is.
+    /// Ends where they break down, with the best there was. Whether `patience` products were not enough.
+    pub(super) fn biconjugate(&mut self, at: &Point, by: &Conditioner, system: &mut Unsolved, patience: u32) -> bool {
+        let Unsolved { d, r, left, goal, .. } = system;
         let shadow = r.clone();
-        let goal = inner(&r, &r) * tolerance * tolerance;
+        let whole = inner(r, r) / *left;
+        let most = MOST.min(patience.div_ceil(2));
         let (mut p, mut v) = (vec![[0.0; 3]; r.len()], vec![[0.0; 3]; r.len()]);
         let (mut y, mut z, mut t) = (Vec::new(), Vec::new(), Vec::new());
         let (mut rho, mut alpha, mut omega) = (1.0, 1.0, 1.0);
-        let mut best = (f64::INFINITY, d.clone());
-        for _ in 0..MOST {
-            let left = inner(&r, &r);
-            if left < best.0 {
-                best.0 = left;
-                best.1.clone_from(&d);
+        let mut best = (f64::INFINITY, d.clone(), r.clone());
+        for _ in 0..most {
+            let now = inner(r, r);
+            if now < best.0 {
+                best.0 = now;
+                best.1.clone_from(d);
+                best.2.clone_from(r);
             }
-            if left <= goal || !left.is_finite() || self.spent() {
+            if now <= whole * *goal || !now.is_finite() || self.spent() {
                 break;
             }
-            let next = inner(&shadow, &r);
+            let next = inner(&shadow, r);
             let beta = next / rho * (alpha / omega);
-            let both = p.iter_mut().zip(&v).zip(&r);
+            let both = p.iter_mut().zip(&v).zip(&*r);
             both.for_each(|((p, v), r)| (0..3).for_each(|a| p[a] = r[a] + beta * (p[a] - omega * v[a])));
-            self.conditioned_product(at, &blocks, &p, (&mut y, &mut v));
+            self.conditioned_product(at, by, &p, (&mut y, &mut v));
             let along = inner(&shadow, &v);
             if next == 0.0 || along == 0.0 {
                 break;
             }
             (rho, alpha) = (next, next / along);
-            shift(&mut r, &v, -alpha);
-            self.conditioned_product(at, &blocks, &r, (&mut z, &mut t));
+            shift(r, &v, -alpha);
+            self.conditioned_product(at, by, r, (&mut z, &mut t));
             let square = inner(&t, &t);
-            omega = if square > 0.0 { inner(&t, &r) / square } else { 0.0 };
-            shift(&mut d, &y, alpha);
-            shift(&mut d, &z, omega);
-            shift(&mut r, &t, -omega);
+            omega = if square > 0.0 { inner(&t, r) / square } else { 0.0 };
+            shift(d, &y, alpha);
+            shift(d, &z, omega);
+            shift(r, &t, -omega);
             if omega == 0.0 {
                 break;
             }
         }
-        best.1
+        (*d, *r) = (best.1, best.2);
+        *left = best.0 / whole;
+        *left > *goal && patience < u32::MAX && !self.spent()
     }
 
     /// The preconditioned `p`, and the product of the Hessian with it.
-    fn conditioned_product(&mut self, at: &Point, blocks: &[[f64; 6]], p: &[D3], (y, v): (&mut Vec<D3>, &mut Vec<D3>)) {
-        apply(blocks, p, y);
+    fn conditioned_product(&mut self, at: &Point, by: &Conditioner, p: &[D3], (y, v): (&mut Vec<D3>, &mut Vec<D3>)) {
+        by.apply(p, y);
         self.mask(y);
         self.product(at, y, v);
         self.mask(v);
