@@ -4,7 +4,7 @@
 use crate::Batch;
 use crate::late::{Late, Stamps};
 use crate::told::Told;
-use monro_guidance::clock::{ClockEstimate, Exchange, age};
+use monro_guidance::clock::{ClockEstimate, Exchange, Offset, age};
 use monro_wire::TimedPose;
 use monro_wire::natnet::{Client, ClientOptions, Definition, Event, RigidBodyDefinition, ServerInfo};
 use monro_wire::openigtlink::{Content, IgtlError, Message, Parser, StatusCode, poses};
@@ -37,8 +37,15 @@ pub(crate) struct NatNetDecoder {
     pub(crate) age: f64,
     /// What was said of bodies and not handed on yet.
     bodies: Vec<RigidBodyDefinition>,
-    /// Exposure of the last frame on the server's clock, and its arrival on ours, s.
-    last: Option<(Option<f64>, f64)>,
+    last: Option<Last>,
+}
+
+/// The last frame: when it was exposed and stamped, each on a clock of the server, and when it arrived on ours, s.
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    exposed: Option<f64>,
+    stamped: Option<f64>,
+    arrival: f64,
 }
 
 /// A clock that goes back by more than this, or exposures that far in the future, belong to a server that was restarted, s.
@@ -57,15 +64,24 @@ impl NatNetDecoder {
         Self { client, estimate, first_frame: None, late, age: 0.0, bodies: Vec::new(), last: None }
     }
 
-    /// Whether a frame may come from another server than the last one: after a silence, or because the clock has gone back,
-    /// or ahead of the arrivals (one that was held up on its way has done neither).
-    fn is_restarted(&mut self, source: Option<f64>, arrival: f64) -> bool {
-        let Some((before, then)) = self.last.replace((source, arrival)) else { return false };
-        let clock_broke = source.zip(before).is_some_and(|(source, before)| {
-            let late = self.estimate.offset().map_or(0.0, |o| then - o.to_ours(before)).max(0.0);
-            source < before - BREAK || source - before > arrival - then + late + BREAK
-        });
-        clock_broke || arrival - then > SILENCE
+    /// Whether a frame may come from another server than the last one: after a silence, or because the clock of exposures has
+    /// gone back, or ahead of the arrivals (one that was held up on its way has done neither). Where the clock has, or after a
+    /// silence no clock goes on, nothing is known of it any more.
+    fn is_restarted(&mut self, now: Last) -> bool {
+        let Some(last) = self.last.replace(now) else { return false };
+        let passed = now.arrival - last.arrival;
+        let goes_on = |now: Option<f64>, before: Option<f64>, late: f64| {
+            Some((-BREAK..=passed + late + BREAK).contains(&(now? - before?)))
+        };
+        let exposed_late = |o: Offset| last.exposed.map_or(0.0, |e| last.arrival - o.to_ours(e)).max(0.0);
+        let exposures = goes_on(now.exposed, last.exposed, self.estimate.offset().map_or(0.0, exposed_late));
+        let clock_broke = exposures == Some(false);
+        let silent = passed > SILENCE;
+        if clock_broke || (silent && exposures.or(goes_on(now.stamped, last.stamped, 0.0)) != Some(true)) {
+            self.estimate.forget();
+            self.late.forget();
+        }
+        clock_broke || silent
     }
 
     /// Takes a datagram that arrived at `arrival`, s. One that cannot be read is counted by the client.
@@ -92,9 +108,8 @@ impl NatNetDecoder {
     /// `told`: how long the server says that it took from exposure to sending, s.
     fn frame(&mut self, arrival: f64, (timestamp, told): (f64, f64), mut poses: Vec<TimedPose>) -> Taken {
         let exposed = poses.first().and_then(|p| p.source_time);
-        if self.is_restarted(exposed, arrival) {
-            self.estimate.forget();
-            self.late.forget();
+        let stamped = Some(timestamp).filter(|s| *s > 0.0);
+        if self.is_restarted(Last { exposed, stamped, arrival }) {
             self.client.restart();
             self.first_frame = None;
             // Its bodies may have got other numbers: these poses might bear wrong names.
@@ -104,7 +119,7 @@ impl NatNetDecoder {
         if !poses.is_empty() {
             // Where there is no clock of the cameras, that of the server's frames will do. What they have fallen behind since they
             // were sent comes to what passed before.
-            let stamp = exposed.or(Some(timestamp)).filter(|s| *s > 0.0);
+            let stamp = exposed.filter(|s| *s > 0.0).or(stamped);
             let lag = self.late.take(stamp.map(|s| s + told), arrival) + told;
             poses.iter_mut().for_each(|p| p.lag = lag);
             self.age += SHARE * (age(arrival, (arrival, lag), exposed, clock.as_ref()) - self.age);
@@ -174,10 +189,10 @@ impl IgtlDecoder {
         }
     }
 
-    /// A new connection begins: what is unfinished of the last one is forgotten.
+    /// A new connection begins: what is unfinished of the last one is forgotten, but not how late its stamps came. Another
+    /// server's go on elsewhere, which is found as a clock set anew.
     pub(crate) fn begin(&mut self) {
         self.parser = Parser::default();
-        self.tools.values_mut().for_each(|told| told.late.forget());
         self.errors.clear();
     }
 
@@ -275,8 +290,8 @@ mod tests {
     /// A server that fell behind was shown as live, 20 mm off at 25 mm/s.
     #[test]
     fn poses_of_an_openigtlink_server_that_fell_behind_were_as_young_as_their_arrival() {
-        let [late, anew] = lags_of_openigtlink(Stamps::Heeded);
-        assert!((late - 0.8).abs() < 1e-3 && anew == 0.0, "{late}, {anew}");
+        let [late, again] = lags_of_openigtlink(Stamps::Heeded);
+        assert!((late - 0.8).abs() < 1e-3 && (again - 0.8).abs() < 1e-3, "{late}, {again}");
         assert_eq!(lags_of_openigtlink(Stamps::Ignored), [0.0, 0.0]);
     }
 
@@ -343,6 +358,18 @@ mod tests {
         let flood: Vec<_> = (0..1000).map(|i| sent(&format!("T{i}"), 1.0 + f64::from(i) * 1e-4)).collect();
         assert!(flood.iter().all(|f| f.1 <= MOST_NAMES) && flood[999] == (None, MOST_NAMES, true), "{:?}", flood[999]);
         assert_eq!(sent("Catheter", 2.2).0, Some(1));
+    }
+
+    /// After a silence of a second all that was known of its clock was forgotten: what had waited was "live", three seconds old.
+    #[test]
+    fn frames_that_waited_while_the_link_was_out_were_as_young_as_their_arrival() {
+        for version in VERSIONS {
+            // Nothing comes from 8 s on for as long as it is held up, and is as late from then on.
+            let held_up = |measured: f64| if measured < 8.0 { 0.002 } else { 3.0 };
+            let lags = lags_of_natnet(version, 719, |measured| [0.0, held_up(measured)]);
+            let last = lags[lags.len() - 1];
+            assert!((last - 2.998).abs() < 2e-3, "{version}: {last}");
+        }
     }
 
     /// Before 3.0 there is no clock to be asked, and a server may not answer.

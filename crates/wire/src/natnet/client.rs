@@ -209,8 +209,8 @@ impl Client {
         (self.ask_again, self.models_known) = (true, false);
         self.names.clear();
         self.seen.clear();
-        self.times =
-            Times { start: self.times.start, frame: self.times.frame, server: self.times.server, ..Times::default() };
+        let Times { start, frame, fresh, server, .. } = self.times;
+        self.times = Times { start, frame, fresh, server, ..Times::default() };
     }
 
     /// The datagram of a text command. One at a time: its answer is read by what was asked.
@@ -312,7 +312,7 @@ impl Client {
     }
 
     /// Whether a frame is older than one that was here already (disorder on the way). Where frame numbers have gone back for
-    /// good (a loop, another take, a restart), ids may stand for other bodies, so names are asked for again. One that was exposed
+    /// good (a loop, another take, a restart), ids may stand for other bodies: nobody has a name until they are told again. One that was exposed
     /// after the last is not late, whatever its number (a loop; a server that does not count).
     fn is_late(&mut self, frame: &Frame) -> bool {
         let (number, exposed) = (frame.number, frame.suffix.mid_exposure);
@@ -326,6 +326,7 @@ impl Client {
             self.counters.missed += (step - 1) as u64;
         } else if step < 0 || !is_newer {
             self.counters.restarts += 1;
+            self.names.clear();
             (self.models_known, self.times.models, self.late) = (false, None, 0);
         }
         (self.last_number, self.last_exposed) = (Some(number), exposed);

@@ -463,6 +463,10 @@ fn a_frame_that_is_sent_again_and_again_was_live() {
         assert!(repeats[98].1.contains("one and the same frame has been sent for 1.6"), "{version}: {}", repeats[98].1);
         let next = server.frame(&seen(2.7), 2.7, 2.7);
         assert_eq!(told(2.7, &next).0, 2, "{version}");
+        // After a silence all is asked anew; the frame was "sent for inf s".
+        client.restart();
+        let words = client.diagnosis(2.8, &[]).to_string();
+        assert!(!words.contains("one and the same"), "{version}: {words}");
     }
 }
 
