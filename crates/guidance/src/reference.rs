@@ -27,6 +27,13 @@ impl Default for GuardOptions {
     }
 }
 
+impl GuardOptions {
+    /// A motion against what is allowed: beyond 1 it is an alarm.
+    fn far(&self, shift: f64, turn: f64) -> f64 {
+        (shift / self.shift).max(turn / self.turn)
+    }
+}
+
 /// The reference has moved.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bump {
@@ -59,17 +66,42 @@ pub struct ReferenceGuard {
     /// Where the reference was at the last touch that a registration is made of.
     touched: Option<Rigid<Tracker, Tool>>,
     bump: Option<Bump>,
+    /// How often the alarm was raised, or the reference moved on while it was,
+    alarms: u32,
+    /// and where the reference was then.
+    alarmed_at: Option<Rigid<Tracker, Tool>>,
 }
 
 impl ReferenceGuard {
     /// A guard that remembers poses, and watches from the first registration ([`accept`](Self::accept)) on.
     pub const fn new(options: GuardOptions) -> Self {
-        Self { options, watching: false, baseline: None, recent: VecDeque::new(), fresh: 0, touched: None, bump: None }
+        Self {
+            options,
+            watching: false,
+            baseline: None,
+            recent: VecDeque::new(),
+            fresh: 0,
+            touched: None,
+            bump: None,
+            alarms: 0,
+            alarmed_at: None,
+        }
     }
 
     /// The alarm, if raised.
     pub const fn bump(&self) -> Option<Bump> {
         self.bump
+    }
+
+    /// How often the alarm was raised so far, or the reference moved on while it was: what is touched now is touched after so
+    /// many.
+    pub const fn alarms(&self) -> u32 {
+        self.alarms
+    }
+
+    /// While the alarm is raised: touches after fewer alarms than this are from before the reference moved.
+    pub fn alarm(&self) -> Option<u32> {
+        self.bump.map(|_| self.alarms)
     }
 
     /// While the alarm is raised: how far a point of the patient, given where it is seen now in the frame of the reference, has
@@ -81,7 +113,12 @@ impl ReferenceGuard {
 
     /// The reference as it is now in its own frame at the baseline, of the last poses.
     fn moved(&self) -> Option<Rigid<Tool, Tool>> {
-        Some(self.baseline?.inverse().after(&mean(self.recent.iter().map(|(_, pose)| pose))?))
+        Some(self.baseline?.inverse().after(&self.now()?))
+    }
+
+    /// The mean of the last poses.
+    fn now(&self) -> Option<Rigid<Tracker, Tool>> {
+        mean(self.recent.iter().map(|(_, pose)| pose))
     }
 
     /// Whether the baseline is complete.
@@ -108,7 +145,7 @@ impl ReferenceGuard {
     /// The poses so far, once there are enough, are where the reference should be.
     fn take_baseline(&mut self) {
         if self.watching && self.recent.len() >= self.options.average.max(1) {
-            self.baseline = mean(self.recent.iter().map(|(_, pose)| pose));
+            self.baseline = self.now();
             self.fresh = 0;
         }
     }
@@ -116,12 +153,22 @@ impl ReferenceGuard {
     fn compare(&mut self, time: f64) {
         let Some(moved) = self.moved() else { return };
         let (shift, turn) = (moved.translation().norm(), moved.angle());
-        // Against what is allowed: from 1 on it is an alarm, which tells the farthest motion since.
-        let far = |shift: f64, turn: f64| (shift / self.options.shift).max(turn / self.options.turn);
-        let worst = self.bump.map_or(1.0, |b| far(b.shift, b.turn));
-        if far(shift, turn) > worst {
+        // An alarm tells the farthest motion since.
+        let worst = self.bump.map_or(1.0, |b| self.options.far(b.shift, b.turn));
+        if self.options.far(shift, turn) > worst {
             let time = self.bump.map_or(time, |b| b.time);
             self.bump = Some(Bump { shift, turn, time });
+        }
+        self.count();
+    }
+
+    /// Counts an alarm that was just raised, and motions since.
+    fn count(&mut self) {
+        let Some(now) = self.now().filter(|_| self.bump.is_some()) else { return };
+        let since = self.alarmed_at.map(|at| at.inverse().after(&now));
+        if since.is_none_or(|m| self.options.far(m.translation().norm(), m.angle()) > 1.0) {
+            self.alarms += 1;
+            self.alarmed_at = Some(now);
         }
     }
 
@@ -147,23 +194,20 @@ impl ReferenceGuard {
     /// A registration is accepted: the reference belongs where it was at the last of its touches, and what has happened since
     /// raises the alarm.
     pub fn accept(&mut self) {
-        let place = self.touched.take();
-        self.confirm_at(place);
+        self.confirm_at(self.touched);
     }
 
-    /// Whether the reference has moved, and nothing was touched since the last registration: what was touched before is void.
-    pub const fn needs_touch(&self) -> bool {
-        self.bump.is_some() && self.touched.is_none()
-    }
-
-    /// A landmark has just been found in its place: the reference belongs where it is.
+    /// A landmark has just been found in its place: the reference belongs where it is, for all touches.
     pub fn check(&mut self) {
-        self.confirm_at(self.at_touch());
+        let place = self.at_touch();
+        self.touched = place.or(self.touched);
+        self.confirm_at(place);
     }
 
     /// Lowers the alarm and takes a new baseline: the poses of a touch, so that nothing which happens after it is missed; those
     /// before it are not. Without a touch it is those just before now.
     fn confirm_at(&mut self, place: Option<Rigid<Tracker, Tool>>) {
+        self.alarmed_at = None;
         if place.is_some() {
             (self.watching, self.baseline, self.bump) = (true, place, None);
             return;
@@ -282,6 +326,25 @@ mod tests {
         }
         let bump = guard.bump().expect("8 mm");
         assert!((bump.shift - 8.0).abs() < 1e-6 && bump.time < 0.15, "{bump:?}");
+    }
+
+    #[test]
+    fn motions_are_counted_as_long_as_the_alarm_is_raised() {
+        let mut guard = watching(GuardOptions { average: 4, ..GuardOptions::default() });
+        let see = |guard: &mut ReferenceGuard, x: f64| (0..8).for_each(|_| _ = guard.push(&pose(x, 0.0), 0.0));
+        see(&mut guard, 0.0);
+        assert_eq!((guard.alarms(), guard.alarm()), (0, None));
+        see(&mut guard, 3.0);
+        see(&mut guard, 3.5);
+        assert_eq!((guard.alarms(), guard.alarm()), (1, Some(1)), "noise is no second motion");
+        // Back in its place is another motion, not another alarm.
+        see(&mut guard, 0.0);
+        assert_eq!(guard.alarm(), Some(2));
+        guard.check();
+        see(&mut guard, 0.0);
+        assert_eq!((guard.alarms(), guard.alarm()), (2, None));
+        see(&mut guard, -2.0);
+        assert_eq!(guard.alarm(), Some(3));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use crate::body::Body;
 use crate::calibrate;
 use crate::door::{self, Role, refuse};
 use crate::listener::Peer;
+use crate::live::Live;
 use crate::pairing;
 use crate::record::Log;
 use crate::register;
@@ -17,7 +18,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
 use monro_geometry::{Patient, Point, Rigid, Tool, Vector};
-use monro_session::live::{Calibration, PlainEvent, Registration, SessionEvent};
+use monro_session::live::{Calibration, Phase, PlainEvent, Registration, SessionEvent};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -147,6 +148,21 @@ impl EventRequest {
     }
 }
 
+impl EventRequest {
+    /// Why an event is refused that would lower the alarm of the reference with nothing to show for it: only here is it known
+    /// what was touched after it.
+    fn silences(&self, live: &Live) -> Option<String> {
+        let confirms = matches!(self, Self::Registered { .. } | Self::CheckPassed {});
+        let bump = live.reference_alarm().filter(|_| confirms && live.phase() >= Phase::Registered)?;
+        Some(format!(
+            "the reference has moved by {:.1} mm and turned by {:.1}\u{b0} since the registration or the last check: touch a \
+             landmark to check it (POST /api/registration), or send \"reference_moved\" and register anew",
+            bump.shift,
+            bump.turn.to_degrees()
+        ))
+    }
+}
+
 fn calibrated(tip: [f64; 3], axis: [f64; 3]) -> Result<SessionEvent, String> {
     let calibration = Calibration { tip: Point::from_array(tip), axis: Vector::from_array(axis) };
     let away = calibration.tip.distance(Point::ORIGIN);
@@ -192,6 +208,9 @@ async fn event(State(shared): State<Arc<Shared>>, Body(request): Body<EventReque
         let why =
             format!("the catheter's body is not the one that was calibrated ({words}): calibrate it as it is now");
         return refuse(StatusCode::UNPROCESSABLE_ENTITY, &why);
+    }
+    if let Some(why) = request.silences(&shared.live) {
+        return refuse(StatusCode::CONFLICT, &why);
     }
     match request.event().map(|e| shared.live.apply(e)) {
         Ok(Ok(phase)) => Json(json!({ "phase": phase.name() })).into_response(),

@@ -10,6 +10,7 @@ use crate::record::Log;
 use crate::snapshot::{Moved, Quantised, digest, encode};
 use monro_geometry::{Display, Patient, Point, Rigid, Tool, Tracker};
 use monro_guidance::Plan;
+use monro_guidance::reference::Bump;
 use monro_guidance::registration::Recheck;
 use monro_session::Loads;
 use monro_session::live::log::Entry;
@@ -295,9 +296,19 @@ impl Live {
         lock(&self.session).registration().copied()
     }
 
-    /// As [`Session::needs_touch`](monro_session::live::Session::needs_touch).
-    pub(crate) fn needs_touch(&self) -> bool {
-        lock(&self.session).needs_touch()
+    /// As [`Session::reference_alarm`](monro_session::live::Session::reference_alarm).
+    pub(crate) fn reference_alarm(&self) -> Option<Bump> {
+        lock(&self.session).reference_alarm()
+    }
+
+    /// As [`Session::alarms`](monro_session::live::Session::alarms).
+    pub(crate) fn alarms(&self) -> u32 {
+        lock(&self.session).alarms()
+    }
+
+    /// As [`Session::alarm`](monro_session::live::Session::alarm).
+    pub(crate) fn alarm(&self) -> Option<u32> {
+        lock(&self.session).alarm()
     }
 
     /// As [`Session::hidden_motion`](monro_session::live::Session::hidden_motion).

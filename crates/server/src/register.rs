@@ -86,10 +86,12 @@ fn held(shared: &Shared) -> MutexGuard<'_, Registering> {
 async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
     match action {
         Action::Touch { name } => {
+            // As many as before it was watched: it may have moved meanwhile.
+            let alarms = shared.live.alarms();
             let (touch, round) = watch(shared).await?;
             let mut registering = still(shared, round)?;
             let mut tried = registering.clone();
-            tried.touch(&name, touch)?;
+            tried.touch(&name, touch, alarms)?;
             // From any phase in which the tip is known: refused only where that has just been lost, and then it is void.
             shared.live.apply(SessionEvent::Plain(PlainEvent::Touched)).map_err(|_| TouchError::Voided)?;
             *registering = tried;
@@ -101,11 +103,9 @@ async fn act(shared: &Shared, action: Action) -> Result<Option<Value>, Why> {
             // The phase may refuse: only then is the old registration still the one that is checked. Held meanwhile: what voids
             // it comes before or after.
             let mut registering = held(shared);
-            if shared.live.needs_touch() {
-                return Err(TouchError::Moved.into());
-            }
             let mut tried = registering.clone();
-            shared.live.apply(SessionEvent::Registered(tried.accept()?))?;
+            let registration = tried.accept(shared.live.alarm())?;
+            shared.live.apply(SessionEvent::Registered(registration))?;
             *registering = tried;
         }
         Action::Check { name } => {

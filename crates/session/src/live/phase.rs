@@ -94,10 +94,8 @@ impl Phase {
             (Event::CaseOpened, _) => refuse(ToFirst::CloseCase),
             (Event::CaseClosed, _) => Ok(NoCase),
 
-            // A registration does not depend on the catheter, but what was checked was both together.
-            (Event::Calibrated, Case) => Ok(Calibrated),
-            (Event::Calibrated, Calibrated) => Ok(Calibrated),
-            (Event::Calibrated, Registered | Checked) => Ok(Registered),
+            // Landmarks were touched with the tip as it was known before.
+            (Event::Calibrated, Case | Calibrated | Registered | Checked) => Ok(Calibrated),
             (Event::Registered, Calibrated | Registered | Checked) => Ok(Registered),
             (Event::Calibrated | Event::Registered, Navigating) => refuse(ToFirst::Stop),
 
@@ -226,7 +224,7 @@ mod tests {
     const TABLE: [(Event, &str); 11] = [
         (Event::CaseOpened, "c-----"),
         (Event::CaseClosed, "nnnnnn"),
-        (Event::Calibrated, "-CCRR-"),
+        (Event::Calibrated, "-CCCC-"),
         (Event::ToolChanged, "nccccc"),
         (Event::Registered, "--RRR-"),
         (Event::ReferenceMoved, "ncCCCC"),

@@ -57,9 +57,9 @@ pub enum TouchError {
     Voided,
     /// What was touched was touched before the reference moved.
     #[error(
-        "the reference has moved since these landmarks were touched: touch them again; if they are where they were, a check of one shows it"
+        "the reference has moved since {0} touched: touch again what was; if nothing has moved on the patient, a check of one shows it"
     )]
-    Moved,
+    Moved(String),
     /// There is no tip to watch.
     #[error("the catheter is not calibrated: nothing tells where its tip is; calibrate it first")]
     NotCalibrated,
@@ -94,6 +94,8 @@ pub struct TouchMark {
     pub added: bool,
     /// Where it was touched.
     pub touched: Option<Touch>,
+    /// After how many alarms of the reference.
+    alarms: u32,
 }
 
 /// A tip that rested somewhere.
@@ -149,7 +151,7 @@ pub struct Registering {
 impl Registering {
     /// With the landmarks of the case that can be touched; the predicted error is that at `target`.
     pub fn new(landmarks: impl IntoIterator<Item = (String, Point<Patient>)>, target: Point<Patient>) -> Self {
-        let mark = |(name, marked)| TouchMark { name, marked, added: false, touched: None };
+        let mark = |(name, marked)| TouchMark { name, marked, added: false, touched: None, alarms: 0 };
         Self {
             marks: landmarks.into_iter().map(mark).collect(),
             target,
@@ -178,7 +180,7 @@ impl Registering {
         if full || name.is_empty() || name.chars().count() > 40 || !on_head || self.index(name).is_ok() {
             return Err(TouchError::BadMark);
         }
-        self.marks.push(TouchMark { name: name.to_owned(), marked, added: true, touched: None });
+        self.marks.push(TouchMark { name: name.to_owned(), marked, added: true, touched: None, alarms: 0 });
         Ok(())
     }
 
@@ -195,13 +197,13 @@ impl Registering {
         Ok(())
     }
 
-    /// Takes the touch of a landmark, in place of an earlier one.
+    /// Takes the touch of a landmark, after so many alarms of the reference, in place of an earlier one.
     ///
     /// # Errors
     /// No such landmark.
-    pub fn touch(&mut self, name: &str, touch: Touch) -> Result<(), TouchError> {
+    pub fn touch(&mut self, name: &str, touch: Touch, alarms: u32) -> Result<(), TouchError> {
         let index = self.index(name)?;
-        self.marks[index].touched = Some(touch);
+        (self.marks[index].touched, self.marks[index].alarms) = (Some(touch), alarms);
         Ok(())
     }
 
@@ -258,11 +260,13 @@ impl Registering {
         self.round
     }
 
-    /// Takes the present solution as the registration whose error at a landmark is known.
+    /// Takes the present solution as the registration whose error at a landmark is known. While an `alarm` of the reference is
+    /// raised what was touched before it is void.
     ///
     /// # Errors
-    /// As [`Registering::solve`], and when the landmarks contradict each other.
-    pub fn accept(&mut self) -> Result<Registration, TouchError> {
+    /// As [`Registering::solve`], when the landmarks contradict each other, and when some were touched before the alarm.
+    pub fn accept(&mut self, alarm: Option<u32>) -> Result<Registration, TouchError> {
+        self.after(alarm)?;
         let solved = self.solve()?;
         if let Some(contradiction) = self.contradiction(&solved) {
             return Err(TouchError::Contradiction(Box::new(contradiction)));
@@ -272,6 +276,17 @@ impl Registering {
         self.ambiguities = self.ambiguities(&solved);
         self.accepted = Some(solved);
         Ok(registration)
+    }
+
+    /// Refuses touches from before an alarm.
+    fn after(&self, alarm: Option<u32>) -> Result<(), TouchError> {
+        let before = |m: &&TouchMark| m.touched.is_some() && alarm.is_some_and(|alarm| m.alarms < alarm);
+        let names: Vec<String> = self.marks.iter().filter(before).map(|m| format!("\"{}\"", m.name)).collect();
+        match names.len() {
+            0 => Ok(()),
+            1 => Err(TouchError::Moved(format!("{} was", names[0]))),
+            _ => Err(TouchError::Moved(format!("{} were", names.join(", ")))),
+        }
     }
 
     /// Compares a new touch of a landmark with the registration that is in use, wherever that came from. The error expected of
@@ -335,7 +350,7 @@ mod tests {
         let mut r = registering();
         for (name, p) in PLACES {
             let touch = Touch::new(&resting(Point::from_array(p), 0.2)).expect("resting");
-            r.touch(name, touch).expect("known");
+            r.touch(name, touch, 0).expect("known");
         }
         r
     }
@@ -343,7 +358,7 @@ mod tests {
     #[test]
     fn exact_touches_register_exactly_and_predict_the_noise_of_the_hand() {
         let mut r = touched();
-        let got = r.accept().expect("registered");
+        let got = r.accept(None).expect("registered");
         let target = Point::new(5.0, -10.0, 40.0);
         assert!(got.patient_from_reference.point(truth().inverse().point(target)).distance(target) < 1e-9);
         let tre = got.predicted_tre_mm.expect("predicted");
@@ -356,7 +371,7 @@ mod tests {
         let nasion = Point::from_array(PLACES[0].1);
         let at = |p| Touch::new(&resting(p, 0.0)).expect("resting");
         assert_eq!(r.check("nasion", &at(nasion), None), Err(TouchError::NotRegistered));
-        let used = r.accept().expect("registered");
+        let used = r.accept(None).expect("registered");
         assert!(r.check("nasion", &at(nasion), Some(&used)).expect("check").holds());
         let moved = r.check("nasion", &at(nasion + Vector::new(0.0, 0.0, 6.0)), Some(&used)).expect("check");
         assert!(!moved.holds() && (moved.distance - 6.0).abs() < 1e-9, "{moved:?}");
@@ -365,7 +380,7 @@ mod tests {
     #[test]
     fn a_check_compared_with_the_registration_accepted_last_though_another_was_in_use() {
         let mut r = touched();
-        let accepted = r.accept().expect("registered");
+        let accepted = r.accept(None).expect("registered");
         let nasion = Touch::new(&resting(Point::from_array(PLACES[0].1), 0.0)).expect("resting");
         let shift = Rigid::from_axis_angle(Vector::new(0.0, 0.0, 1.0), 0.0, Vector::new(9.0, 0.0, 0.0)).expect("axis");
         let patient_from_reference = shift.after(&accepted.patient_from_reference);
@@ -383,9 +398,9 @@ mod tests {
         let mut r = registering();
         let at = |i: usize| Touch::new(&resting(Point::from_array(PLACES[i].1), 0.2)).expect("resting");
         for (name, place) in [("nasion", 0), ("left ear", 2), ("right ear", 1)] {
-            r.touch(name, at(place)).expect("known");
+            r.touch(name, at(place), 0).expect("known");
         }
-        let used = r.accept().expect("it fits");
+        let used = r.accept(None).expect("it fits");
         let again = r.check("left ear", &at(2), Some(&used)).expect_err("the same mistake");
         assert!(again.to_string().contains("exchanged"), "{again}");
         let vertex = r.check("vertex", &at(3), Some(&used)).expect("another place");
@@ -397,8 +412,8 @@ mod tests {
         let both = r.check("inion", &touch, Some(&used));
         assert!(matches!(both, Err(TouchError::SameMistake { .. })), "{both:?}");
         // Rightly named, one check elsewhere is enough for all that come.
-        (1..3).for_each(|i| r.touch(PLACES[i].0, at(i)).expect("known"));
-        let used = r.accept().expect("registered");
+        (1..3).for_each(|i| r.touch(PLACES[i].0, at(i), 0).expect("known"));
+        let used = r.accept(None).expect("registered");
         assert!(matches!(r.check("nasion", &at(0), Some(&used)), Err(TouchError::SameMistake { .. })));
         assert!(r.check("vertex", &at(3), Some(&used)).expect("another place").holds());
         assert!(r.check("nasion", &at(0), Some(&used)).expect("known to be right").holds());
@@ -407,10 +422,29 @@ mod tests {
     #[test]
     fn touches_from_before_the_reference_moved_do_not_register_again() {
         let mut r = touched();
-        r.accept().expect("registered");
+        r.accept(None).expect("registered");
         r.forget_all();
         assert!(r.marks().iter().all(|m| m.touched.is_none()));
-        assert!(matches!(r.accept(), Err(TouchError::Registration(RegistrationError::TooFew { found: 0, .. }))));
+        assert!(matches!(r.accept(None), Err(TouchError::Registration(RegistrationError::TooFew { found: 0, .. }))));
+    }
+
+    /// One landmark touched anew lowered the alarm, and the others were from before the reference moved: a target 4.8 mm off.
+    #[test]
+    fn one_touch_after_an_alarm_is_not_enough_for_all() {
+        let mut r = touched();
+        assert!(r.accept(None).is_ok());
+        let refused = r.accept(Some(1)).expect_err("all are from before").to_string();
+        assert!(PLACES.iter().take(3).all(|(n, _)| refused.contains(n)), "{refused}");
+        let touch = |i: usize| Touch::new(&resting(Point::from_array(PLACES[i].1), 0.0)).expect("resting");
+        r.touch(PLACES[0].0, touch(0), 1).expect("known");
+        let refused = r.accept(Some(1)).expect_err("others are from before").to_string();
+        assert!(!refused.contains(PLACES[0].0) && refused.contains(PLACES[1].0), "{refused}");
+        r.forget(PLACES[0].0).expect("known");
+        assert!(r.accept(Some(1)).is_err(), "what was forgotten again counts for nothing");
+        (0..4).for_each(|i| r.touch(PLACES[i].0, touch(i), 1).expect("known"));
+        assert!(r.accept(Some(1)).is_ok() && r.accept(Some(2)).is_err());
+        // A check has shown that the reference is where it was.
+        assert!(r.accept(None).is_ok());
     }
 
     #[test]

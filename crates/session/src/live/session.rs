@@ -212,9 +212,14 @@ impl Session {
         self.guard.bump()
     }
 
-    /// Whether landmarks that were touched for the last registration are none to make another of: the reference has moved since.
-    pub const fn needs_touch(&self) -> bool {
-        self.guard.needs_touch()
+    /// As [`ReferenceGuard::alarms`].
+    pub const fn alarms(&self) -> u32 {
+        self.guard.alarms()
+    }
+
+    /// As [`ReferenceGuard::alarm`].
+    pub fn alarm(&self) -> Option<u32> {
+        self.guard.alarm()
     }
 
     /// How far the patient may have been moved at a landmark (where the tip touches it in the frame of the reference) or at the
@@ -493,26 +498,6 @@ pub(crate) mod tests {
         s.apply(SessionEvent::Plain(PlainEvent::Touched)).expect("touched");
         accept(&mut s);
         assert_eq!(see(&mut s, &script, 300, &shifted(4.0)), None);
-    }
-
-    /// The touches that it was made of were from before the bump.
-    #[test]
-    fn accepting_the_same_touches_again_silenced_the_alarm() {
-        let script = Script::new(plan());
-        let mut s = navigating(&script);
-        let apply = |s: &mut Session, event| s.apply(event).expect("fits");
-        see(&mut s, &script, 0, &shifted(0.0));
-        apply(&mut s, SessionEvent::Plain(PlainEvent::Touched));
-        apply(&mut s, SessionEvent::Plain(PlainEvent::Stopped));
-        assert!(!s.needs_touch());
-        apply(&mut s, SessionEvent::Registered(script.truth().registration));
-        assert!(!s.needs_touch(), "nothing has moved");
-        assert!(see(&mut s, &script, 100, &shifted(4.0)).is_some() && s.needs_touch());
-        // A check is no touch to register by.
-        apply(&mut s, SessionEvent::Plain(PlainEvent::CheckFailed));
-        assert!(s.needs_touch());
-        apply(&mut s, SessionEvent::Plain(PlainEvent::Touched));
-        assert!(!s.needs_touch());
     }
 
     #[test]
