@@ -54,6 +54,7 @@ export interface Guidance {
   solver_fault: boolean;
   solver_faults: number;
   reference_moved_mm: number | null;
+  reference_turned_deg: number | null;
   time_s: number;
 }
 

@@ -42,8 +42,9 @@ const MANY_CRUSHED = 3;
 
 /** What must not be missed, with a way out. */
 export function alarm(g: Guidance): string {
-  const { reference_moved_mm: moved, tissue_doubt: doubt, crushed_elements: crushed, solver_fault: fault, solver_faults: faults } = g;
-  if (moved !== null) return `The reference has moved by ${moved.toFixed(1)} mm: check a landmark or register again.`;
+  const { reference_moved_mm: moved, reference_turned_deg: turned, tissue_doubt: doubt, crushed_elements: crushed, solver_fault: fault, solver_faults: faults } = g;
+  // Either raises the alarm: a turn does where nothing has shifted.
+  if (moved !== null) return `The reference has moved by ${moved.toFixed(1)} mm and turned by ${(turned ?? 0).toFixed(1)}°: check a landmark or register again.`;
   if (doubt !== null) return `What is drawn of the tissue is no result: ${doubt}.`;
   if (!fault && crushed >= MANY_CRUSHED) return `${crushed} elements of the soft body are crushed: how far walls have moved around them is a matter of chance.`;
   return fault ? `The soft body had a fault and went back to its last good state (${faults} so far): deformed values may be behind.` : "";

@@ -434,19 +434,21 @@ const tests = {
     sliding.child.kill();
   },
 
-  async "a fault of the soft body is said, and gone when it is over"() {
+  async "faults of the soft body and turns of the reference are said, and gone when they are over"() {
     const p = await page(`${url}/#token=${token}`);
     await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
     const guidance = await api("/api/guidance");
     const shown = await p.evaluate((g) => {
       const alarm = document.querySelector("#alarm");
-      return [true, false].map((solver_fault) => {
-        window.monro.panel.show({ ...g, solver_fault, reference_moved_mm: null });
+      const turned = { solver_fault: false, reference_moved_mm: 0.1, reference_turned_deg: 1.5 };
+      return [turned, ...[true, false].map((solver_fault) => ({ solver_fault, reference_moved_mm: null }))].map((more) => {
+        window.monro.panel.show({ ...g, ...more });
         return [alarm.hidden, alarm.textContent];
       });
     }, guidance);
-    assert.match(shown[0][1], /soft body had a fault/);
-    assert.deepEqual([shown[0][0], shown[1]], [false, [true, ""]]);
+    assert.match(shown[0][1], /^The reference has moved by 0\.1 mm and turned by 1\.5°: check a landmark/);
+    assert.match(shown[1][1], /soft body had a fault/);
+    assert.deepEqual([shown[0][0], shown[1][0], shown[2]], [false, false, [true, ""]]);
   },
 
   async "the catheter is calibrated by pivoting and turning, and too little motion is refused"() {
@@ -507,7 +509,7 @@ const tests = {
     assert.equal(await text(p, "#n-tre"), `${solved.predicted_tre_mm.toFixed(1)} mm`);
     // The reference is bumped: an alarm, until a landmark was checked. A tip that was put 70 mm deep at once may have the soft
     // body step back at first, which is an alarm of its own.
-    const moved = async () => /reference has moved by 4\.\d mm/.test(await text(p, "#alarm")) && (await p.locator("#alarm").isVisible());
+    const moved = async () => /reference has moved by 4\.\d mm and turned by 0\.\d°/.test(await text(p, "#alarm")) && (await p.locator("#alarm").isVisible());
     assert.ok(!(await moved()));
     held.tell("bump 4 0 0");
     await until("the alarm", moved);

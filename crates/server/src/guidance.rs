@@ -147,6 +147,12 @@ impl Guidance {
         Self::new(&session.snapshot(0.0, &Arc::new(Deformed::at_rest(nowhere, 0))), nowhere)
     }
 
+    /// The alarm that the reference has moved, with a way out. Its shift and its turn: either raises it.
+    fn moved_reference(&self) -> Option<String> {
+        let (mm, deg) = self.reference_moved_mm.zip(self.reference_turned_deg)?;
+        Some(format!("REFERENCE MOVED {mm:.1} mm AND TURNED {deg:.1} deg: check a landmark or register again"))
+    }
+
     /// The numbers as a line for people; those that there are.
     pub(crate) fn in_words(&self) -> String {
         let mm = |name: &str, v: Option<f64>| v.map(|v| format!("{name} {v:.1} mm"));
@@ -159,9 +165,29 @@ impl Guidance {
         words.extend(self.kakarla_grade.map(|g| format!("grade {g}")));
         words.extend(self.drained_asked_ml.map(|ml| format!("drained {:.1} of {ml:.1} ml", self.drained_ml)));
         words.extend(mm("predicted error", self.predicted_tre_mm));
-        words.extend(mm("REFERENCE MOVED", self.reference_moved_mm));
+        words.extend(self.moved_reference());
         words.extend(self.tissue_doubt.clone());
         words.extend(self.solver_fault.then(|| "solver fault".to_owned()));
         words.join("; ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use monro_guidance::reference::Bump;
+
+    fn snapshot(deformed: Deformed) -> Snapshot {
+        Session::new(ToolNames::default(), Expiry::default()).snapshot(0.0, &Arc::new(deformed))
+    }
+
+    #[test]
+    fn an_alarm_by_a_turn_tells_the_turn() {
+        let still = snapshot(Deformed::at_rest(Point::ORIGIN, 0));
+        let said = |s: &Snapshot| Guidance::new(s, Point::ORIGIN).in_words();
+        assert!(!said(&still).contains("REFERENCE"), "{}", said(&still));
+        let bump = Bump { shift: 0.1, turn: 1.5f64.to_radians(), time: 0.0 };
+        let turned = said(&Snapshot { reference_alarm: Some(bump), ..still });
+        assert!(turned.contains("REFERENCE MOVED 0.1 mm AND TURNED 1.5 deg: check a landmark"), "{turned}");
     }
 }
