@@ -80,6 +80,12 @@ class View {
     return now;
   }
 
+  /** Takes what the server says of itself. */
+  tell(status: Status): void {
+    this.panel.tell(status);
+    this.glasses?.tell(status);
+  }
+
   /** Nothing that was shown can be trusted. */
   #gone(error: unknown): void {
     this.#last = this.#waiting = undefined;
@@ -105,7 +111,7 @@ async function main(): Promise<void> {
   const budget = new Budget();
   const told = (s: Status): void => {
     budget.show(s, view.stages);
-    view.panel.tell(s);
+    view.tell(s);
   };
   // A question that fails is asked again; that the server is gone is said by the stream.
   setInterval(() => api.status().then(told, () => undefined), BUDGET_MS);

@@ -40,8 +40,8 @@ export const isRegistered = ({ phase }: Guidance): boolean => phase === "registe
 /** One or two elements beside a shaft change little. */
 const MANY_CRUSHED = 3;
 
-/** What must not be missed, with a way out. */
-export function alarm(g: Guidance): string {
+/** What must not be missed of the numbers, with a way out. */
+function alarm(g: Guidance): string {
   const { reference_moved_mm: moved, reference_turned_deg: turned, tissue_doubt: doubt, crushed_elements: crushed, solver_fault: fault, solver_faults: faults } = g;
   // Either raises the alarm: a turn does where nothing has shifted.
   if (moved !== null) return `The reference has moved by ${moved.toFixed(1)} mm and turned by ${(turned ?? 0).toFixed(1)}°: check a landmark or register again.`;
@@ -50,6 +50,12 @@ export function alarm(g: Guidance): string {
   return fault ? `The soft body had a fault and went back to its last good state (${faults} so far): deformed values may be behind.` : "";
 }
 
+/** What is wrong though poses come: one that is frozen or defined anew, nothing recorded any more. */
+export const trouble = ({ tracker_trouble, recording_trouble }: Status): string => [tracker_trouble, recording_trouble].filter(Boolean).join(" ");
+
+/** All that must not be missed: of the numbers, and of where they come from. */
+export const warning = (g: Guidance, trouble: string): string => [alarm(g), trouble].filter(Boolean).join(" ");
+
 export class Panel {
   readonly #signal = element("#signal");
   readonly #alarm = element("#alarm");
@@ -57,7 +63,7 @@ export class Panel {
   readonly #faults = element("#faults");
   readonly #atTip = element("#tip-distance");
   readonly #cells: HTMLElement[];
-  /** How the tracker is, and what is wrong though poses come: one that is frozen or defined anew, nothing recorded any more. */
+  /** How the tracker is, and what is wrong though poses come. */
   #diagnosis = "";
   #trouble = "";
 
@@ -79,7 +85,7 @@ export class Panel {
     const why = [guidance.why_no_numbers, guidance.state === "live" ? null : this.#diagnosis].filter(Boolean).join(". ");
     write(this.#why, why);
     this.#why.hidden = why === "";
-    write(this.#alarm, [alarm(guidance), this.#trouble].filter(Boolean).join(" "));
+    write(this.#alarm, warning(guidance, this.#trouble));
     this.#alarm.hidden = !this.#alarm.textContent;
     write(this.#faults, `The soft body has taken back ${guidance.solver_faults} ${guidance.solver_faults === 1 ? "step" : "steps"} so far.`);
     this.#faults.hidden = guidance.solver_faults === 0;
@@ -88,8 +94,8 @@ export class Panel {
   }
 
   /** Takes what the server says of itself, to be shown with the next numbers. */
-  tell({ tracker_diagnosis, tracker_trouble, recording_trouble }: Status): void {
-    [this.#diagnosis, this.#trouble] = [tracker_diagnosis, [tracker_trouble, recording_trouble].filter(Boolean).join(" ")];
+  tell(status: Status): void {
+    [this.#diagnosis, this.#trouble] = [status.tracker_diagnosis, trouble(status)];
   }
 
   /** No connection: nothing that is shown can be trusted. */

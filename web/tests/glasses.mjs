@@ -1,6 +1,7 @@
 // Emulated glasses (iwer: immersive-ar), and where the page draws the catheter in their room.
 
 import { createRequire } from "node:module";
+import { honest, pretendFrozen } from "./tracker.mjs";
 
 const EMULATOR = createRequire(import.meta.url).resolve("iwer/build/iwer.min.js");
 /** Somewhere, looking somewhere: x, y, z of the place, m, and of the quaternion, w last. */
@@ -108,4 +109,13 @@ export async function voidIsSaid(page, until) {
   await until("not registered", async () => (await saidBy(page)).some((line) => line.startsWith("Not registered")) && !(await shown()));
   await page.evaluate(() => void delete window.monro.glasses.take);
   await until("placed again", async () => (await saidBy(page)).includes("Placed by the tracker") && (await shown()));
+}
+
+/** Poses that are frozen look sound in the glasses, too: that they are is said there as on the page. */
+export async function troubleIsSaid(page, until) {
+  const said = async () => (await saidBy(page)).some((line) => /^⚠ .*Poses do not change: 'Catheter'/.test(line));
+  await pretendFrozen(page);
+  await until("frozen poses", said);
+  await honest(page);
+  await until("no trouble any more", async () => !(await said()));
 }

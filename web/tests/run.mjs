@@ -8,7 +8,7 @@ import { createInterface } from "node:readline";
 import { launch } from "./chromium.mjs";
 import { deform, deformedSlices, relax } from "./deformed.mjs";
 import { demoInBrowser } from "./demo.mjs";
-import { drawn, expectedTip, inRoom, panelsAgree, putOnDarkGlasses, putOnGlasses, saidBy, voidIsSaid, walk } from "./glasses.mjs";
+import { drawn, expectedTip, inRoom, panelsAgree, putOnDarkGlasses, putOnGlasses, saidBy, troubleIsSaid, voidIsSaid, walk } from "./glasses.mjs";
 import { calibrate } from "./hand.mjs";
 import { prepareInBrowser } from "./prepare.mjs";
 import { stalledDisplay } from "./stalled.mjs";
@@ -387,6 +387,7 @@ const tests = {
     });
     await shot(p, "glasses-on-black");
     await voidIsSaid(p, until);
+    await troubleIsSaid(p, until);
     await p.getByRole("button", { name: "End" }).press("Enter");
     await until("the screen again", () => p.evaluate(() => !window.monro.glasses.presenting));
     assert.deepEqual(p.faults, []);

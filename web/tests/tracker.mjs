@@ -39,9 +39,9 @@ export async function killedTracker(monro, start, open, folder, { until, text, n
   }
 }
 
-/** A tool that does not move at all is told while its poses come: then the numbers look sound. */
-async function frozenIsSaid(p, until, text) {
-  await p.evaluate(() => {
+/** From now on the page hears that poses are frozen, until `honest`. */
+export function pretendFrozen(p) {
+  return p.evaluate(() => {
     const honest = window.fetch;
     window.fetch = async (...of) => {
       const answer = await honest(...of);
@@ -50,9 +50,17 @@ async function frozenIsSaid(p, until, text) {
     };
     window.honest = honest;
   });
+}
+
+/** The page hears again what the server says. */
+export const honest = (p) => p.evaluate(() => void (window.fetch = window.honest));
+
+/** A tool that does not move at all is told while its poses come: then the numbers look sound. */
+async function frozenIsSaid(p, until, text) {
+  await pretendFrozen(p);
   await until("it is frozen", async () => /Poses do not change: 'Catheter'/.test(await text(p, "#alarm")));
   // On a busy machine a pose may be late for a moment.
   await until("it is live all the same", async () => (await text(p, "#signal span")) === "Live");
-  await p.evaluate(() => void (window.fetch = window.honest));
+  await honest(p);
   await until("it is not any more", async () => (await text(p, "#alarm")) === "");
 }

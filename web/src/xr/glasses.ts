@@ -1,9 +1,9 @@
 // Glasses: the patient in the room, by immersive-ar, else immersive-vr on black, else on the screen only.
 
 import { Matrix4, PerspectiveCamera, Vector3 } from "three";
-import type { Guidance } from "../api";
+import type { Guidance, Status } from "../api";
 import { element, make, write } from "../dom";
-import { isRegistered } from "../panel";
+import { isRegistered, trouble } from "../panel";
 import type { Stage } from "../view/stage";
 import { Anchor } from "./anchor";
 import { Panels } from "./panels";
@@ -24,6 +24,7 @@ export class Glasses {
   readonly #said = make("output");
   #panels: Panels | null = null;
   #guidance: Guidance | null = null;
+  #trouble = "";
 
   constructor(stage: Stage, onFrame: () => void) {
     this.#stage = stage;
@@ -51,6 +52,11 @@ export class Glasses {
     this.#guidance = guidance;
     if (guidance && !isRegistered(guidance)) this.anchor.void();
     this.anchor.see(guidance?.display_from_patient ?? null, guidance?.display_age_ms ?? 0);
+  }
+
+  /** Takes what the server says of itself, to be shown with the next numbers. */
+  tell(status: Status): void {
+    this.#trouble = trouble(status);
   }
 
   async #offer(): Promise<void> {
@@ -118,7 +124,7 @@ export class Glasses {
     const roomFromViewer = new Matrix4().fromArray(pose.transform.matrix);
     this.anchor.look(roomFromViewer);
     this.#onFrame();
-    panels.write(this.#guidance, this.anchor);
+    panels.write(this.#guidance, this.#trouble, this.anchor);
     world.place(new Matrix4());
     panels.group.visible = false;
     panels.draw(renderer);

@@ -71,9 +71,9 @@ export class Panels {
   }
 
   /** Writes the numbers, if they have changed. */
-  write(guidance: Guidance | null, anchor: Anchor): void {
+  write(guidance: Guidance | null, trouble: string, anchor: Anchor): void {
     const age = anchor.placedAt === null ? null : performance.now() - anchor.placedAt;
-    const written = sheet(this.#canvas, guidance, anchor, age, this.#written);
+    const written = sheet(this.#canvas, { guidance, trouble }, anchor, age, this.#written);
     if (written !== this.#written) this.#texts.needsUpdate = true;
     this.#written = written;
   }

@@ -2,11 +2,13 @@
 
 import type { Guidance } from "../api";
 import { element } from "../dom";
-import { alarm, isRegistered } from "../panel";
+import { isRegistered, warning } from "../panel";
 import { SHAPES, STATE_COLOURS, WORDS } from "../state";
 import type { Anchor } from "./anchor";
 
 const HELD_MS = 500;
+/** Letters of a warning that can be read in one row. */
+const ROW = 44;
 
 const number = (v: number | null | undefined, unit: string): string => (v === null || v === undefined ? "–" : `${v.toFixed(1)}${unit}`);
 
@@ -18,13 +20,25 @@ function placement(anchor: Anchor, age: number | null, registered: boolean): str
   return age > HELD_MS ? `Glasses lost for ${(age / 1000).toFixed(0)} s: place held` : "Placed by the tracker";
 }
 
+/** What is long in two rows: in one it would be squeezed until nobody can read it. */
+function rows(line: string): string[] {
+  const cut = line.length > ROW ? line.indexOf(" ", line.length / 2) : -1;
+  return cut < 0 ? [line] : [line.slice(0, cut), line.slice(cut + 1)];
+}
+
+/** What is known of the catheter, and what is wrong though poses come. */
+interface Known {
+  guidance: Guidance | null;
+  trouble: string;
+}
+
 /** Draws the sheet unless it would be the same as `before`; returns what it says. */
-export function sheet(canvas: HTMLCanvasElement, g: Guidance | null, anchor: Anchor, age: number | null, before: string): string {
+export function sheet(canvas: HTMLCanvasElement, { guidance: g, trouble }: Known, anchor: Anchor, age: number | null, before: string): string {
   const state = g?.state ?? "lost";
-  const warning = g === null ? "" : alarm(g);
+  const warned = g === null ? "" : warning(g, trouble);
   const lines = [
     number(g?.distance_to_target_mm, " mm"), `rigid ${number(g?.distance_to_target_rigid_mm, " mm")}`,
-    `angle ${number(g?.entry_angle_error_deg, "°")}`, `depth ${number(g?.depth_mm, " mm")}`, warning ? `⚠ ${warning}` : placement(anchor, age, g === null || isRegistered(g)),
+    `angle ${number(g?.entry_angle_error_deg, "°")}`, `depth ${number(g?.depth_mm, " mm")}`, warned ? `⚠ ${warned}` : placement(anchor, age, g === null || isRegistered(g)),
     `${element("#patient").textContent} · ${element("#side").textContent}`, "Research use only",
   ];
   const said = [state, ...lines].join("\n");
@@ -50,7 +64,7 @@ export function sheet(canvas: HTMLCanvasElement, g: Guidance | null, anchor: Anc
   text(lines[1]!, 204, 38, "#c4ccd6");
   text(lines[2]!, 262, 54, "#ffffff", 700);
   text(lines[3]!, 312, 38, "#c4ccd6");
-  text(lines[4]!, 356, 24, warning ? STATE_COLOURS.lost : "#f0e442", warning ? 700 : 400);
+  rows(lines[4]!).forEach((row, i, { length }) => text(row, 356 + 26 * i - 13 * (length - 1), 24, warned ? STATE_COLOURS.lost : "#f0e442", warned ? 700 : 400));
   text(lines[5]!, 394, 26, "#ffffff");
   text(lines[6]!, 430, 28, "#f0e442", 700);
   return said;
