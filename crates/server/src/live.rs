@@ -387,6 +387,11 @@ impl Live {
         (!all.is_empty()).then(|| all.join(" "))
     }
 
+    /// Whether poses of the catheter or the reference come and do not change.
+    pub(crate) fn is_frozen(&self) -> bool {
+        lock(&self.tracker).1.is_some()
+    }
+
     /// Names of the tools that guidance needs.
     pub(crate) fn wanted_tools(&self) -> [String; 2] {
         let tools = lock(&self.session).tools().clone();

@@ -3,11 +3,11 @@
 //!
 //! | device | type | how often |
 //! |---|---|---|
-//! | `Catheter` | TRANSFORM: origin at the tip, +z from hub to tip; when it is lost, 10 m above the head, and `TransformStatus` says so | 30 Hz |
+//! | `Catheter` | TRANSFORM: origin at the tip, +z from hub to tip; when it is lost, 10 m above the head. `TransformStatus`: `OK`, `MISSING` when lost, `OUT_OF_VOLUME` when stale or while something is wrong (below) | 30 Hz |
 //! | `Ventricles` | POLYDATA, deformed | when it has changed, 10 Hz at most |
 //! | `Plan` | POINT: entry, target, and while it is known target in the deformed tissue | 10 Hz |
 //! | `Guidance` | STRING: the numbers in words, and what is wrong with the tracker though poses come | 10 Hz |
-//! | `Monro` | STATUS: live, or why not, with the same words | 10 Hz |
+//! | `Monro` | STATUS with the same words: OK when live and nothing is wrong, else a code and `lost`, `not navigating`, `stale`, `reference moved`, `poses frozen` or `tissue in doubt` | 10 Hz |
 //! | `CT` | IMAGE | at the beginning, and for GET_IMAGE |
 
 use crate::ServeError;
@@ -243,8 +243,10 @@ impl Peer {
 
     async fn tell(&mut self, to: &mut OwnedWriteHalf, everything: bool) -> io::Result<()> {
         let (snapshot, guidance) = self.live.snapshot();
+        let fault = fault(&snapshot, self.live.is_frozen());
         self.sent = self.sent.wrapping_add(1);
-        put(to, &catheter((snapshot.needle.as_ref(), snapshot.signal), (measured(snapshot.age_s), self.sent))).await?;
+        let needle = (snapshot.needle.as_ref(), tool_status(snapshot.signal, fault));
+        put(to, &catheter(needle, (measured(snapshot.age_s), self.sent))).await?;
         if !everything {
             return Ok(());
         }
@@ -259,7 +261,7 @@ impl Peer {
         let words: Vec<_> = [guidance.in_words()].into_iter().chain(self.live.tracker_trouble()).collect();
         let words = words.join("; ");
         self.send(to, "Guidance", Some(Content::Text(Text::new(words.clone())))).await?;
-        self.send(to, "Monro", Some(Content::Status(status(&snapshot, words)))).await
+        self.send(to, "Monro", Some(Content::Status(status(&snapshot, fault, words)))).await
     }
 }
 
@@ -285,9 +287,28 @@ fn measured(age_s: Option<f64>) -> Option<Timestamp> {
     Timestamp::from_seconds(now - age_s?)
 }
 
-/// The catheter as a frame: its origin is the tip, its z axis leads from hub to tip; with the time of its pose. A pose that is not
-/// new any more is out of view.
-fn catheter((needle, signal): (Option<&NeedlePose>, Signal), (time, id): (Option<Timestamp>, u32)) -> Message {
+/// What is wrong though poses are new: a code, and a name for people (20 bytes at most).
+type Fault = (StatusCode, &'static str);
+
+/// What is wrong though poses are new, if anything is; the worst first.
+fn fault(snapshot: &Snapshot, is_frozen: bool) -> Option<Fault> {
+    let moved = snapshot.reference_alarm.map(|_| (StatusCode::ConfigurationError, "reference moved"));
+    let frozen = || is_frozen.then_some((StatusCode::HardwareFailure, "poses frozen"));
+    let doubt = || snapshot.deformed.doubt.map(|_| (StatusCode::UnknownError, "tissue in doubt"));
+    moved.or_else(frozen).or_else(doubt)
+}
+
+/// How a catheter that is known counts: what is not new any more, or not to be trusted, is out of view.
+const fn tool_status(signal: Signal, fault: Option<Fault>) -> ToolStatus {
+    match (signal, fault) {
+        (Signal::Lost, _) => ToolStatus::Missing,
+        (Signal::Live, None) => ToolStatus::Ok,
+        _ => ToolStatus::OutOfVolume,
+    }
+}
+
+/// The catheter as a frame: its origin is the tip, its z axis leads from hub to tip; with the time of its pose.
+fn catheter((needle, state): (Option<&NeedlePose>, ToolStatus), (time, id): (Option<Timestamp>, u32)) -> Message {
     let pose = needle.and_then(|n| {
         let z = Vector::new(0.0, 0.0, 1.0);
         let axis = z.cross(n.axis()).normalized().unwrap_or(Vector::new(1.0, 0.0, 0.0));
@@ -296,20 +317,16 @@ fn catheter((needle, signal): (Option<&NeedlePose>, Signal), (time, id): (Option
         Some(ras_from_patient().after(&patient_from_catheter))
     });
     let matrix = pose.as_ref().map_or(AWAY, Matrix34::from_rigid::<Ras, Tool>);
-    let state = match (&pose, signal) {
-        (None, _) | (_, Signal::Lost) => ToolStatus::Missing,
-        (_, Signal::Stale) => ToolStatus::OutOfVolume,
-        (_, Signal::Live) => ToolStatus::Ok,
-    };
+    let state = pose.map_or(ToolStatus::Missing, |_| state);
     Message::v2("Catheter", time, id, Content::Transform(matrix)).with("TransformStatus", state.value())
 }
 
-fn status(snapshot: &Snapshot, message: String) -> Status {
+fn status(snapshot: &Snapshot, fault: Option<Fault>, message: String) -> Status {
     let (code, name) = match (snapshot.signal, snapshot.phase) {
         (Signal::Lost, _) => (StatusCode::TimeOut, "lost"),
         (_, phase) if phase != Phase::Navigating => (StatusCode::NotReady, "not navigating"),
         (Signal::Stale, _) => (StatusCode::TimeOut, "stale"),
-        (Signal::Live, _) => (StatusCode::Ok, "live"),
+        (Signal::Live, _) => fault.unwrap_or((StatusCode::Ok, "live")),
     };
     Status { code, sub_code: 0, name: name.to_owned(), message }
 }
@@ -318,18 +335,20 @@ fn status(snapshot: &Snapshot, message: String) -> Status {
 mod tests {
     use super::*;
     use monro_geometry::Grid;
+    use monro_guidance::reference::Bump;
+    use monro_session::live::{Deformed, Doubt, Expiry, Session, ToolNames};
     use monro_wire::openigtlink::patient_of;
 
     #[test]
     fn the_catheters_frame_has_its_tip_and_its_direction_in_ras() {
         let needle = NeedlePose::new(Point::new(10.0, 20.0, 30.0), Vector::new(0.6, 0.0, -0.8)).expect("needle");
-        let message = catheter((Some(&needle), Signal::Live), (measured(Some(0.5)), 1));
+        let message = catheter((Some(&needle), tool_status(Signal::Live, None)), (measured(Some(0.5)), 1));
         assert_eq!(message.meta("TransformStatus"), Some("OK"));
         let now = SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970").as_secs_f64();
         let age = now - message.time.expect("a time").seconds();
         assert!((0.4..60.0).contains(&age), "{age}");
         // A tool that its tracker had just said to be missing was "OK" for half a second.
-        let stale = catheter((Some(&needle), Signal::Stale), (None, 2));
+        let stale = catheter((Some(&needle), tool_status(Signal::Stale, None)), (None, 2));
         assert_eq!((stale.meta("TransformStatus"), &stale.content), (Some("OUT_OF_VOLUME"), &message.content));
         let Content::Transform(m) = message.content else { panic!("transform") };
         assert_eq!(m.columns[3], [-10.0, -20.0, 30.0]);
@@ -338,10 +357,43 @@ mod tests {
 
     #[test]
     fn a_lost_catheter_is_drawn_nowhere_near_the_head() {
-        let message = catheter((None, Signal::Lost), (None, 2));
+        let message = catheter((None, tool_status(Signal::Live, None)), (None, 2));
         assert_eq!(message.meta("TransformStatus"), Some("MISSING"));
         let Content::Transform(m) = message.content else { panic!("transform") };
         assert!(m.columns[3][2] > 5000.0, "{m:?}");
+    }
+
+    /// While navigating, with new poses.
+    fn navigating() -> Snapshot {
+        let session = Session::new(ToolNames::default(), Expiry::default());
+        let nowhere = session.snapshot(0.0, &Arc::new(Deformed::at_rest(Point::ORIGIN, 0)));
+        Snapshot { phase: Phase::Navigating, signal: Signal::Live, ..nowhere }
+    }
+
+    /// Live and OK stood beside each of these.
+    #[test]
+    fn live_poses_are_not_ok_while_something_is_wrong() {
+        let bump = Bump { shift: 0.1, turn: 0.03, time: 0.0 };
+        let moved = Snapshot { reference_alarm: Some(bump), ..navigating() };
+        let torn = Deformed { doubt: Some(Doubt::Inverted(7)), ..Deformed::at_rest(Point::ORIGIN, 0) };
+        let torn = Snapshot { deformed: Arc::new(torn), ..navigating() };
+        let told = |s: &Snapshot, is_frozen: bool| {
+            let fault = fault(s, is_frozen);
+            let said = status(s, fault, String::new());
+            let bytes = Message::v2("Monro", None, 1, Content::Status(said.clone())).encode();
+            assert!(bytes.is_ok(), "{bytes:?}");
+            (said.name, said.code == StatusCode::Ok, tool_status(s.signal, fault).value())
+        };
+        assert_eq!(told(&navigating(), false), ("live".to_owned(), true, "OK"));
+        for (snapshot, is_frozen, name) in [
+            (moved.clone(), true, "reference moved"),
+            (navigating(), true, "poses frozen"),
+            (torn, false, "tissue in doubt"),
+        ] {
+            assert_eq!(told(&snapshot, is_frozen), (name.to_owned(), false, "OUT_OF_VOLUME"));
+        }
+        let lost = Snapshot { signal: Signal::Lost, ..moved };
+        assert_eq!(told(&lost, false), ("lost".to_owned(), false, "MISSING"));
     }
 
     #[test]
