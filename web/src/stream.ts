@@ -8,7 +8,8 @@ const RETRY_MS = 500;
 /** A snapshot that has not been drawn for this long is old: a newer one is asked for. */
 const FRESH_MS = 30;
 /** The watch looks this often; a question unanswered for so many looks means that the server has fallen silent, as on a
- *  link that is broken without a word. A page too busy to look does not count as silence of the server. */
+ *  link that is broken without a word: such a connection may never end by itself, so another takes its place. A page too
+ *  busy to look does not count as silence of the server. */
 const LOOK_MS = 100;
 const PATIENCE = LOST_MS / LOOK_MS;
 /** By how much two clocks may drift apart. */
@@ -60,7 +61,16 @@ export class Stream {
   #look(): void {
     if (!this.#asked) return;
     if (++this.#looks < PATIENCE) this.#onSilence(LOOK_MS * this.#looks);
-    else if (this.#looks === PATIENCE) this.#onGone(new Error("The server has fallen silent."));
+    else this.#drop(new Error("The server has fallen silent."));
+  }
+
+  /** Hears no more of the connection, whatever still comes of it, and connects anew. */
+  #drop(error: Error): void {
+    const socket = this.#socket;
+    if (socket) socket.onopen = socket.onmessage = socket.onclose = null;
+    socket?.close();
+    [this.#socket, this.#asked] = [undefined, false];
+    this.#retry(error);
   }
 
   #take(data: ArrayBuffer): void {
@@ -86,7 +96,7 @@ export class Stream {
         this.next();
       };
       socket.onmessage = (event: MessageEvent<ArrayBuffer>) => this.#take(event.data);
-      socket.onclose = () => this.#retry(new Error("The connection to the server is lost."));
+      socket.onclose = () => this.#drop(new Error("The connection to the server is lost."));
       this.#socket = socket;
     } catch (error) {
       this.#retry(error);

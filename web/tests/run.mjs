@@ -344,6 +344,34 @@ const tests = {
     held.child.kill();
   },
 
+  async "a link that breaks without a word is replaced by another, and what still comes of it is ignored"() {
+    const held = await withHand();
+    const p = await page(`${held.url}/#token=${held.token}`, (made) => made.addInitScript(() => {
+      window.sockets = [];
+      window.WebSocket = class extends WebSocket {
+        constructor(...of) {
+          super(...of);
+          window.sockets.push(this);
+        }
+      };
+    }));
+    await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
+    const count = () => p.evaluate(() => window.sockets.length);
+    const before = await count();
+    // What it is given goes nowhere, and it never ends.
+    await p.evaluate(() => (window.sockets.at(-1).send = window.sockets.at(-1).close = () => undefined));
+    await until("another connection", async () => (await count()) > before);
+    const afterLateWords = (at) => p.evaluate((at) => {
+      const said = () => document.querySelector("#signal span").textContent;
+      if (said() !== "Live") return "";
+      for (const event of [new MessageEvent("message", { data: new ArrayBuffer(0) }), new CloseEvent("close")]) window.sockets[at].dispatchEvent(event);
+      return said();
+    }, at);
+    assert.equal(await until("a live signal again", () => afterLateWords(before - 1)), "Live");
+    assert.deepEqual(p.faults, []);
+    held.child.kill();
+  },
+
   async "glasses show the catheter where it is, and the patient where a hand puts it"() {
     const p = await page(`${url}/#token=${token}`, putOnGlasses);
     await p.getByRole("button", { name: "Show in the room" }).click();
