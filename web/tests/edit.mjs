@@ -57,6 +57,8 @@ async function openPage() {
   p.faults = [];
   p.on("console", (m) => ["error", "warning"].includes(m.type()) && p.faults.push(m.text()));
   p.on("pageerror", (e) => p.faults.push(String(e)));
+  p.asked = [];
+  p.on("websocket", (socket) => socket.on("framesent", ({ payload }) => p.asked.push(JSON.parse(payload))));
   await p.goto(`${url}/#token=${token}`);
   await p.locator("body[data-ready=yes]").waitFor();
 }
@@ -188,6 +190,22 @@ const tests = {
     assert.ok(got > 0.85 && got > dice(S.spoilt, S.truth, RIGHT), `${got}`);
     S.drawn = now;
     await shot("edit-closed");
+  },
+
+  async "a window chosen beside another tool leaves the wire as it was set"() {
+    const told = () => p.asked.filter(({ op }) => op === "wire_options").at(-1);
+    await p.locator("#snap").fill("9");
+    await p.locator("#cooling").check();
+    await p.keyboard.press("b");
+    await p.locator("#radius").waitFor();
+    await p.getByRole("button", { name: "Bone", exact: true }).click();
+    await until("the window", async () => told().window[1] === 1500);
+    assert.deepEqual([told().snap_radius, told().cooling, told().training], [9, true, true]);
+    await p.getByRole("button", { name: "Brain", exact: true }).click();
+    await p.keyboard.press("w");
+    await p.locator("#snap").fill("4");
+    await p.locator("#cooling").uncheck();
+    await until("the wire as it was", async () => told().snap_radius === 4 && !told().cooling && told().window[1] === 80);
   },
 
   async "undo, redo and a preview change and keep what they say"() {

@@ -110,16 +110,11 @@ class Editor {
     return { label: this.#label, over: over === "any" ? null : over.split(",").map(Number), range: masked ? this.#range() : null };
   }
 
+  /** How the wire goes: as it was set, whichever tool is chosen. */
   #sendOptions(): Promise<Answer> {
     const { low, high } = this.#look;
-    // The options of the wire are in the panel only while it is chosen.
-    const wire = this.#tool === "wire";
-    return this.#desk.ask("wire_options", {
-      window: [low, high],
-      snap_radius: wire ? this.#options.number("snap") : 4,
-      cooling: wire && this.#options.checked("cooling"),
-      training: wire ? this.#options.checked("training") : true,
-    });
+    const [snap_radius, cooling, training] = [this.#options.number("snap"), this.#options.checked("cooling"), this.#options.checked("training")];
+    return this.#desk.ask("wire_options", { window: [low, high], snap_radius, cooling, training });
   }
 
   /** After a lost connection: whatever happened to the last step, the page shows what the server has. */

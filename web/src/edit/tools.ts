@@ -97,6 +97,9 @@ export const TOOLS: Tool[] = [
   },
 ];
 
+/** Fields by their names; those of one name are the same in every tool. */
+const FIELDS = new Map(TOOLS.flatMap((t) => t.fields).map((f) => [f.id, f]));
+
 export interface Numbers {
   number(id: string): number;
   checked(id: string): boolean;
@@ -167,14 +170,14 @@ export class Options implements Numbers {
 
   #input(field: Extract<Field, { kind: "number" | "check" }>): HTMLInputElement {
     const input = document.createElement("input");
-    const kept = this.#values.get(field.id);
+    const kept = this.#kept(field.id);
     if (field.kind === "check") {
       input.type = "checkbox";
-      input.checked = typeof kept === "boolean" ? kept : field.value;
+      input.checked = kept === true;
     } else {
       input.type = "number";
       [input.min, input.max, input.step] = [field.min, field.max, field.step].map(String) as [string, string, string];
-      input.value = typeof kept === "string" ? kept : String(field.value);
+      input.value = String(kept);
     }
     return input;
   }
@@ -183,12 +186,18 @@ export class Options implements Numbers {
     return this.#box.querySelector<T>(`#${id}`);
   }
 
+  /** What a number or a box was set to, also while its tool is not chosen. */
+  #kept(id: string): string | boolean | number | undefined {
+    const field = FIELDS.get(id);
+    return this.#values.get(id) ?? (field && "value" in field ? field.value : undefined);
+  }
+
   number(id: string): number {
-    return Number(this.#element<HTMLInputElement>(id)?.value ?? 0);
+    return Number(this.#element<HTMLInputElement>(id)?.value ?? this.#kept(id) ?? 0);
   }
 
   checked(id: string): boolean {
-    return this.#element<HTMLInputElement>(id)?.checked ?? false;
+    return this.#element<HTMLInputElement>(id)?.checked ?? this.#kept(id) === true;
   }
 
   choice(id: string): string {
