@@ -44,7 +44,7 @@ export interface Guidance {
   target_in_eye_mm: [number, number] | null;
   display_from_patient: Rigid | null;
   display_age_ms: number | null;
-  target_shift_mm: number;
+  target_shift_mm: number | null;
   largest_displacement_mm: number;
   drained_asked_ml: number | null;
   drained_ml: number;

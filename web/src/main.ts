@@ -90,6 +90,7 @@ class View {
   #gone(error: unknown): void {
     this.#last = this.#waiting = undefined;
     this.panel.gone();
+    this.#shift.gone();
     this.stage?.see();
     this.glasses?.take(null);
     if (error instanceof Unauthorized) location.reload();

@@ -81,6 +81,11 @@ export class Shift {
   /** What came of it. */
   show({ drained_asked_ml: asked, drained_ml: ml, csf_pressure_change_mmhg: mmhg, target_shift_mm: shift }: Guidance): void {
     const drained = asked === null ? "" : `${ml.toFixed(1)} of ${asked.toFixed(1)} ml drained, ${mmhg.toFixed(1).replace("-", "−")} mmHg; `;
-    write(this.#came, `${drained}target shifted by ${shift.toFixed(1)} mm`);
+    write(this.#came, `${drained}target shifted by ${shift?.toFixed(1) ?? "–"} mm`);
+  }
+
+  /** No connection: nothing is known of it. */
+  gone(): void {
+    write(this.#came, "–");
   }
 }

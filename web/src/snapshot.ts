@@ -5,12 +5,17 @@ import { NOTHING, type Guidance } from "./api";
 export const VERSION = 1;
 const HEADER = 56;
 
-/** Poses older than this are stale, or lost; the server's rule. */
+/** From these ages on poses are stale, or lost; the server's rule. */
 export const [STALE_MS, LOST_MS] = [100, 500];
+/** What a soft body takes with it that has fallen behind as far as a lost catheter: it says where the tissue was. */
+const BEHIND = {
+  distance_to_target_mm: null, miss_mm: null, in_ventricle: null, tip_in: null, csf_depth_mm: null, axial_force_mn: null, kakarla_grade: null,
+  target_lps_mm: null, target_in_eye_mm: null,
+} as const satisfies Partial<Guidance>;
 /** What a lost catheter takes with it. */
 const GONE = {
-  ...NOTHING, state: "lost", distance_to_target_mm: null, distance_to_target_rigid_mm: null, entry_offset_mm: null, entry_angle_error_deg: null,
-  depth_mm: null, miss_mm: null, in_ventricle: null, tip_in: null, csf_depth_mm: null, axial_force_mn: null, kakarla_grade: null, eye_right_lps: null,
+  ...NOTHING, ...BEHIND, state: "lost", distance_to_target_rigid_mm: null, entry_offset_mm: null, entry_angle_error_deg: null, depth_mm: null,
+  eye_right_lps: null,
 } as const satisfies Partial<Guidance>;
 
 export interface Snapshot {
@@ -30,9 +35,10 @@ export interface Snapshot {
 export function aged(guidance: Guidance, waitedMs: number): Guidance {
   const add = (age: number | null): number | null => (age === null ? null : age + waitedMs);
   const [age_ms, deformation_age_ms, display_age_ms] = [add(guidance.age_ms), add(guidance.deformation_age_ms), add(guidance.display_age_ms)];
-  const older = { ...guidance, age_ms, deformation_age_ms, display_age_ms };
-  if (age_ms !== null && age_ms > LOST_MS) return { ...older, ...GONE };
-  return guidance.state === "live" && age_ms !== null && age_ms > STALE_MS ? { ...older, state: "stale" } : older;
+  const from = (limit: number, age: number | null): boolean => age !== null && age >= limit;
+  const older = { ...guidance, age_ms, deformation_age_ms, display_age_ms, ...(from(LOST_MS, deformation_age_ms) ? BEHIND : {}) };
+  if (from(LOST_MS, age_ms)) return { ...older, ...GONE };
+  return guidance.state === "live" && from(STALE_MS, age_ms) ? { ...older, state: "stale" } : older;
 }
 
 export function decode(buffer: ArrayBuffer): Snapshot {

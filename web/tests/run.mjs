@@ -337,8 +337,9 @@ const tests = {
     const p = await page(`${held.url}/#token=${held.token}`);
     await until("a live signal", async () => (await text(p, "#signal span")) === "Live");
     held.child.kill("SIGSTOP");
-    await until("a lost signal", async () => (await text(p, "#signal span")) === "Lost");
-    assert.equal(await text(p, "#n-distance"), "–");
+    // Poses that are too old are lost a moment before.
+    await until("no connection", async () => /No connection/.test(await text(p, "#signal small")));
+    for (const id of ["#n-distance", "#shift-came"]) assert.equal(await text(p, id), "–", id);
     held.child.kill("SIGCONT");
     await until("a live signal again", async () => (await text(p, "#signal span")) === "Live");
     held.child.kill();
@@ -461,6 +462,23 @@ const tests = {
     await until("what came of it", async () => /6\.0 of 6\.0 ml/.test(await text(viewer, "#shift-came")));
     assert.equal(await viewer.locator("#shift :is(input, select, button)").count(), 0, "a viewer changes nothing");
     sliding.child.kill();
+  },
+
+  async "deformed numbers go with a deformation that is too old, and rigid ones stay"() {
+    const p = await page(`${url}/#token=${token}`);
+    await until("a deformed distance", async () => Number.isFinite(await number(p, "#n-distance")));
+    await p.evaluate(() => {
+      const usual = JSON.parse;
+      // All are there, and as they were sent they were new enough by a millisecond.
+      const soft = { distance_to_target_mm: 1, miss_mm: 1, in_ventricle: true, tip_in: "brain", csf_depth_mm: 1, axial_force_mn: 1, kakarla_grade: 1 };
+      JSON.parse = (text) => ((g) => ("deformation_age_ms" in g ? { ...g, ...soft, deformation_age_ms: 499 } : g))(usual(text));
+    });
+    await until("no deformed numbers beside a rigid one", () => p.evaluate(() => {
+      const said = (id) => document.querySelector(id).textContent;
+      const gone = ["#n-distance", "#n-miss", "#n-ventricle", "#n-tip", "#n-csf", "#n-force", "#n-grade"].every((id) => said(id) === "–");
+      return gone && said("#tip-distance") === "" && said("#signal span") === "Live" && Number.isFinite(Number.parseFloat(said("#n-rigid")));
+    }));
+    assert.deepEqual(p.faults, []);
   },
 
   async "faults of the soft body and turns of the reference are said, and gone when they are over"() {

@@ -58,7 +58,8 @@ pub(crate) struct Guidance {
     display_from_patient: Option<Placement>,
     /// Age of that: of the older pose of glasses and reference.
     display_age_ms: Option<f64>,
-    target_shift_mm: f64,
+    /// `None` while the tissue is in doubt.
+    target_shift_mm: Option<f64>,
     largest_displacement_mm: f64,
     /// Fluid that is to be drained from the ventricles, ml; `None` where that is left to itself.
     drained_asked_ml: Option<f64>,
@@ -126,7 +127,7 @@ impl Guidance {
             target_in_eye_mm: soft.and(eye).map(|e| e.see(s.deformed.target)),
             display_from_patient: s.display_from_patient.map(|(_, map)| map.into()),
             display_age_ms: ms(s.display_from_patient.map(|(age, _)| age)),
-            target_shift_mm: s.deformed.target.distance(planned),
+            target_shift_mm: s.deformed.doubt.is_none().then(|| s.deformed.target.distance(planned)),
             largest_displacement_mm: s.deformed.largest_mm,
             drained_asked_ml: s.loads.drained_ml(),
             drained_ml: -s.deformed.csf_change_ml,
@@ -176,6 +177,7 @@ impl Guidance {
 mod tests {
     use super::*;
     use monro_guidance::reference::Bump;
+    use monro_session::live::Doubt;
 
     fn snapshot(deformed: Deformed) -> Snapshot {
         Session::new(ToolNames::default(), Expiry::default()).snapshot(0.0, &Arc::new(deformed))
@@ -189,5 +191,13 @@ mod tests {
         let bump = Bump { shift: 0.1, turn: 1.5f64.to_radians(), time: 0.0 };
         let turned = said(&Snapshot { reference_alarm: Some(bump), ..still });
         assert!(turned.contains("REFERENCE MOVED 0.1 mm AND TURNED 1.5 deg: check a landmark"), "{turned}");
+    }
+
+    #[test]
+    fn nothing_is_read_off_tissue_in_doubt() {
+        let far = Deformed::at_rest(Point::new(0.0, 21.0, 0.0), 0);
+        let shift = |d: &Deformed| Guidance::new(&snapshot(d.clone()), Point::ORIGIN).target_shift_mm;
+        assert_eq!(shift(&far), Some(21.0));
+        assert_eq!(shift(&Deformed { doubt: Some(Doubt::Far(21.0)), ..far }), None);
     }
 }
