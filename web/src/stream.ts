@@ -7,11 +7,13 @@ import { decode, LOST_MS, type Snapshot } from "./snapshot";
 const RETRY_MS = 500;
 /** A snapshot that has not been drawn for this long is old: a newer one is asked for. */
 const FRESH_MS = 30;
-/** The watch looks this often; a question unanswered for so many looks means that the server has fallen silent, as on a
- *  link that is broken without a word: such a connection may never end by itself, so another takes its place. A page too
+/** The watch looks this often; a question unanswered for so many looks means that the server has fallen silent. A page too
  *  busy to look does not count as silence of the server. */
 const LOOK_MS = 100;
 const PATIENCE = LOST_MS / LOOK_MS;
+/** After so many looks another connection takes the place of one on a link that was broken without a word: it may never end by
+ *  itself. A server that is only slow has answered by then. */
+const BROKEN = 30;
 /** By how much two clocks may drift apart. */
 const DRIFT = 1e-4;
 
@@ -60,8 +62,10 @@ export class Stream {
 
   #look(): void {
     if (!this.#asked) return;
+    const silent = (): Error => new Error("The server has fallen silent.");
     if (++this.#looks < PATIENCE) this.#onSilence(LOOK_MS * this.#looks);
-    else this.#drop(new Error("The server has fallen silent."));
+    else if (this.#looks === PATIENCE) this.#onGone(silent());
+    else if (this.#looks >= BROKEN) this.#drop(silent());
   }
 
   /** Hears no more of the connection, whatever still comes of it, and connects anew. */

@@ -3,7 +3,7 @@
 //!
 //! | device | type | how often |
 //! |---|---|---|
-//! | `Catheter` | TRANSFORM: origin at the tip, +z from hub to tip; when it is lost, 10 m above the head. `TransformStatus`: `OK`, `MISSING` when lost, `OUT_OF_VOLUME` when stale or while something is wrong (below) | 30 Hz |
+//! | `Catheter` | TRANSFORM: origin at the tip, +z from hub to tip; when it is lost, 10 m above the head. `TransformStatus`: `OK`, `MISSING` when lost, `OUT_OF_VOLUME` when stale, after the reference has moved, and while poses are frozen | 30 Hz |
 //! | `Ventricles` | POLYDATA, deformed | when it has changed, 10 Hz at most |
 //! | `Plan` | POINT: entry, target, and while it is known target in the deformed tissue | 10 Hz |
 //! | `Guidance` | STRING: the numbers in words, and what is wrong with the tracker though poses come | 10 Hz |
@@ -243,9 +243,9 @@ impl Peer {
 
     async fn tell(&mut self, to: &mut OwnedWriteHalf, everything: bool) -> io::Result<()> {
         let (snapshot, guidance) = self.live.snapshot();
-        let fault = fault(&snapshot, self.live.is_frozen());
+        let misplaced = misplaced(&snapshot, self.live.is_frozen());
         self.sent = self.sent.wrapping_add(1);
-        let needle = (snapshot.needle.as_ref(), tool_status(snapshot.signal, fault));
+        let needle = (snapshot.needle.as_ref(), tool_status(snapshot.signal, misplaced));
         put(to, &catheter(needle, (measured(snapshot.age_s), self.sent))).await?;
         if !everything {
             return Ok(());
@@ -261,7 +261,7 @@ impl Peer {
         let words: Vec<_> = [guidance.in_words()].into_iter().chain(self.live.tracker_trouble()).collect();
         let words = words.join("; ");
         self.send(to, "Guidance", Some(Content::Text(Text::new(words.clone())))).await?;
-        self.send(to, "Monro", Some(Content::Status(status(&snapshot, fault, words)))).await
+        self.send(to, "Monro", Some(Content::Status(status(&snapshot, misplaced, words)))).await
     }
 }
 
@@ -290,17 +290,20 @@ fn measured(age_s: Option<f64>) -> Option<Timestamp> {
 /// What is wrong though poses are new: a code, and a name for people (20 bytes at most).
 type Fault = (StatusCode, &'static str);
 
-/// What is wrong though poses are new, if anything is; the worst first.
-fn fault(snapshot: &Snapshot, is_frozen: bool) -> Option<Fault> {
+/// What is wrong with where the catheter is though its poses are new, if anything is; the worst first.
+fn misplaced(snapshot: &Snapshot, is_frozen: bool) -> Option<Fault> {
     let moved = snapshot.reference_alarm.map(|_| (StatusCode::ConfigurationError, "reference moved"));
-    let frozen = || is_frozen.then_some((StatusCode::HardwareFailure, "poses frozen"));
-    let doubt = || snapshot.deformed.doubt.map(|_| (StatusCode::UnknownError, "tissue in doubt"));
-    moved.or_else(frozen).or_else(doubt)
+    moved.or_else(|| is_frozen.then_some((StatusCode::HardwareFailure, "poses frozen")))
+}
+
+/// What is wrong with the tissue.
+fn doubtful(snapshot: &Snapshot) -> Option<Fault> {
+    snapshot.deformed.doubt.map(|_| (StatusCode::UnknownError, "tissue in doubt"))
 }
 
 /// How a catheter that is known counts: what is not new any more, or not to be trusted, is out of view.
-const fn tool_status(signal: Signal, fault: Option<Fault>) -> ToolStatus {
-    match (signal, fault) {
+const fn tool_status(signal: Signal, misplaced: Option<Fault>) -> ToolStatus {
+    match (signal, misplaced) {
         (Signal::Lost, _) => ToolStatus::Missing,
         (Signal::Live, None) => ToolStatus::Ok,
         _ => ToolStatus::OutOfVolume,
@@ -321,12 +324,12 @@ fn catheter((needle, state): (Option<&NeedlePose>, ToolStatus), (time, id): (Opt
     Message::v2("Catheter", time, id, Content::Transform(matrix)).with("TransformStatus", state.value())
 }
 
-fn status(snapshot: &Snapshot, fault: Option<Fault>, message: String) -> Status {
+fn status(snapshot: &Snapshot, misplaced: Option<Fault>, message: String) -> Status {
     let (code, name) = match (snapshot.signal, snapshot.phase) {
         (Signal::Lost, _) => (StatusCode::TimeOut, "lost"),
         (_, phase) if phase != Phase::Navigating => (StatusCode::NotReady, "not navigating"),
         (Signal::Stale, _) => (StatusCode::TimeOut, "stale"),
-        (Signal::Live, _) => fault.unwrap_or((StatusCode::Ok, "live")),
+        (Signal::Live, _) => misplaced.or_else(|| doubtful(snapshot)).unwrap_or((StatusCode::Ok, "live")),
     };
     Status { code, sub_code: 0, name: name.to_owned(), message }
 }
@@ -378,19 +381,20 @@ mod tests {
         let torn = Deformed { doubt: Some(Doubt::Inverted(7)), ..Deformed::at_rest(Point::ORIGIN, 0) };
         let torn = Snapshot { deformed: Arc::new(torn), ..navigating() };
         let told = |s: &Snapshot, is_frozen: bool| {
-            let fault = fault(s, is_frozen);
-            let said = status(s, fault, String::new());
+            let misplaced = misplaced(s, is_frozen);
+            let said = status(s, misplaced, String::new());
             let bytes = Message::v2("Monro", None, 1, Content::Status(said.clone())).encode();
             assert!(bytes.is_ok(), "{bytes:?}");
-            (said.name, said.code == StatusCode::Ok, tool_status(s.signal, fault).value())
+            (said.name, said.code == StatusCode::Ok, tool_status(s.signal, misplaced).value())
         };
         assert_eq!(told(&navigating(), false), ("live".to_owned(), true, "OK"));
-        for (snapshot, is_frozen, name) in [
-            (moved.clone(), true, "reference moved"),
-            (navigating(), true, "poses frozen"),
-            (torn, false, "tissue in doubt"),
+        for (snapshot, is_frozen, name, catheter) in [
+            (moved.clone(), true, "reference moved", "OUT_OF_VOLUME"),
+            (navigating(), true, "poses frozen", "OUT_OF_VOLUME"),
+            // Where the catheter is does not hang on the tissue.
+            (torn, false, "tissue in doubt", "OK"),
         ] {
-            assert_eq!(told(&snapshot, is_frozen), (name.to_owned(), false, "OUT_OF_VOLUME"));
+            assert_eq!(told(&snapshot, is_frozen), (name.to_owned(), false, catheter));
         }
         let lost = Snapshot { signal: Signal::Lost, ..moved };
         assert_eq!(told(&lost, false), ("lost".to_owned(), false, "MISSING"));

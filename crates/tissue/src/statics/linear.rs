@@ -109,7 +109,7 @@ impl Problem<'_> {
         false
     }
 
-    /// Plans or factors the Newton system, as [`Direct::renew`].
+    /// Plans or factors the Newton system, as [`super::direct::Direct::renew`].
     fn renew(&mut self, at: &Point) -> bool {
         let mut direct = core::mem::take(&mut self.direct);
         let (elastic, loads, spheres, share) = (self.elastic, self.loads, &self.spheres, self.share);
