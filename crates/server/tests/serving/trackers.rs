@@ -255,6 +255,65 @@ async fn a_body_that_is_defined_anew_voids_what_was_made_in_its_frame() {
     assert_eq!(trouble().await, None);
 }
 
+/// The same, with a reference that is bumped by so many mm.
+struct Bumped(Moving, Arc<AtomicU32>);
+
+impl Source for Bumped {
+    fn next(&mut self, wait: Duration) -> Result<Option<Batch>, TrackingError> {
+        let by = Vector::new(f64::from(self.1.load(Ordering::Relaxed)), 0.0, 0.0);
+        let bump = |told: &mut TimedPose| {
+            let pose = told.tracker_from_tool.filter(|_| told.name == "Reference");
+            let moved = pose.and_then(|p| Rigid::from_quaternion(p.quaternion_wxyz(), p.translation() + by));
+            told.tracker_from_tool = moved.or(told.tracker_from_tool);
+        };
+        let mut batch = self.0.next(wait)?;
+        batch.iter_mut().flat_map(|b| &mut b.poses).for_each(bump);
+        Ok(batch)
+    }
+
+    fn now(&self) -> f64 {
+        self.0.now()
+    }
+
+    fn diagnosis(&self, wanted: &[&str]) -> Health {
+        self.0.diagnosis(wanted)
+    }
+
+    fn facts(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+/// Posting the registration that was in use lowered the alarm, and so did a check of which nobody knew anything.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_registration_in_use_sent_again_silenced_the_alarm_of_the_reference() {
+    let (dir, by) = (tempfile::tempdir().expect("temp"), Arc::new(AtomicU32::new(0)));
+    let mut o = options(write_case(dir.path(), false));
+    let source = Box::new(Bumped(Moving::new(resting), Arc::clone(&by)));
+    o.tracker = Tracker::Source { name: "test:".into(), source };
+    let served = Served { running: start(o).await.expect("start"), _dir: dir };
+    served.until(|g| g["state"] == "live").await;
+    let calibrated = r#"{"event":"calibrated","tip_mm":[0,0,-20],"axis":[0,0,-1]}"#;
+    let registered = r#"{"event":"registered","quaternion_wxyz":[1,0,0,0],"translation_mm":[1,2,90]}"#;
+    let checked = r#"{"event":"check_passed"}"#;
+    for event in [calibrated, registered, checked] {
+        assert_eq!(served.post("/api/session", event).await.0, 200, "{event}");
+    }
+    // Time for where it belongs to be known.
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    by.store(3, Ordering::Relaxed);
+    served.until(|g| g["reference_moved_mm"].as_f64().is_some_and(|mm| mm > 2.9)).await;
+    for event in [registered, checked] {
+        let (status, said) = served.post("/api/session", event).await;
+        assert!(status == 409 && said["error"].as_str().is_some_and(|e| e.contains("3.0 mm")), "{event}: {said}");
+    }
+    assert!(served.get("/api/guidance").await["reference_moved_mm"].is_number());
+    for event in [r#"{"event":"reference_moved"}"#, registered, checked] {
+        assert_eq!(served.post("/api/session", event).await.0, 200, "{event}");
+    }
+    assert_eq!(served.get("/api/guidance").await["reference_moved_mm"], Value::Null);
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_openigtlink_server_feeds_the_session_and_is_found_again_when_it_comes_back() {
     let plus = TcpListener::bind("127.0.0.1:0").await.expect("bind");
