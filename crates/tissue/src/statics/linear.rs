@@ -113,7 +113,7 @@ impl Problem<'_> {
     fn renew(&mut self, at: &Point) -> bool {
         let mut direct = core::mem::take(&mut self.direct);
         let (elastic, loads, spheres, share) = (self.elastic, self.loads, &self.spheres, self.share);
-        let all_done = direct.renew(&System { elastic, loads, spheres, share }, at);
+        let all_done = direct.renew(&System { elastic, loads, spheres, share }, at, self.keep_going);
         self.direct = direct;
         all_done
     }

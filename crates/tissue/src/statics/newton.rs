@@ -79,7 +79,7 @@ pub(super) struct Problem<'a> {
     pub(super) open: bool,
     pub(super) spheres: Spheres,
     options: StaticOptions,
-    keep_going: &'a mut dyn FnMut() -> bool,
+    pub(super) keep_going: &'a mut dyn FnMut() -> bool,
     /// Share of the loads that acts.
     pub(super) share: f64,
     steps: u32,
@@ -319,10 +319,7 @@ impl Problem<'_> {
     }
 
     fn newton(&mut self, at: &mut Point, tolerance: f64, patience: u32) -> bool {
-        if let Some(found) = self.mixed(at, tolerance) {
-            *at = found;
-        }
-        let mut last = f64::INFINITY;
+        let (mut last, mut tried) = (f64::INFINITY, false);
         // Whole steps settle soon or never.
         for _ in 0..if self.open { patience.min(PATIENCE) } else { patience } {
             let residual = self.residual(at);
@@ -339,9 +336,12 @@ impl Problem<'_> {
             }
             let forcing = (0.5 * residual.sqrt()).clamp(1e-8, 0.1);
             let d = self.linear(at, None, forcing);
-            let next = if self.open { self.stride(at, &d) } else { self.search(at, &d) };
-            let Some(next) = next else { return met };
-            *at = next;
+            let found = if self.open { self.stride(at, &d).map(|p| (p, 1.0)) } else { self.search(at, &d) };
+            let Some((next, part)) = found else { return met };
+            // A step that had to be cut short: once for each share of the way, others are tried in its place.
+            let other =
+                if part < 1.0 && !core::mem::replace(&mut tried, true) { self.mixed(at, tolerance) } else { None };
+            *at = other.unwrap_or(next);
             self.steps += 1;
         }
         false
@@ -351,9 +351,6 @@ impl Problem<'_> {
     /// follow from displacements alone, a step that turns what hardly changes its volume has pressures of its second order in the
     /// next tangent, and only short ones lower the energy. `None` where that leads nowhere.
     fn mixed(&mut self, from: &Point, tolerance: f64) -> Option<Point> {
-        if self.open || self.residual(from) <= tolerance {
-            return None;
-        }
         let mut at = from.clone();
         for _ in 0..MIXED {
             self.bent = false;
@@ -467,8 +464,8 @@ impl Problem<'_> {
         radius.map_or(FURTHEST * size, |radius| radius.min(FURTHEST * size))
     }
 
-    /// The longest step of `1, 1/2, 1/4...` that lowers the energy enough (Armijo).
-    fn search(&self, at: &Point, d: &[D3]) -> Option<Point> {
+    /// The longest step of `1, 1/2, 1/4...` that lowers the energy enough (Armijo), and which part of the whole one it is.
+    fn search(&self, at: &Point, d: &[D3]) -> Option<(Point, f64)> {
         let slope = inner(&at.gradient, d);
         let sign = if slope > 0.0 { -1.0 } else { 1.0 };
         let (mut s, before) = (1.0, self.out_of_balance(at));
@@ -477,7 +474,7 @@ impl Problem<'_> {
             // Near the end rounding is larger than the gain in energy, and the force out of balance tells more.
             let gained = self.loads.work(self.share, &at.x, &next.x) + at.energy - next.energy;
             if gained >= 1e-4 * s * slope.abs() || self.out_of_balance(&next) < 0.25 * before {
-                return Some(next);
+                return Some((next, s));
             }
             s *= 0.5;
         }

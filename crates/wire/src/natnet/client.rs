@@ -101,6 +101,8 @@ pub(super) struct Times {
     pub(super) frame: Option<f64>,
     /// The last frame that did not say the same as the one before.
     pub(super) fresh: Option<f64>,
+    /// When the last datagram came that could not be read.
+    pub(super) malformed: Option<f64>,
     pub(super) server: Option<f64>,
 }
 
@@ -234,6 +236,7 @@ impl Client {
         if let Err(e) = &result {
             self.counters.malformed += 1;
             self.counters.last_error = Some(e.clone());
+            self.times.malformed = Some(now);
         }
         result
     }

@@ -12,9 +12,10 @@ impl Client {
         let Some(version) = self.version().filter(|_| heard) else {
             return Diagnosis::NoServer { waited: now - self.times.start.unwrap_or(now) };
         };
+        let unreadable = || Some(Diagnosis::Unreadable { version, error: self.counters.last_error.clone()? });
         if self.times.frame.is_none() {
-            if let Some(e) = self.counters.last_error.clone() {
-                return Diagnosis::Unreadable { version, error: e };
+            if let Some(unreadable) = unreadable() {
+                return unreadable;
             }
             let clock = self.server.as_ref().and_then(|s| s.clock);
             return Diagnosis::NoData {
@@ -25,7 +26,8 @@ impl Client {
             };
         }
         if age(self.times.frame) > 0.5 {
-            return Diagnosis::Stopped { since: age(self.times.frame) };
+            let stopped = Diagnosis::Stopped { since: age(self.times.frame) };
+            return unreadable().filter(|_| age(self.times.malformed) <= 0.5).unwrap_or(stopped);
         }
         if age(self.times.fresh) > 0.5 {
             return Diagnosis::Repeats { since: age(self.times.fresh) };

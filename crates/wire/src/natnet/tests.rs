@@ -463,6 +463,10 @@ fn a_frame_that_is_sent_again_and_again_was_live() {
         assert!(repeats[98].1.contains("one and the same frame has been sent for 1.6"), "{version}: {}", repeats[98].1);
         let next = server.frame(&seen(2.7), 2.7, 2.7);
         assert_eq!(told(2.7, &next).0, 2, "{version}");
+        // What comes in its place cannot be read; that "data stopped" was told.
+        assert!(client.receive(&next[..next.len() / 2], 3.9).is_err());
+        let words = [4.0, 5.0].map(|now| client.diagnosis(now, &[]).to_string());
+        assert!(words[0].contains("cannot be read") && words[1].contains("data stopped 2.3 s ago"), "{words:?}");
         // After a silence all is asked anew; the frame was "sent for inf s".
         client.restart();
         let words = client.diagnosis(2.8, &[]).to_string();

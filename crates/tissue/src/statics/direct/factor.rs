@@ -3,6 +3,7 @@
 
 use super::dense::eliminate;
 use super::tree::Tree;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A component that is held has no unknown.
 pub(super) const HELD: u32 = u32::MAX;
@@ -83,19 +84,25 @@ impl Plan {
         (of(&part.own), of(&part.border))
     }
 
-    /// Factors the sum of pieces: those of an element by its number, and those of each part. `None` where a pivot is zero.
-    pub(super) fn factor(
-        &self,
-        element: &(dyn Fn(u32) -> Piece + Sync),
-        more: &(dyn Fn(usize) -> Vec<Piece> + Sync),
-    ) -> Option<Factors> {
-        let mut bench = Bench { fronts: Vec::new(), negative: 0, place: vec![0; self.unknowns] };
-        self.front(self.tree.parts.len().checked_sub(1)?, (element, more), &mut bench)?;
+    /// Factors the sum of pieces: those of an element by its number, and those of each part. `None` where a pivot is zero, or it
+    /// is not to go on: that is asked before each part.
+    pub(super) fn factor(&self, pieces: Pieces<'_>, goes_on: &mut dyn FnMut() -> bool) -> Option<Factors> {
+        let mut bench = Bench::new(self.unknowns);
+        self.front(self.tree.parts.len().checked_sub(1)?, pieces, &mut bench, goes_on)?;
         Some(Factors { fronts: bench.fronts, negative: bench.negative })
     }
 
-    fn front(&self, number: usize, pieces: Pieces<'_>, bench: &mut Bench) -> Option<Left> {
-        let below = self.below(number, pieces, bench)?;
+    fn front(
+        &self,
+        number: usize,
+        pieces: Pieces<'_>,
+        bench: &mut Bench,
+        goes_on: &mut dyn FnMut() -> bool,
+    ) -> Option<Left> {
+        if !goes_on() {
+            return None;
+        }
+        let below = self.below(number, pieces, bench, goes_on)?;
         let (mut unknowns, border) = self.unknowns_of(number);
         let own = unknowns.len();
         unknowns.extend(&border);
@@ -116,18 +123,27 @@ impl Plan {
     }
 
     /// What the parts below leave, two at a time on two threads where they are large.
-    fn below(&self, number: usize, pieces: Pieces<'_>, bench: &mut Bench) -> Option<Vec<Left>> {
+    fn below(
+        &self,
+        number: usize,
+        pieces: Pieces<'_>,
+        bench: &mut Bench,
+        goes_on: &mut dyn FnMut() -> bool,
+    ) -> Option<Vec<Left>> {
         let below = &self.tree.parts[number].below;
-        let &[one, other] = below.as_slice() else {
-            return below.iter().map(|&b| self.front(b, pieces, bench)).collect();
+        let pair = <[usize; 2]>::try_from(below.as_slice()).ok();
+        let Some([one, other]) = pair.filter(|p| p.iter().all(|&b| self.work[b] >= SHARED)) else {
+            return below.iter().map(|&b| self.front(b, pieces, bench, goes_on)).collect();
         };
-        if self.work[one].min(self.work[other]) < SHARED {
-            return Some(vec![self.front(one, pieces, bench)?, self.front(other, pieces, bench)?]);
-        }
-        let mut second = Bench { fronts: Vec::new(), negative: 0, place: vec![0; self.unknowns] };
+        let (mut second, stopped) = (Bench::new(self.unknowns), AtomicBool::new(false));
         let (left, right) = std::thread::scope(|scope| {
-            let there = scope.spawn(|| self.front(other, pieces, &mut second));
-            (self.front(one, pieces, bench), there.join().ok().flatten())
+            let there = scope.spawn(|| {
+                let mut goes_on = || !stopped.load(Ordering::Relaxed);
+                self.front(other, pieces, &mut second, &mut goes_on)
+            });
+            let here = self.front(one, pieces, bench, goes_on);
+            stopped.store(here.is_none(), Ordering::Relaxed);
+            (here, there.join().ok().flatten())
         });
         bench.fronts.append(&mut second.fronts);
         bench.negative += second.negative;
@@ -135,7 +151,14 @@ impl Plan {
     }
 }
 
-type Pieces<'a> = (&'a (dyn Fn(u32) -> Piece + Sync), &'a (dyn Fn(usize) -> Vec<Piece> + Sync));
+impl Bench {
+    fn new(unknowns: usize) -> Self {
+        Self { fronts: Vec::new(), negative: 0, place: vec![0; unknowns] }
+    }
+}
+
+/// The pieces of each element, and those of each part.
+pub(super) type Pieces<'a> = (&'a (dyn Fn(u32) -> Piece + Sync), &'a (dyn Fn(usize) -> Vec<Piece> + Sync));
 
 /// Where the entry between two unknowns lies in the lower triangle.
 fn lower(place: &[u32], size: usize, u: u32, v: u32) -> usize {

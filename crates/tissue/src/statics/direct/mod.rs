@@ -78,12 +78,12 @@ impl Direct {
 
     /// Where a system has taken more products than it may: plans, or factors it at a state. Where it is not stable the factors of a
     /// state before stay, and another try costs more. Whether these are all that can be done for it.
-    pub(super) fn renew(&mut self, system: &System<'_>, at: &Point) -> bool {
+    pub(super) fn renew(&mut self, system: &System<'_>, at: &Point, goes_on: &mut dyn FnMut() -> bool) -> bool {
         let Some(plan) = &self.plan else {
             self.plan(system);
             return false;
         };
-        match system.factor(plan, at) {
+        match system.factor(plan, at, goes_on) {
             Some(found) => self.factored = Some(Arc::new(found)),
             None => self.price *= 2.0,
         }
@@ -124,7 +124,7 @@ impl System<'_> {
     }
 
     /// The factors at a state, if it is stable: as many pivots are negative as there are pressures.
-    fn factor(&self, plan: &Arc<Plan>, at: &Point) -> Option<Factored> {
+    fn factor(&self, plan: &Arc<Plan>, at: &Point, goes_on: &mut dyn FnMut() -> bool) -> Option<Factored> {
         let element = |t: u32| stiffness::element(self.elastic, (&at.x, &at.tangent), t as usize, &plan.slots);
         let faces = self.faces(plan, at);
         let more = |part: usize| {
@@ -133,7 +133,7 @@ impl System<'_> {
             let faces = faces.iter().filter(|f| f.0 == part);
             patches.chain(faces.map(|f| f.1.clone())).collect()
         };
-        let factors = plan.factor(&element, &more)?;
+        let factors = plan.factor((&element, &more), goes_on)?;
         let stable = factors.negative == self.elastic.patch_volume.len();
         stable.then(|| Factored { plan: Arc::clone(plan), factors })
     }
@@ -197,7 +197,11 @@ mod tests {
         let energy = elastic.gradient(&x, &mut gradient, &mut tangent);
         let at = Point { x, energy, gradient, tangent };
         let system = System { elastic: &elastic, loads: &loads, spheres: &spheres, share: 0.7 };
-        let Some(factored) = system.factor(&Arc::new(system.plan()), &at) else { return (f64::NAN, false) };
+        let plan = Arc::new(system.plan());
+        assert!(system.factor(&plan, &at, &mut || false).is_none(), "it is not to go on");
+        let Some(factored) = system.factor(&plan, &at, &mut || true) else {
+            return (f64::NAN, false);
+        };
         let free = |i: usize, a: usize| if loads.support[i][a].is_none() { some(i, a + 1) } else { 0.0 };
         let right: Vec<D3> = (0..at.x.len()).map(|i| core::array::from_fn(|a| free(i, a))).collect();
         let (mut found, mut again) = (Vec::new(), Vec::new());
