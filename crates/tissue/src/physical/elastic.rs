@@ -103,6 +103,7 @@ pub(crate) fn volume_gradient(p: [D3; 4]) -> Shape {
 }
 
 /// Change of the volume gradient when the corners move by `d`.
+#[inline(always)]
 pub(crate) fn gradient_change(p: [D3; 4], d: [D3; 4]) -> [D3; 4] {
     let [a, b, c] = [1, 2, 3].map(|i| sub(p[i], p[0]));
     let [da, db, dc] = [1, 2, 3].map(|i| sub(d[i], d[0]));

@@ -21,7 +21,9 @@ const AUGMENTATIONS: u32 = 30;
 /// Where spheres rub, so many times the steps and products may be taken: they follow the way, which is as long as it is.
 const RUBBING: u32 = 10;
 
-/// Steps with pressures of their own, and to which part of the right side each is solved.
+/// Steps with pressures of their own, at the first step that has to be cut short and at each so many further ones, and to which
+/// part of the right side each is solved.
+const AGAIN: u32 = 12;
 const MIXED: u32 = 15;
 const MIXED_FORCING: f64 = 1e-3;
 
@@ -234,6 +236,9 @@ impl Problem<'_> {
             (0..3).for_each(|a| x[a] = s[a].map_or(x[a], |v| rest[a] + v));
         }
         let mut at = self.evaluate(x);
+        if !self.open && self.spheres.least_radius().is_none() {
+            at = self.mixed(&at, self.options.tolerance).unwrap_or(at);
+        }
         self.converge(&mut at, self.options.tolerance, u32::MAX);
         (at, 1.0)
     }
@@ -319,7 +324,7 @@ impl Problem<'_> {
     }
 
     fn newton(&mut self, at: &mut Point, tolerance: f64, patience: u32) -> bool {
-        let (mut last, mut tried) = (f64::INFINITY, false);
+        let (mut last, mut cut) = (f64::INFINITY, 0u32);
         // Whole steps settle soon or never.
         for _ in 0..if self.open { patience.min(PATIENCE) } else { patience } {
             let residual = self.residual(at);
@@ -338,9 +343,9 @@ impl Problem<'_> {
             let d = self.linear(at, None, forcing);
             let found = if self.open { self.stride(at, &d).map(|p| (p, 1.0)) } else { self.search(at, &d) };
             let Some((next, part)) = found else { return met };
-            // A step that had to be cut short: once for each share of the way, others are tried in its place.
-            let other =
-                if part < 1.0 && !core::mem::replace(&mut tried, true) { self.mixed(at, tolerance) } else { None };
+            // Where steps have to be cut short others are tried in their place, now and then.
+            cut += u32::from(part < 1.0);
+            let other = if part < 1.0 && cut % AGAIN == 1 { self.mixed(at, tolerance) } else { None };
             *at = other.unwrap_or(next);
             self.steps += 1;
         }

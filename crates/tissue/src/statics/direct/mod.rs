@@ -24,9 +24,9 @@ const USUAL: f64 = 15.0;
 /// Numbers that may be kept: 1 GB.
 const MOST: f64 = 1.25e8;
 /// Multiplications of a factorisation in the time of a product's work on one element,
-const WORK: f64 = 600.0;
+const WORK: f64 = 350.0;
 /// and numbers of the factors that are read in it.
-const READ: f64 = 33.0;
+const READ: f64 = 25.0;
 
 /// Factors near a state, and how they were worth it so far.
 #[derive(Default)]
