@@ -57,8 +57,9 @@ async function openPage() {
   p.faults = [];
   p.on("console", (m) => ["error", "warning"].includes(m.type()) && p.faults.push(m.text()));
   p.on("pageerror", (e) => p.faults.push(String(e)));
-  p.asked = [];
-  p.on("websocket", (socket) => socket.on("framesent", ({ payload }) => p.asked.push(JSON.parse(payload))));
+  // A page that was closed may still tell of its own.
+  const asked = (p.asked = []);
+  p.on("websocket", (socket) => socket.on("framesent", ({ payload }) => asked.push(JSON.parse(payload))));
   await p.goto(`${url}/#token=${token}`);
   await p.locator("body[data-ready=yes]").waitFor();
 }
