@@ -146,9 +146,7 @@ impl EventRequest {
         };
         Ok(SessionEvent::Plain(plain))
     }
-}
 
-impl EventRequest {
     /// Why an event is refused that would lower the alarm of the reference with nothing to show for it: only here is it known
     /// what was touched after it.
     fn silences(&self, live: &Live) -> Option<String> {

@@ -170,21 +170,14 @@ async fn an_axis_that_is_watched_while_another_tip_is_found_is_void() {
     assert_eq!(served.get("/api/calibration").await["axis"], Value::Null);
 }
 
-/// The same from a server that tells of the bodies; how far (mm) the markers of each lie from where they lay at first.
-#[derive(Clone, Default)]
-struct Moved(Arc<[AtomicU32; 3]>);
+/// The same with something done to each frame.
+struct Altered<F>(Moving, F);
 
-struct Defining(Moving, Moved);
-
-impl Source for Defining {
+impl<F: FnMut(&mut Batch) + Send> Source for Altered<F> {
     fn next(&mut self, wait: Duration) -> Result<Option<Batch>, TrackingError> {
-        let body = |(i, name): (usize, &str)| {
-            let offset = [1e-3 * self.1.0[i].load(Ordering::Relaxed) as f32, 0.0, 0.0];
-            let markers = vec![MarkerDefinition { offset, ..MarkerDefinition::default() }];
-            RigidBodyDefinition { name: name.to_owned(), markers, ..RigidBodyDefinition::default() }
-        };
-        let bodies = ["Catheter", "Reference", "Glasses"].into_iter().enumerate().map(body).collect();
-        Ok(self.0.next(wait)?.map(|batch| Batch { bodies, ..batch }))
+        let mut batch = self.0.next(wait)?;
+        batch.iter_mut().for_each(&mut self.1);
+        Ok(batch)
     }
 
     fn now(&self) -> f64 {
@@ -200,13 +193,30 @@ impl Source for Defining {
     }
 }
 
+/// How far (mm) the markers of each body lie from where they lay at first.
+#[derive(Clone, Default)]
+struct Moved(Arc<[AtomicU32; 3]>);
+
+impl Moved {
+    /// Tells of the bodies, as a server does.
+    fn define(&self, batch: &mut Batch) {
+        let body = |(i, name): (usize, &str)| {
+            let offset = [1e-3 * self.0[i].load(Ordering::Relaxed) as f32, 0.0, 0.0];
+            let markers = vec![MarkerDefinition { offset, ..MarkerDefinition::default() }];
+            RigidBodyDefinition { name: name.to_owned(), markers, ..RigidBodyDefinition::default() }
+        };
+        batch.bodies = ["Catheter", "Reference", "Glasses"].into_iter().enumerate().map(body).collect();
+    }
+}
+
 /// Guidance went on with the tip where the old body had it.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_body_that_is_defined_anew_voids_what_was_made_in_its_frame() {
     let (dir, moved) = (tempfile::tempdir().expect("temp"), Moved::default());
     let mut o = options(write_case(dir.path(), false));
     o.igtl = Some("127.0.0.1:0".parse().expect("address"));
-    let source = Box::new(Defining(Moving::new(resting), moved.clone()));
+    let defining = moved.clone();
+    let source = Box::new(Altered(Moving::new(resting), move |batch: &mut Batch| defining.define(batch)));
     o.tracker = Tracker::Source { name: "test:".into(), source };
     let served = Served { running: start(o).await.expect("start"), _dir: dir };
     served.until(|g| g["state"] == "live").await;
@@ -255,32 +265,13 @@ async fn a_body_that_is_defined_anew_voids_what_was_made_in_its_frame() {
     assert_eq!(trouble().await, None);
 }
 
-/// The same, with a reference that is bumped by so many mm.
-struct Bumped(Moving, Arc<AtomicU32>);
-
-impl Source for Bumped {
-    fn next(&mut self, wait: Duration) -> Result<Option<Batch>, TrackingError> {
-        let by = Vector::new(f64::from(self.1.load(Ordering::Relaxed)), 0.0, 0.0);
-        let bump = |told: &mut TimedPose| {
-            let pose = told.tracker_from_tool.filter(|_| told.name == "Reference");
-            let moved = pose.and_then(|p| Rigid::from_quaternion(p.quaternion_wxyz(), p.translation() + by));
-            told.tracker_from_tool = moved.or(told.tracker_from_tool);
+/// Moves the reference by so many mm.
+fn bump(batch: &mut Batch, mm: f64) {
+    for told in batch.poses.iter_mut().filter(|told| told.name == "Reference") {
+        let moved = |p: Rigid<TrackerFrame, Tool>| {
+            Rigid::from_quaternion(p.quaternion_wxyz(), p.translation() + Vector::new(mm, 0.0, 0.0))
         };
-        let mut batch = self.0.next(wait)?;
-        batch.iter_mut().flat_map(|b| &mut b.poses).for_each(bump);
-        Ok(batch)
-    }
-
-    fn now(&self) -> f64 {
-        self.0.now()
-    }
-
-    fn diagnosis(&self, wanted: &[&str]) -> Health {
-        self.0.diagnosis(wanted)
-    }
-
-    fn facts(&self) -> Vec<String> {
-        Vec::new()
+        told.tracker_from_tool = told.tracker_from_tool.and_then(moved);
     }
 }
 
@@ -289,7 +280,9 @@ impl Source for Bumped {
 async fn the_registration_in_use_sent_again_silenced_the_alarm_of_the_reference() {
     let (dir, by) = (tempfile::tempdir().expect("temp"), Arc::new(AtomicU32::new(0)));
     let mut o = options(write_case(dir.path(), false));
-    let source = Box::new(Bumped(Moving::new(resting), Arc::clone(&by)));
+    let bumping = Arc::clone(&by);
+    let bumped = move |batch: &mut Batch| bump(batch, f64::from(bumping.load(Ordering::Relaxed)));
+    let source = Box::new(Altered(Moving::new(resting), bumped));
     o.tracker = Tracker::Source { name: "test:".into(), source };
     let served = Served { running: start(o).await.expect("start"), _dir: dir };
     served.until(|g| g["state"] == "live").await;

@@ -76,7 +76,7 @@ pub(crate) struct Tangent {
     /// Derivative of the energy by each element's volume.
     pub(crate) pressure: Vec<f64>,
     /// The part of it that is the mean of what its patches have: by each patch's volume.
-    volumetric: Vec<f64>,
+    pub(super) volumetric: Vec<f64>,
 }
 
 pub(crate) fn sub(a: D3, b: D3) -> D3 {
@@ -210,17 +210,6 @@ impl Elastic {
         out.resize(d.len(), [0.0; 3]);
         self.near.add_product(0, d, out);
         self.far.add_product(0, d, out);
-    }
-
-    /// Pressure of each patch after a motion by `d` as its volume grows along it, kPa: without what is of second order.
-    pub(crate) fn pressures_along(&self, tangent: &Tangent, d: &[D3]) -> Vec<f64> {
-        let mut growth = vec![0.0; self.patch_volume.len()];
-        for ((tet, g), patch) in self.tets.iter().zip(&tangent.gradient).zip(&self.patch) {
-            let own: f64 = g.iter().zip(tet).map(|(g, &n)| dot(*g, d[n as usize])).sum();
-            patch.iter().for_each(|&p| growth[p as usize] += own / 4.0);
-        }
-        let patches = growth.iter().zip(&self.patch_volume).zip(&self.patch_bulk).zip(&tangent.volumetric);
-        patches.map(|(((growth, volume), bulk), now)| now + bulk * growth / volume).collect()
     }
 
     /// Puts pressures of patches in place of those that follow from the volumes, for products with the Hessian.

@@ -74,6 +74,14 @@ impl Elastic {
         }
     }
 
+    /// Pressure of each patch after a motion by `d` as its volume grows along it, kPa: without what is of second order.
+    pub(crate) fn pressures_along(&self, tangent: &Tangent, d: &[D3]) -> Vec<f64> {
+        let (mut own, mut growth) = (vec![0.0; self.tets.len()], vec![0.0; self.patch_volume.len()]);
+        self.growths(0, (tangent, d), &mut own, &mut growth);
+        let patches = growth.iter().zip(&self.patch_volume).zip(&self.patch_bulk).zip(&tangent.volumetric);
+        patches.map(|(((growth, volume), bulk), now)| now + bulk * growth / volume).collect()
+    }
+
     /// Growth along `d` of the elements from `first` on, and what they add to their patches.
     fn growths(&self, first: usize, (tangent, d): (&Tangent, &[D3]), growth: &mut [f64], patches: &mut [f64]) {
         patches.fill(0.0);

@@ -62,7 +62,8 @@ impl Problem<'_> {
             if !tired {
                 return system.d;
             }
-            all_done = self.renew(at);
+            let (elastic, loads, spheres, share) = (self.elastic, self.loads, &self.spheres, self.share);
+            all_done = self.direct.renew(&System { elastic, loads, spheres, share }, at, self.keep_going);
         }
     }
 
@@ -107,15 +108,6 @@ impl Problem<'_> {
             rz = next;
         }
         false
-    }
-
-    /// Plans or factors the Newton system, as [`super::direct::Direct::renew`].
-    fn renew(&mut self, at: &Point) -> bool {
-        let mut direct = core::mem::take(&mut self.direct);
-        let (elastic, loads, spheres, share) = (self.elastic, self.loads, &self.spheres, self.share);
-        let all_done = direct.renew(&System { elastic, loads, spheres, share }, at, self.keep_going);
-        self.direct = direct;
-        all_done
     }
 
     fn conditioner(&self, at: &Point) -> Conditioner {

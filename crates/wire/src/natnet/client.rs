@@ -315,8 +315,8 @@ impl Client {
     }
 
     /// Whether a frame is older than one that was here already (disorder on the way). Where frame numbers have gone back for
-    /// good (a loop, another take, a restart), ids may stand for other bodies: nobody has a name until they are told again. One that was exposed
-    /// after the last is not late, whatever its number (a loop; a server that does not count).
+    /// good (a loop, another take, a restart), ids may stand for other bodies: nobody has a name until they are told again. One
+    /// that was exposed after the last is not late, whatever its number (a loop; a server that does not count).
     fn is_late(&mut self, frame: &Frame) -> bool {
         let (number, exposed) = (frame.number, frame.suffix.mid_exposure);
         let step = self.last_number.map_or(1, |last| i64::from(number) - i64::from(last));

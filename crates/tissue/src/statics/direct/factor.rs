@@ -12,7 +12,6 @@ pub(super) const HELD: u32 = u32::MAX;
 const SHARED: f64 = 1e7;
 
 /// What an element, a face or a vertex adds: unknowns and the entries between them, row by row.
-#[derive(Clone)]
 pub(super) struct Piece {
     pub(super) unknowns: Vec<u32>,
     pub(super) values: Vec<f64>,
@@ -24,8 +23,9 @@ pub(super) struct Plan {
     /// Unknowns of each point, or [`HELD`].
     pub(super) slots: Vec<[u32; 4]>,
     pub(super) unknowns: usize,
-    /// Multiplications of a factorisation, of its largest part below each part, and numbers that it keeps.
+    /// Multiplications of each part with all below it.
     work: Vec<f64>,
+    /// Numbers that the factors keep.
     pub(super) entries: f64,
 }
 
@@ -112,7 +112,7 @@ impl Plan {
         for &e in &self.tree.parts[number].elements {
             pieces.0(e).add(&bench.place, &mut a, size);
         }
-        pieces.1(number).iter().for_each(|p| p.add(&bench.place, &mut a, size));
+        pieces.1[number].iter().for_each(|p| p.add(&bench.place, &mut a, size));
         below.iter().for_each(|b| b.add(&bench.place, &mut a, size));
         bench.negative += eliminate(&mut a, size, own)?;
         let values = (own..size).flat_map(|j| a[j * size + j..(j + 1) * size].iter().copied()).collect();
@@ -158,7 +158,7 @@ impl Bench {
 }
 
 /// The pieces of each element, and those of each part.
-pub(super) type Pieces<'a> = (&'a (dyn Fn(u32) -> Piece + Sync), &'a (dyn Fn(usize) -> Vec<Piece> + Sync));
+pub(super) type Pieces<'a> = (&'a (dyn Fn(u32) -> Piece + Sync), &'a [Vec<Piece>]);
 
 /// Where the entry between two unknowns lies in the lower triangle.
 fn lower(place: &[u32], size: usize, u: u32, v: u32) -> usize {

@@ -126,24 +126,20 @@ impl System<'_> {
     /// The factors at a state, if it is stable: as many pivots are negative as there are pressures.
     fn factor(&self, plan: &Arc<Plan>, at: &Point, goes_on: &mut dyn FnMut() -> bool) -> Option<Factored> {
         let element = |t: u32| stiffness::element(self.elastic, (&at.x, &at.tangent), t as usize, &plan.slots);
-        let faces = self.faces(plan, at);
-        let more = |part: usize| {
-            let patches = plan.tree.parts[part].own.iter();
-            let patches = patches.map(|&p| stiffness::patch(self.elastic, p as usize, &plan.slots));
-            let faces = faces.iter().filter(|f| f.0 == part);
-            patches.chain(faces.map(|f| f.1.clone())).collect()
-        };
-        let factors = plan.factor((&element, &more), goes_on)?;
+        let factors = plan.factor((&element, &self.more(plan, at)), goes_on)?;
         let stable = factors.negative == self.elastic.patch_volume.len();
         stable.then(|| Factored { plan: Arc::clone(plan), factors })
     }
 
-    /// Films, pressures and spheres, with the part that each belongs to.
-    fn faces(&self, plan: &Plan, at: &Point) -> Vec<(usize, Piece)> {
-        let mut out = Vec::new();
+    /// What patches, films, pressures and spheres add to each part.
+    fn more(&self, plan: &Plan, at: &Point) -> Vec<Vec<Piece>> {
+        let of = |part: &tree::Part| {
+            part.own.iter().map(|&p| stiffness::patch(self.elastic, p as usize, &plan.slots)).collect()
+        };
+        let mut out: Vec<Vec<Piece>> = plan.tree.parts.iter().map(of).collect();
         let mut add = |nodes: [u32; 3], product: &dyn Fn(&[D3; 3]) -> [D3; 3]| {
             let part = nodes.iter().map(|&n| plan.tree.part_of[n as usize]).min().unwrap_or_default();
-            out.push((part, stiffness::face(nodes, &plan.slots, product)));
+            out[part].push(stiffness::face(nodes, &plan.slots, product));
         };
         for film in &self.elastic.films {
             let x = film.nodes.map(|n| at.x[n as usize]);
