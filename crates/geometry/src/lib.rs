@@ -10,6 +10,7 @@ mod affine;
 mod buckets;
 mod bvh;
 mod crossing;
+pub mod d3;
 mod deformation;
 mod disjoint_sets;
 mod embedding;

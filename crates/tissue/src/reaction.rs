@@ -1,9 +1,10 @@
 //! Forces of the attachments on the tissue.
 
 use crate::csf::FluidSpace;
-use crate::physical::elastic::{D3, Tangent};
+use crate::physical::elastic::Tangent;
 use crate::vec3::{V3, xyz};
 use crate::{FrameSettings, Model, State};
+use monro_geometry::d3::D3;
 use monro_geometry::{Patient, Vector};
 
 impl Model {

@@ -8,6 +8,7 @@
 use super::error::SegmentError;
 use super::working::any_in_block;
 use crate::image::{Mask, Raster, dilate, distance_to, distance_to_false, fill_holes, label, largest};
+use monro_geometry::d3::dot;
 
 /// Voxels of the coarse raster, mm.
 const COARSE: f32 = 2.0;
@@ -86,10 +87,6 @@ fn bridge_defects(known: &Mask, walls: &mut Mask, room: &mut Raster<f32>) {
             room.data[n] = 0.0;
         }
     }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// Directions spread evenly over the sphere (Fibonacci lattice).

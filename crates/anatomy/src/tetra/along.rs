@@ -2,7 +2,7 @@
 
 use super::size::CORE;
 use super::start::SPLIT;
-use super::vec3::V3;
+use monro_geometry::d3::D3;
 use monro_geometry::{Patient, Point};
 
 /// Edge wanted along the path over that of as many elements all alike: 1.5 mm in a brain of 1.3 litres of 37,336.
@@ -44,7 +44,7 @@ impl Along {
     }
 
     /// Edge wanted at a place, mm.
-    pub(super) fn edge_at(&self, p: V3) -> f64 {
+    pub(super) fn edge_at(&self, p: D3) -> f64 {
         let p = Point::from_array(p);
         let distance = p.distance(p.nearest_on_segment(self.ends[0], self.ends[1]));
         self.edge + self.growth * (distance - self.core).max(0.0)
@@ -52,13 +52,13 @@ impl Along {
 
     /// Whether a cell of the lattice, given by its lowest corner, centre and length, is to be split for the path: its middle does
     /// not tell where it is large.
-    pub(super) fn is_coarse(&self, low: V3, centre: V3, length: f64) -> bool {
+    pub(super) fn is_coarse(&self, low: D3, centre: D3, length: f64) -> bool {
         let on_it = || length > SPLIT_ON * self.edge && self.meets(low, low.map(|x| x + length));
         length > SPLIT * self.edge_at(centre) || on_it()
     }
 
     /// Whether some of the path, or what is as fine around it, may lie in a box.
-    fn meets(&self, low: V3, high: V3) -> bool {
+    fn meets(&self, low: D3, high: D3) -> bool {
         let [from, to] = self.ends.map(Point::to_array);
         let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
         for a in 0..3 {
@@ -82,7 +82,7 @@ impl Along {
 mod tests {
     use super::*;
 
-    fn along(from: V3, to: V3) -> Along {
+    fn along(from: D3, to: D3) -> Along {
         Along::new([from, to].map(Point::from_array), 1.3e6, 37_336, 1.0, 1.4).expect("enough elements")
     }
 
@@ -113,7 +113,7 @@ mod tests {
     fn a_large_cell_that_the_path_clips_at_a_corner_is_split() {
         let along = along([-1.0, 9.0, 4.0], [9.0, -1.0, 4.0]);
         // The path is 5.7 mm off the middle of the first, and 1.4 mm off the corner of the second.
-        let coarse = |low: V3, length: f64| along.is_coarse(low, low.map(|x| x + 0.5 * length), length);
+        let coarse = |low: D3, length: f64| along.is_coarse(low, low.map(|x| x + 0.5 * length), length);
         assert!(coarse([0.0; 3], 8.0) && coarse([4.0, 4.0, 0.0], 16.0));
         assert!(!coarse([7.0, 7.0, 0.0], 4.0) && !coarse([3.0, 3.0, 3.0], 1.9));
     }

@@ -2,8 +2,8 @@
 //! separate pieces of one label, of which one may win what another loses.
 
 use super::fields::Field;
-use super::vec3::V3;
 use crate::surface::even::Extent;
+use monro_geometry::d3::D3;
 use monro_geometry::{DisjointSets, Volume};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -21,8 +21,8 @@ pub(super) struct Body {
     /// Volume of its voxels, mm3.
     pub(super) volume: f64,
     /// The corners of its box, LPS mm.
-    pub(super) low: V3,
-    pub(super) high: V3,
+    pub(super) low: D3,
+    pub(super) high: D3,
 }
 
 /// Cells of a row that belong together.
@@ -147,7 +147,7 @@ fn corners(low: [usize; 3], high: [usize; 3]) -> impl Iterator<Item = [usize; 3]
 }
 
 /// The box of some points; `None` where there are none.
-pub(super) fn ends(points: impl Iterator<Item = V3> + Clone) -> Option<[V3; 2]> {
+pub(super) fn ends(points: impl Iterator<Item = D3> + Clone) -> Option<[D3; 2]> {
     let end = |pick: fn(f64, f64) -> f64| points.clone().reduce(|e, p| [0, 1, 2].map(|a| pick(e[a], p[a])));
     Some([end(f64::min)?, end(f64::max)?])
 }
@@ -201,14 +201,14 @@ fn beside(v: [usize; 3], joined: Joined) -> impl Iterator<Item = [usize; 3]> {
 
 impl Body {
     /// Whether a closed wall around `volume` mm3 in this box is likely this one's.
-    pub(super) fn is_like(&self, volume: f64, [low, high]: [V3; 2]) -> bool {
+    pub(super) fn is_like(&self, volume: f64, [low, high]: [D3; 2]) -> bool {
         let middle = |a: usize| f64::midpoint(self.low[a], self.high[a]);
         let within = (0..3).all(|a| (low[a]..=high[a]).contains(&middle(a)));
         within && (0.4..1.6).contains(&(volume / self.volume))
     }
 
     /// How far apart the sides of two boxes are in all, mm.
-    pub(super) fn distance(&self, [low, high]: [V3; 2]) -> f64 {
+    pub(super) fn distance(&self, [low, high]: [D3; 2]) -> f64 {
         (0..3).map(|a| (low[a] - self.low[a]).abs() + (high[a] - self.high[a]).abs()).sum()
     }
 }
@@ -235,7 +235,7 @@ mod tests {
             |v: [usize; 3], low: [usize; 3], size: usize| (0..3).all(|a| (low[a]..low[a] + size).contains(&v[a]));
         assert_eq!(of_block(|_| false), []);
         let two = of_block(|v| within(v, [8; 3], 8) || within(v, [20, 20, 9], 5));
-        let boxes: Vec<(f64, V3, V3)> = two.iter().map(|v| (v.volume, v.low, v.high)).collect();
+        let boxes: Vec<(f64, D3, D3)> = two.iter().map(|v| (v.volume, v.low, v.high)).collect();
         assert_eq!(boxes, [(512.0, [8.0; 3], [15.0; 3]), (125.0, [20.0, 20.0, 9.0], [24.0, 24.0, 13.0])]);
         assert!(two[0].is_like(450.0, [[7.5; 3], [15.5; 3]]) && !two[1].is_like(450.0, [[7.5; 3], [15.5; 3]]));
         // A channel one voxel wide that the smooth field closes leads out of it.

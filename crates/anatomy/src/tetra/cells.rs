@@ -1,7 +1,7 @@
 //! Where a place lies among the cells of a grid.
 
-use super::vec3::V3;
 use monro_geometry::Grid;
+use monro_geometry::d3::D3;
 
 /// The cells between the centres of a grid's voxels, found from patient mm.
 #[derive(Debug, Clone, Copy)]
@@ -34,14 +34,14 @@ impl Cells {
     /// Voxel coordinates of a place, the fourth number without meaning. Column by column: a place that was just made is read
     /// number by number, as it was written, for a read of two at once would wait until both are in memory.
     #[inline]
-    pub(super) fn coordinates(&self, p: V3) -> [f64; 4] {
+    pub(super) fn coordinates(&self, p: D3) -> [f64; 4] {
         let [x, y, z, offset] = &self.columns;
         std::array::from_fn(|a| x[a] * p[0] + y[a] * p[1] + z[a] * p[2] + offset[a])
     }
 
     /// First index of the cell around a place and the fractions inside; `None` outside of the box.
     #[inline]
-    pub(super) fn find(&self, p: V3) -> Option<(usize, V3)> {
+    pub(super) fn find(&self, p: D3) -> Option<(usize, D3)> {
         let [x, y, z, _] = self.coordinates(p);
         let v = [x, y, z];
         if !(0..3).all(|a| v[a] >= 0.0 && v[a] < self.last[a]) {
@@ -55,7 +55,7 @@ impl Cells {
 
     /// Change per mm of what changes by `slope` from a voxel to the next.
     #[inline]
-    pub(super) fn per_mm(&self, slope: V3) -> V3 {
+    pub(super) fn per_mm(&self, slope: D3) -> D3 {
         std::array::from_fn(|a| {
             let column = self.columns[a];
             column[0] * slope[0] + column[1] * slope[1] + column[2] * slope[2]

@@ -2,8 +2,8 @@
 //! elements before there is one.
 
 use super::fields::{Field, LabelFields};
-use super::vec3::V3;
 use monro_geometry::Point;
+use monro_geometry::d3::D3;
 
 /// Elements of a cell of an even lattice.
 const PER_CELL: f64 = 12.0;
@@ -35,9 +35,9 @@ impl Census {
     /// Of a region by its [`blocks`], with a field of distances, and one of relative lengths of edges where there are any.
     pub(super) fn new(
         fields: &LabelFields,
-        blocks: &[(V3, usize)],
-        distance: impl Fn(V3) -> f64,
-        scale: impl Fn(V3) -> f64,
+        blocks: &[(D3, usize)],
+        distance: impl Fn(D3) -> f64,
+        scale: impl Fn(D3) -> f64,
     ) -> Self {
         let mut census = Self { bins: Vec::new(), width: BIN * fields.unit };
         let cell = fields.step.powi(3);
@@ -82,7 +82,7 @@ impl Census {
 }
 
 /// The middle of each block of `STRIDE` cells along each axis that holds inner ones, and how many.
-pub(super) fn blocks(field: &Field) -> Vec<(V3, usize)> {
+pub(super) fn blocks(field: &Field) -> Vec<(D3, usize)> {
     let (grid, data) = (field.volume().grid(), field.volume().data());
     let [nx, ny, nz] = grid.dims();
     let place = grid.patient_from_voxel();
@@ -110,7 +110,7 @@ pub(super) fn blocks(field: &Field) -> Vec<(V3, usize)> {
 }
 
 /// Faces between an inner cell and an outer one, along all three axes, at every so many-th line of cells.
-fn each_face(field: &Field, mut found: impl FnMut(V3)) {
+fn each_face(field: &Field, mut found: impl FnMut(D3)) {
     let (grid, data) = (field.volume().grid(), field.volume().data());
     let dims = grid.dims();
     for axis in 0..3 {

@@ -6,7 +6,7 @@ use super::improve::{Coarse, Work};
 use super::repair::{self, Crumb};
 use super::size::SizeField;
 use super::start::{Start, to_count};
-use super::vec3::V3;
+use monro_geometry::d3::D3;
 
 /// Elements below this quality are bad;
 const BAD: f64 = 0.3;
@@ -27,7 +27,7 @@ pub(super) struct Cleared<'a> {
     pub(super) work: Work<'a>,
     pub(super) crumbs: Vec<Crumb>,
     /// Where cells are smaller than wanted elsewhere because of thin parts, and the edges there.
-    pub(super) bounds: Vec<(V3, f64)>,
+    pub(super) bounds: Vec<(D3, f64)>,
     /// The finest edge wanted, mm.
     pub(super) finest: f64,
     /// Part of the elements that bettering is going to take.

@@ -2,8 +2,8 @@
 
 use super::cut::RawMesh;
 use super::fields::LabelFields;
-use super::vec3::{V3, add, scale, volume6};
 use super::voxels::SPECK;
+use monro_geometry::d3::{D3, add, scale, volume6};
 use rayon::prelude::*;
 
 /// Points along an edge of the lattice of samples in an element.
@@ -106,7 +106,7 @@ fn present(label: usize, shares: &[f32], rest: usize) -> usize {
 }
 
 /// Whether an element holds some of a label.
-pub(super) fn holds(corners: [V3; 4], label: u8, fields: &LabelFields) -> bool {
+pub(super) fn holds(corners: [D3; 4], label: u8, fields: &LabelFields) -> bool {
     let own = fields.parts.get(usize::from(label));
     // What has nothing at a point is not the most of it: most points are answered by one field.
     let may_be = |p| own.is_none_or(|own| own.at(p) > 0.0);
@@ -114,12 +114,12 @@ pub(super) fn holds(corners: [V3; 4], label: u8, fields: &LabelFields) -> bool {
     points.any(|p| may_be(p) && fields.label_at(p) == Some(usize::from(label)))
 }
 
-fn inside(corners: [V3; 4], weights: &[f64; 4]) -> V3 {
+fn inside(corners: [D3; 4], weights: &[f64; 4]) -> D3 {
     corners.iter().zip(weights).fold([0.0; 3], |sum, (&c, &w)| add(sum, scale(c, w)))
 }
 
 /// The part of each label in an element, by sampling.
-fn shares(corners: [V3; 4], weights: &[[f64; 4]], fields: &LabelFields) -> Vec<f32> {
+fn shares(corners: [D3; 4], weights: &[[f64; 4]], fields: &LabelFields) -> Vec<f32> {
     let mut counts = vec![0f32; fields.labels.len()];
     for w in weights {
         if let Some(l) = fields.label_at(inside(corners, w)) {

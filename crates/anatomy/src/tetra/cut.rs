@@ -9,8 +9,8 @@ use super::fields::{ABSENT, LabelFields};
 use super::lattice::PackedMap;
 use super::quality::quality;
 use super::repair;
-use super::vec3::{V3, add, distance, lerp, scale};
 use monro_geometry::by_point;
+use monro_geometry::d3::{D3, add, distance, lerp, scale};
 
 /// A point moves onto a cut within this fraction of the edge. Beyond 0.3 whole elements come to lie on the surface.
 const WARP: f64 = 0.25;
@@ -29,19 +29,19 @@ pub(super) const OUTSIDE: u8 = u8::MAX - 1;
 /// A mesh under construction: positions in patient mm, label indices.
 #[derive(Debug, Clone, Default)]
 pub(super) struct RawMesh {
-    pub(super) points: Vec<V3>,
+    pub(super) points: Vec<D3>,
     pub(super) tets: Vec<[u32; 4]>,
     pub(super) labels: Vec<u8>,
 }
 
 impl RawMesh {
-    pub(super) fn corners(&self, t: [u32; 4]) -> [V3; 4] {
+    pub(super) fn corners(&self, t: [u32; 4]) -> [D3; 4] {
         t.map(|v| self.points[v as usize])
     }
 }
 
 /// Cuts along all surfaces and labels the elements; those outside are dropped. Points `pinned` stay where they are.
-pub(super) fn cut_all(points: Vec<V3>, tets: Vec<[u32; 4]>, mut pinned: Vec<bool>, fields: &LabelFields) -> RawMesh {
+pub(super) fn cut_all(points: Vec<D3>, tets: Vec<[u32; 4]>, mut pinned: Vec<bool>, fields: &LabelFields) -> RawMesh {
     let mut mesh = RawMesh { labels: vec![PENDING; tets.len()], points, tets };
     for s in 0..fields.surfaces() {
         // Surface 0 keeps its inner side pending; later ones give their inner side to the label.
@@ -107,7 +107,7 @@ pub(super) fn compact(mesh: &mut RawMesh) -> Vec<u32> {
 #[derive(Debug, Clone, Copy)]
 struct Crossing {
     ends: [u32; 2],
-    at: V3,
+    at: D3,
     /// Fraction from the first end.
     t: f64,
     length: f64,
@@ -135,8 +135,8 @@ impl<'a> Cut<'a> {
             t.iter().for_each(|&v| asked[v as usize] = true);
         }
         // Edges between points on an earlier surface may lie in its label: a cut there is on all later ones.
-        let is_beyond = |v: usize, p: V3| pinned[v] && fields.is_beyond(surface, p);
-        let side = |(v, &p): (usize, &V3)| match asked[v] && !is_beyond(v, p) {
+        let is_beyond = |v: usize, p: D3| pinned[v] && fields.is_beyond(surface, p);
+        let side = |(v, &p): (usize, &D3)| match asked[v] && !is_beyond(v, p) {
             true => sign(fields.side(surface, p)),
             false => 0,
         };
@@ -201,7 +201,7 @@ impl<'a> Cut<'a> {
     /// Where an edge leaves the inner side of the surface at `t`, and lies from there on in a label that was cut off before
     /// until it comes to what is to be parted from this one: the middle of that way. It crosses the surface of that label
     /// about there, where all three meet. Else `t`.
-    fn middle_beyond(&self, [a, b]: [V3; 2], t: f64, from_first: bool) -> f64 {
+    fn middle_beyond(&self, [a, b]: [D3; 2], t: f64, from_first: bool) -> f64 {
         let (own, other) = if from_first { (0.0, 1.0) } else { (1.0, 0.0) };
         let is_beyond = |t: f64| self.fields.is_beyond(self.surface, lerp(a, b, t));
         let after = t + BEYOND * (other - own);
@@ -250,7 +250,7 @@ impl<'a> Cut<'a> {
         by_point(corners.filter(|c| wished[c.0 as usize]), wished.len())
     }
 
-    fn try_move(&mut self, v: u32, to: V3, around: &[u32]) -> bool {
+    fn try_move(&mut self, v: u32, to: D3, around: &[u32]) -> bool {
         if self.pinned[v as usize] {
             return false;
         }

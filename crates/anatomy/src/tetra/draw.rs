@@ -4,8 +4,8 @@ use super::adjacency::Incidence;
 use super::fields::LabelFields;
 use super::quality::quality;
 use super::thickness::Thin;
-use super::vec3::{V3, distance, volume6};
 use monro_geometry::bounds;
+use monro_geometry::d3::{D3, distance, volume6};
 
 /// A middle is reached where a point in its part is within this many cells of the fields.
 const REACHED: f64 = 0.75;
@@ -14,7 +14,7 @@ const WORST: f64 = 0.2;
 
 /// Moves points of a lattice onto middles of thin parts that no corner of the element around them reaches. Returns which
 /// points were moved: they should stay there.
-pub(super) fn draw(points: &mut [V3], tets: &[[u32; 4]], thin: &Thin, fields: &LabelFields) -> Vec<bool> {
+pub(super) fn draw(points: &mut [D3], tets: &[[u32; 4]], thin: &Thin, fields: &LabelFields) -> Vec<bool> {
     let mut stays = vec![false; points.len()];
     let held = held(points, tets, thin);
     if held.is_empty() {
@@ -23,10 +23,10 @@ pub(super) fn draw(points: &mut [V3], tets: &[[u32; 4]], thin: &Thin, fields: &L
     let around = Incidence::new(tets, points.len());
     for (l, p, t) in held {
         let mut corners = tets[t as usize];
-        let off = |v: &u32, points: &[V3]| distance(points[*v as usize], p);
+        let off = |v: &u32, points: &[D3]| distance(points[*v as usize], p);
         corners.sort_by(|a, b| off(a, points).total_cmp(&off(b, points)));
         let part = fields.parts.get(usize::from(l));
-        let reaches = |v: &u32, points: &[V3]| {
+        let reaches = |v: &u32, points: &[D3]| {
             off(v, points) < REACHED * fields.step && part.is_none_or(|part| part.at(points[*v as usize]) >= 0.5)
         };
         if corners.iter().any(|v| reaches(v, points)) {
@@ -46,12 +46,12 @@ pub(super) fn draw(points: &mut [V3], tets: &[[u32; 4]], thin: &Thin, fields: &L
 }
 
 /// The middles with their labels and the first element that holds each.
-fn held(points: &[V3], tets: &[[u32; 4]], thin: &Thin) -> Vec<(u8, V3, u32)> {
+fn held(points: &[D3], tets: &[[u32; 4]], thin: &Thin) -> Vec<(u8, D3, u32)> {
     let mut found = Vec::new();
     for (t, tet) in (0u32..).zip(tets) {
         let c = tet.map(|v| points[v as usize]);
-        let [low, high]: [V3; 2] = bounds(c).unwrap_or_default();
-        let holds = |p: V3| {
+        let [low, high]: [D3; 2] = bounds(c).unwrap_or_default();
+        let holds = |p: D3| {
             (0..4).all(|i| {
                 let mut d = c;
                 d[i] = p;
@@ -60,7 +60,7 @@ fn held(points: &[V3], tets: &[[u32; 4]], thin: &Thin) -> Vec<(u8, V3, u32)> {
         };
         found.extend(thin.within(low, high).filter(|&(_, p)| holds(p)).map(|(l, p)| (l, p, t)));
     }
-    let key = |m: &(u8, V3, u32)| (m.1.map(f64::to_bits), m.0, m.2);
+    let key = |m: &(u8, D3, u32)| (m.1.map(f64::to_bits), m.0, m.2);
     found.sort_unstable_by_key(key);
     found.dedup_by_key(|m| (m.1.map(f64::to_bits), m.0));
     found
@@ -88,10 +88,10 @@ mod tests {
         let tree = super::super::octree::Octree::new(3, |_, edge| edge > 2);
         let lattice = super::super::lattice::lattice(&tree);
         // Cells of two units: corners at multiples of 4 mm from -17, centres between.
-        let mut points: Vec<V3> = lattice.points.iter().map(|p| p.map(|x| 2.0 * f64::from(x) - 17.0)).collect();
+        let mut points: Vec<D3> = lattice.points.iter().map(|p| p.map(|x| 2.0 * f64::from(x) - 17.0)).collect();
         let before = points.clone();
         let stays = draw(&mut points, &lattice.tets, &thin, &fields);
-        let in_rod = |p: &&V3| p[0] > -1.0 && p[0] < 12.0 && p[1].abs() < 1.0 && p[2].abs() < 1.0;
+        let in_rod = |p: &&D3| p[0] > -1.0 && p[0] < 12.0 && p[1].abs() < 1.0 && p[2].abs() < 1.0;
         assert_eq!(before.iter().filter(in_rod).count(), 0);
         assert!(points.iter().filter(in_rod).count() >= 3);
         for (v, stays) in stays.into_iter().enumerate() {

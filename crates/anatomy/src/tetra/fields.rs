@@ -11,8 +11,8 @@ use super::nearby::Nearby;
 use super::order::cutting_order;
 use super::remainder::give_away;
 use super::smooth::smoothed;
-use super::vec3::{V3, sub};
 use crate::surface::even::{Extent, even, even_step, extents};
+use monro_geometry::d3::{D3, sub};
 use monro_geometry::{Grid, Volume};
 use std::ops::Range;
 
@@ -56,7 +56,7 @@ impl Field {
         &mut self.volume
     }
 
-    pub(super) fn at(&self, p: V3) -> f64 {
+    pub(super) fn at(&self, p: D3) -> f64 {
         let Some((at, t)) = self.cells.find(p) else { return self.outside };
         let [up, over] = self.cells.steps();
         let data = self.volume.data();
@@ -120,7 +120,7 @@ impl Field {
     }
 
     /// The value and its gradient per mm inside the cell.
-    pub(super) fn with_slope(&self, p: V3) -> (f64, V3) {
+    pub(super) fn with_slope(&self, p: D3) -> (f64, D3) {
         let Some((at, t)) = self.cells.find(p) else { return (self.outside, [0.0; 3]) };
         let [up, over] = self.cells.steps();
         let data = self.volume.data();
@@ -261,22 +261,22 @@ impl LabelFields {
 
     /// Whether none of the labels that surface `s` parts is at a point, which then lies in one that was cut off before. Before
     /// the outer one, 0, none was.
-    pub(super) fn is_beyond(&self, s: usize, p: V3) -> bool {
+    pub(super) fn is_beyond(&self, s: usize, p: D3) -> bool {
         s > 0 && self.near_from(s - 1, p).all(|(_, value)| value < ABSENT) && self.rest(p) < ABSENT
     }
 
     /// Whether a point may lie on the inner side of surface `s`: off the box of its label it does not.
-    pub(super) fn may_be_inside(&self, s: usize, p: V3) -> bool {
+    pub(super) fn may_be_inside(&self, s: usize, p: D3) -> bool {
         s == 0 || self.parts[s - 1].cells.find(p).is_some()
     }
 
     /// The labels but the last that may have something at a point, by their indices, in order.
-    pub(super) fn near(&self, p: V3) -> &[u8] {
+    pub(super) fn near(&self, p: D3) -> &[u8] {
         self.nearby.at(p)
     }
 
     /// Those from index `l` on, and what each has there.
-    fn near_from(&self, l: usize, p: V3) -> impl ExactSizeIterator<Item = (usize, f64)> {
+    fn near_from(&self, l: usize, p: D3) -> impl ExactSizeIterator<Item = (usize, f64)> {
         let near = self.near(p);
         let first = near.partition_point(|&other| usize::from(other) < l);
         near[first..].iter().map(move |&other| (usize::from(other), self.parts[usize::from(other)].at(p)))
@@ -284,7 +284,7 @@ impl LabelFields {
 
     /// Positive on the side of label `a`, zero on its surface with label `b` (`None`: with the outside); and the gradient
     /// per mm.
-    pub(super) fn between(&self, a: u8, b: Option<u8>, p: V3) -> (f64, V3) {
+    pub(super) fn between(&self, a: u8, b: Option<u8>, p: D3) -> (f64, D3) {
         let Some(b) = b else {
             let (value, slope) = self.union.with_slope(p);
             return (value - 0.5, slope);
@@ -326,7 +326,7 @@ impl LabelFields {
     }
 
     /// What the parts leave of everything kept for the last label at a point.
-    pub(super) fn rest(&self, p: V3) -> f64 {
+    pub(super) fn rest(&self, p: D3) -> f64 {
         self.near_from(0, p).fold(self.union.at(p), |rest, (_, value)| rest - value)
     }
 

@@ -54,7 +54,6 @@ mod solid;
 mod start;
 mod thickness;
 mod torn;
-mod vec3;
 mod voxels;
 
 pub use error::MeshError;
@@ -70,7 +69,7 @@ use cut::RawMesh;
 use error::{listed, place};
 use fields::LabelFields;
 use improve::{Bounds, Coarse, MOST_LABELS, Work};
-use monro_geometry::{Patient, Point, TetMesh, Volume};
+use monro_geometry::{Patient, Point, TetMesh, Volume, d3};
 use repair::Crumb;
 use report::Source;
 use size::SizeField;
@@ -298,7 +297,7 @@ impl Made {
 /// No solver takes an element without a volume, strict or not.
 fn not_inverted(mesh: &TetMesh) -> Result<(), MeshError> {
     let corners = |t: usize| mesh.corners(t).map(Point::to_array);
-    let bad = || (0..mesh.tets.len()).filter(|&t| vec3::volume6(corners(t)) <= 0.0);
+    let bad = || (0..mesh.tets.len()).filter(|&t| d3::volume6(corners(t)) <= 0.0);
     bad().next().map_or(Ok(()), |first| Err(MeshError::Inverted { count: bad().count(), at: corners(first)[0] }))
 }
 

@@ -2,8 +2,8 @@
 
 use super::cells::Cells;
 use super::fields::Field;
-use super::vec3::V3;
 use monro_geometry::by_point;
+use monro_geometry::d3::D3;
 
 /// Cells along the edge of a block.
 const BLOCK: usize = 8;
@@ -37,7 +37,7 @@ impl Nearby {
     }
 
     /// The parts that may not be zero at a point, in their order.
-    pub(super) fn at(&self, p: V3) -> &[u8] {
+    pub(super) fn at(&self, p: D3) -> &[u8] {
         let v = self.cells.coordinates(p);
         let [i, j, k] = std::array::from_fn(|a| (v[a] as usize / BLOCK).min(self.blocks[a] - 1));
         let block = (k * self.blocks[1] + j) * self.blocks[0] + i;

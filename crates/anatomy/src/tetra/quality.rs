@@ -1,6 +1,6 @@
 //! One number for the shape of a tetrahedron.
 
-use super::vec3::V3;
+use monro_geometry::d3::D3;
 use std::array::from_fn;
 
 /// Weight of the radius ratio: a quality of 0.426 stands for a sine of 25.2 degrees and for a radius ratio of 0.203, a little
@@ -17,20 +17,20 @@ pub(super) const TOGETHER: usize = 4;
 /// times the inscribed over the circumscribed radius); 0 or less for a flat or inverted element. The sine alone does not
 /// see needles, the radius ratio alone not single bad angles. A regular tetrahedron has 0.943.
 #[inline]
-pub(super) fn quality(corners: [V3; 4]) -> f64 {
+pub(super) fn quality(corners: [D3; 4]) -> f64 {
     let [q] = qualities(&corners.map(|p| p.map(|x| [x])));
     q
 }
 
 /// [`quality`] of [`TOGETHER`] tetrahedra, to the same bits.
 #[inline]
-pub(super) fn quality_of_all(tets: [[V3; 4]; TOGETHER]) -> [f64; TOGETHER] {
+pub(super) fn quality_of_all(tets: [[D3; 4]; TOGETHER]) -> [f64; TOGETHER] {
     qualities(&from_fn(|i| from_fn(|a| from_fn(|n| tets[n][i][a]))))
 }
 
 /// [`quality`] with the corner `k` moved by `h` along each axis.
 #[inline]
-pub(super) fn quality_beside(corners: [V3; 4], k: usize, h: f64) -> V3 {
+pub(super) fn quality_beside(corners: [D3; 4], k: usize, h: f64) -> D3 {
     let mut moved: [[Lanes<TOGETHER>; 3]; 4] = corners.map(|p| p.map(|x| [x; TOGETHER]));
     (0..3).for_each(|a| moved[k][a][a] += h);
     let [x, y, z, _] = qualities(&moved);
@@ -87,8 +87,8 @@ fn worst(volume6: f64, l: [f64; 6], [na, nb, nc, nd]: [f64; 4], r2: f64) -> f64 
 
 #[cfg(test)]
 mod tests {
-    use super::super::vec3;
     use super::*;
+    use monro_geometry::d3;
     use monro_geometry::{Point, TetMesh};
     use proptest::prelude::*;
 
@@ -114,7 +114,7 @@ mod tests {
             let s = 1e-3 * f64::from(i);
             [flat[0], on_a_line(0.0), on_a_line(s), on_a_line(3.0 * s)]
         }));
-        assert!(flats.iter().any(|f| vec3::volume6(*f) > 0.0));
+        assert!(flats.iter().any(|f| d3::volume6(*f) > 0.0));
         for f in flats {
             let all = [quality(f), quality_of_all([f; TOGETHER])[3], quality_beside(f, 0, 0.0)[0]];
             assert!(all.iter().all(|q| q.abs() < 1e-6), "{f:?}: {all:?}");
@@ -125,7 +125,7 @@ mod tests {
         #[test]
         fn the_sine_is_that_of_the_dihedral_angles(p in proptest::array::uniform12(-1.0..1.0f64)) {
             let mut t = [[p[0], p[1], p[2]], [p[3], p[4], p[5]], [p[6], p[7], p[8]], [p[9], p[10], p[11]]];
-            if vec3::volume6(t) < 0.0 { t.swap(0, 1); }
+            if d3::volume6(t) < 0.0 { t.swap(0, 1); }
             let mesh = TetMesh { vertices: t.map(Point::from_array).to_vec(), tets: vec![[0, 1, 2, 3]], labels: vec![0] };
             let q = mesh.quality(0);
             let sine = q.min_dihedral.sin().min(q.max_dihedral.sin());

@@ -1,13 +1,13 @@
 //! Whether a box holds some of the region, by sums over all cells below and before each one of a lattice.
 
-use super::vec3::V3;
+use monro_geometry::d3::D3;
 use monro_geometry::{Grid, Point};
 
 /// How many points of the region lie below and before each corner of a lattice's cells.
 #[derive(Debug, Clone)]
 pub(super) struct Region {
     /// Lowest corner and cell edge, mm.
-    low: V3,
+    low: D3,
     step: f64,
     /// Along each axis one more than the lattice has.
     dims: [usize; 3],
@@ -16,7 +16,7 @@ pub(super) struct Region {
 
 impl Region {
     /// Points in an even grid along the patient's axes; those outside of it are left out.
-    pub(super) fn new(grid: &Grid, points: impl Iterator<Item = V3>) -> Self {
+    pub(super) fn new(grid: &Grid, points: impl Iterator<Item = D3>) -> Self {
         let dims = grid.dims().map(|d| d + 1);
         let mut sums = vec![0u32; dims.iter().product()];
         let at = |[i, j, k]: [usize; 3]| i + dims[0] * (j + dims[1] * k);
@@ -34,7 +34,7 @@ impl Region {
     }
 
     /// Whether there is a point in a cell that the box from `low` to `high` touches.
-    pub(super) fn meets(&self, low: V3, high: V3) -> bool {
+    pub(super) fn meets(&self, low: D3, high: D3) -> bool {
         let bound = |x: f64, a: usize| (x.max(0.0) as usize).min(self.dims[a] - 1);
         let from: [usize; 3] = std::array::from_fn(|a| bound((low[a] - self.low[a]) / self.step, a));
         let to: [usize; 3] = std::array::from_fn(|a| bound((high[a] - self.low[a]) / self.step + 1.0, a));
@@ -61,8 +61,8 @@ mod tests {
         ) {
             let grid = Grid::axis_aligned([10; 3], [1.0; 3], [0.5; 3]).expect("grid");
             let region = Region::new(&grid, points.iter().copied());
-            let high: V3 = std::array::from_fn(|a| corner[a] + size[a]);
-            let touched = |p: &V3| (0..3).all(|a| p[a].floor() >= corner[a].floor() && p[a].floor() <= high[a].floor());
+            let high: D3 = std::array::from_fn(|a| corner[a] + size[a]);
+            let touched = |p: &D3| (0..3).all(|a| p[a].floor() >= corner[a].floor() && p[a].floor() <= high[a].floor());
             prop_assert_eq!(region.meets(corner, high), points.iter().any(touched));
         }
     }

@@ -3,8 +3,8 @@
 use super::adjacency::{FACES, Incidence, OUT, neighbours};
 use super::cut::{OUTSIDE, RawMesh, drop_outside};
 use super::lattice::PackedMap;
-use super::vec3::{V3, volume6};
 use monro_geometry::DisjointSets;
+use monro_geometry::d3::{D3, volume6};
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
@@ -24,14 +24,14 @@ pub(super) struct Crumb {
     /// Volume, mm3.
     pub(super) volume: f64,
     /// A corner of it, LPS mm.
-    pub(super) place: V3,
+    pub(super) place: D3,
 }
 
 /// Relabels the smaller part wherever a label (or what lies around it) meets itself in a point or edge only, and pieces
 /// of a label too small to matter: below `crumb` mm3 and a hundredth of the label.
 ///
 /// Returns the pieces given away.
-pub(super) fn repair(mesh: &mut RawMesh, labels: u8, crumb: f64, holds: impl Fn([V3; 4], u8) -> bool) -> Vec<Crumb> {
+pub(super) fn repair(mesh: &mut RawMesh, labels: u8, crumb: f64, holds: impl Fn([D3; 4], u8) -> bool) -> Vec<Crumb> {
     let mut r = Repair::new(mesh);
     let mut given = Vec::new();
     let mut points = Vec::new();
@@ -164,7 +164,7 @@ impl<'a> Repair<'a> {
 
     /// Joins pieces of a label, but the largest, to another of it through a few elements that `holds` some of the label: a
     /// thin part of which the cuts have left beads. Whether there were any.
-    fn bridge(&mut self, pieces: &Pieces, labels: u8, holds: impl Fn([V3; 4], u8) -> bool) -> bool {
+    fn bridge(&mut self, pieces: &Pieces, labels: u8, holds: impl Fn([D3; 4], u8) -> bool) -> bool {
         let roots = &pieces.roots;
         let mut of_labels: Vec<Vec<u32>> = vec![Vec::new(); usize::from(labels)];
         for (t, _) in (0u32..).zip(roots).filter(|(t, root)| t == *root && self.label(*t) != OUTSIDE) {
@@ -187,7 +187,7 @@ impl<'a> Repair<'a> {
     }
 
     /// The elements between a piece and another of its label, none where there is no short way.
-    fn way(&self, piece: &[u32], roots: &[u32], l: u8, holds: impl Fn([V3; 4], u8) -> bool) -> Vec<u32> {
+    fn way(&self, piece: &[u32], roots: &[u32], l: u8, holds: impl Fn([D3; 4], u8) -> bool) -> Vec<u32> {
         let own = roots[piece[0] as usize];
         let mut before: BTreeMap<u32, u32> = piece.iter().map(|&t| (t, t)).collect();
         let mut edge = piece.to_vec();
@@ -214,7 +214,7 @@ impl<'a> Repair<'a> {
     }
 
     /// Whether an element `holds` some of a label.
-    fn held(&self, t: u32, l: u8, holds: impl Fn([V3; 4], u8) -> bool) -> bool {
+    fn held(&self, t: u32, l: u8, holds: impl Fn([D3; 4], u8) -> bool) -> bool {
         let key = u64::from(t) << 8 | u64::from(l);
         let mut known = self.held.borrow_mut();
         *known.entry(key).or_insert_with(|| holds(self.mesh.corners(self.mesh.tets[t as usize]), l))
@@ -435,7 +435,7 @@ mod tests {
         });
         let mut mesh = RawMesh { points: points.collect(), tets: Vec::new(), labels: vec![1, 0, 0, 1] };
         mesh.tets = (0..4u32).map(|i| [i, i + 1, i + 2, i + 3]).collect();
-        let bridge = |mesh: &mut RawMesh, holds: fn([V3; 4], u8) -> bool| {
+        let bridge = |mesh: &mut RawMesh, holds: fn([D3; 4], u8) -> bool| {
             let mut repair = Repair::new(mesh);
             let pieces = repair.label_pieces();
             repair.bridge(&pieces, 2, holds)

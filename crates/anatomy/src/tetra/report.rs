@@ -5,12 +5,12 @@ use super::fields::LabelFields;
 use super::size::SizeField;
 use super::solid::Solid;
 use super::torn::Torn;
-use super::vec3::{V3, add, scale};
 use super::voxels::{Voxels, centre};
 use super::{Crumb, MeshOptions, difference, place, remarks};
 use crate::shapes::ShapeSummary;
 use crate::surface::even::Extent;
 use crate::surface::isosurface;
+use monro_geometry::d3::{D3, add, scale};
 use monro_geometry::{Bvh, Overlap, Patient, Point, SelfCrossing, TetLocator, TetMesh, TriangleMesh};
 use rayon::prelude::*;
 use std::fmt;
@@ -257,7 +257,7 @@ pub(super) struct Source<'a, T> {
 
 impl<T> Source<'_, T> {
     /// Edge of the elements wanted at a point, mm.
-    pub(super) fn edge(&self, p: V3) -> f64 {
+    pub(super) fn edge(&self, p: D3) -> f64 {
         self.size.edge(p, self.finest)
     }
 }
@@ -411,7 +411,7 @@ fn without_specks(
         *middle = add(*middle, centroid(corners).to_array());
         *n += 1;
     }
-    let stays = |&(sum, middle, n): &(f64, V3, usize)| {
+    let stays = |&(sum, middle, n): &(f64, D3, usize)| {
         sum.abs() >= volume || is_voxels(Point::from_array(scale(middle, 1.0 / n.max(1) as f64)), sum > 0.0)
     };
     let stays: Vec<bool> = pieces.iter().map(stays).collect();
@@ -428,7 +428,7 @@ fn distances<T>(a: &TriangleMesh, b: &TriangleMesh, source: &Source<'_, T>) -> O
 }
 
 /// From the vertices and centroids of one surface to the other: the mean and the largest distance, and where that is.
-fn one_way(from: &TriangleMesh, to: &TriangleMesh) -> Option<(f64, f64, V3)> {
+fn one_way(from: &TriangleMesh, to: &TriangleMesh) -> Option<(f64, f64, D3)> {
     let count = from.vertices.len() + from.triangles.len();
     let stride = count.div_ceil(SAMPLES).max(1);
     let point = |i: usize| match from.vertices.get(i) {

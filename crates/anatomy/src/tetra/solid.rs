@@ -2,8 +2,8 @@
 
 use super::cells::Cells;
 use super::fields::LabelFields;
-use super::vec3::V3;
 use monro_geometry::Volume;
+use monro_geometry::d3::D3;
 
 /// The cells of a field's lattice at all eight corners of which its values are of one kind, and so everywhere between.
 pub(super) struct Solid {
@@ -38,7 +38,7 @@ impl Solid {
     }
 
     /// Whether `p` is in such a cell; elsewhere it may be alike.
-    pub(super) fn holds(&self, p: V3) -> bool {
+    pub(super) fn holds(&self, p: D3) -> bool {
         self.cells.find(p).is_some_and(|(at, _)| self.solid[at])
     }
 }

@@ -7,7 +7,7 @@ use super::lattice;
 use super::octree::Octree;
 use super::size::SizeField;
 use super::thickness::Thin;
-use super::vec3::V3;
+use monro_geometry::d3::D3;
 use std::cell::{Cell, RefCell};
 
 /// Cell edge of a body-centred lattice over its mean tetrahedron edge (six long edges and eight of sqrt(3)/2 at a point).
@@ -58,7 +58,7 @@ pub(super) struct Start {
     /// How many elements it has but for those along the path, at a guess.
     counted: f64,
     /// Where its cells are smaller than wanted elsewhere because of thin parts, and the edges there.
-    pub(super) bounds: Vec<(V3, f64)>,
+    pub(super) bounds: Vec<(D3, f64)>,
     pub(super) lattice_edge: f64,
     pub(super) finest: f64,
 }
@@ -184,7 +184,7 @@ fn edge_for(size: &SizeField, count: f64, cell: impl Fn(f64, f64) -> f64) -> f64
 pub(super) struct Grown {
     pub(super) tree: Tree,
     /// Where its cells are smaller because of thin parts, and the edges there.
-    bounds: Vec<(V3, f64)>,
+    bounds: Vec<(D3, f64)>,
     /// How many cells were split for the path alone.
     along: usize,
 }
@@ -200,7 +200,7 @@ impl Grown {
         let levels = levels + thin;
         let unit = 0.5 * cell / f64::from(1u32 << thin);
         let span = f64::from(2u32 << levels) * unit;
-        let origin: V3 = std::array::from_fn(|a| 0.5 * (low[a] + high[a] - span));
+        let origin: D3 = std::array::from_fn(|a| 0.5 * (low[a] + high[a] - span));
         let (bounds, along) = (RefCell::new(Vec::new()), Cell::new(0));
         let [least, most] = STEPS_OVER;
         let steps_over = SPLIT * finest * (most * (USUAL_GROWTH / size.growth()).powi(2)).clamp(least, most);
@@ -235,7 +235,7 @@ impl Grown {
 pub(super) struct Tree {
     tree: Octree,
     /// Lowest corner and unit, mm.
-    origin: V3,
+    origin: D3,
     unit: f64,
 }
 
@@ -243,7 +243,7 @@ impl Tree {
     /// The lattice over the tree, cut along all surfaces.
     pub(super) fn cut(&self, thin_parts: &Thin, fields: &LabelFields) -> RawMesh {
         let lattice = lattice::lattice(&self.tree);
-        let mut points: Vec<V3> =
+        let mut points: Vec<D3> =
             lattice.points.iter().map(|p| placed(self.origin, self.unit, p.map(f64::from))).collect();
         let stay = draw::draw(&mut points, &lattice.tets, thin_parts, fields);
         cut_all(points, lattice.tets, stay, fields)
@@ -251,6 +251,6 @@ impl Tree {
 }
 
 /// Where a place of the tree is, mm.
-fn placed(origin: V3, unit: f64, p: V3) -> V3 {
+fn placed(origin: D3, unit: f64, p: D3) -> D3 {
     std::array::from_fn(|a| origin[a] + p[a] * unit)
 }

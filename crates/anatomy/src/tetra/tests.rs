@@ -148,7 +148,7 @@ impl Cells {
     }
 
     fn nearest(&self, p: [f64; 3]) -> usize {
-        let off = |i: &usize| vec3::distance(self.site(*i), p);
+        let off = |i: &usize| d3::distance(self.site(*i), p);
         (0..self.sites).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0)
     }
 
@@ -171,11 +171,11 @@ fn the_largest_label_turned_up_where_others_meet_far_from_it() {
     // Where three or four cells met, rounding left elements to the largest, up to its whole distance off.
     let cells = Cells { n: 54, sites: 20 };
     let (mesh, _) = mesh(&cells.labels(), &MeshOptions::new(&cells.keep(), &[1], 20_677)).expect("mesh");
-    let middle = |t: usize| mesh.corners(t).iter().fold([0.0; 3], |s, p| vec3::add(s, vec3::scale(p.to_array(), 0.25)));
+    let middle = |t: usize| mesh.corners(t).iter().fold([0.0; 3], |s, p| d3::add(s, d3::scale(p.to_array(), 0.25)));
     // How much nearer to another point than to its own.
     let off = |t: usize| {
         let (p, own) = (middle(t), usize::from(mesh.labels[t]) - 1);
-        vec3::distance(cells.site(own), p) - vec3::distance(cells.site(cells.nearest(p)), p)
+        d3::distance(cells.site(own), p) - d3::distance(cells.site(cells.nearest(p)), p)
     };
     let most = (0..mesh.tets.len()).map(off).fold(0.0, f64::max);
     assert!(most < 4.0, "{most}");
@@ -231,8 +231,8 @@ fn where_labels_meet_thin_wedges_left_something_to_the_largest_one_far_off() {
     let grid = fields.union.volume().grid();
     // More than the reach of the smoothing from the last one.
     let far = |p: [f64; 3]| {
-        let other = vec3::distance(cells.site(cells.nearest(p)), p);
-        vec3::distance(cells.site(last), p) - other > 8.0
+        let other = d3::distance(cells.site(cells.nearest(p)), p);
+        d3::distance(cells.site(last), p) - other > 8.0
     };
     let places = (0..grid.len()).map(|at| grid.voxel(at)).map(|[i, j, k]| grid.centre(i, j, k).to_array());
     let rest: Vec<f64> = places.filter(|&p| far(p) && fields.union.at(p) > 0.5).map(|p| fields.rest(p)).collect();
@@ -258,7 +258,7 @@ fn strong_growth_of_edges_stepped_over_what_is_fine() {
     let size = SizeField::new(&fields, &[of], &options).expect("size");
     for finest in [1.0, 2.0, 3.0] {
         let raw = Grown::new(&fields, &size, &Thin::none(), finest).tree.cut(&Thin::none(), &fields);
-        let volume = |t: &[u32; 4]| vec3::volume6(t.map(|v| raw.points[v as usize])) / 6.0;
+        let volume = |t: &[u32; 4]| d3::volume6(t.map(|v| raw.points[v as usize])) / 6.0;
         let own = raw.tets.iter().zip(&raw.labels).filter(|(_, l)| usize::from(**l) == of);
         let found: f64 = own.map(|(t, _)| volume(t)).sum();
         assert!(

@@ -1,8 +1,8 @@
 //! Where labels are thin: a lattice sees nothing thinner than its cells.
 
 use super::fields::LabelFields;
-use super::vec3::V3;
 use crate::surface::distance::squared_distance;
+use monro_geometry::d3::D3;
 use monro_geometry::{Volume, by_point};
 use rayon::prelude::*;
 
@@ -34,7 +34,7 @@ pub(super) struct Thin {
 impl Thin {
     /// Thin parts of the labels in `fine` where edges are `finest` mm.
     pub(super) fn new(fields: &LabelFields, fine: &[usize], finest: f64) -> Self {
-        let mut middles: Vec<(u8, V3)> = Vec::new();
+        let mut middles: Vec<(u8, D3)> = Vec::new();
         for &l in fine {
             if let Some(part) = fields.parts.get(l) {
                 each_middle(part.volume(), fields.step, finest, |p| middles.push((l as u8, p)));
@@ -51,12 +51,12 @@ impl Thin {
 
     /// Whether a lattice with a cell of edge `cube` around `centre` would not see a thin part there: of the corners of the
     /// element around one of its middles too few lie in the part.
-    pub(super) fn is_unseen(&self, fields: &LabelFields, centre: V3, cube: f64) -> bool {
+    pub(super) fn is_unseen(&self, fields: &LabelFields, centre: D3, cube: f64) -> bool {
         if cube < self.least {
             return false;
         }
         let corners = if cube > EASY * self.least { 2 } else { 1 };
-        let is_seen = |l: u8, p: V3| {
+        let is_seen = |l: u8, p: D3| {
             let part = fields.parts.get(usize::from(l));
             part.is_none_or(|part| {
                 element(p, centre, cube).into_iter().filter(|&c| part.at(c) >= 0.5).count() >= corners
@@ -67,7 +67,7 @@ impl Thin {
     }
 
     /// The middles in a box, each with its label; none in one that is large, which lies away from what is fine.
-    pub(super) fn within(&self, low: V3, high: V3) -> impl Iterator<Item = (u8, V3)> + '_ {
+    pub(super) fn within(&self, low: D3, high: D3) -> impl Iterator<Item = (u8, D3)> + '_ {
         let is_large = (0..3).any(|a| high[a] - low[a] > self.largest);
         (!is_large).then(|| self.middles.within(low, high)).into_iter().flatten()
     }
@@ -82,17 +82,17 @@ struct Middles {
     dims: [usize; 3],
     /// Where the points of each cube begin, the last axis fastest.
     starts: Vec<u32>,
-    points: Vec<(u8, V3)>,
+    points: Vec<(u8, D3)>,
 }
 
 impl Middles {
-    fn new(points: &[(u8, V3)], block: f64) -> Self {
-        let of = |p: V3| p.map(|x| (x / block).floor() as i64);
+    fn new(points: &[(u8, D3)], block: f64) -> Self {
+        let of = |p: D3| p.map(|x| (x / block).floor() as i64);
         let bound = |a: usize| points.iter().map(move |&(_, p)| of(p)[a]);
         let first: [i64; 3] = std::array::from_fn(|a| bound(a).min().unwrap_or(0));
         let dims = std::array::from_fn(|a| bound(a).max().map_or(0, |last| (last - first[a] + 1) as usize));
         let mut middles = Self { block, first, dims, starts: vec![0], points: Vec::new() };
-        let cube = |p: V3| middles.cube(std::array::from_fn(|a| (of(p)[a] - first[a]) as usize)) as u32;
+        let cube = |p: D3| middles.cube(std::array::from_fn(|a| (of(p)[a] - first[a]) as usize)) as u32;
         let (starts, sorted) = by_point(points.iter().map(|&(l, p)| (cube(p), (l, p))), dims.iter().product());
         (middles.starts, middles.points) = (starts, sorted);
         middles
@@ -103,7 +103,7 @@ impl Middles {
     }
 
     /// The points in a box.
-    fn within(&self, low: V3, high: V3) -> impl Iterator<Item = (u8, V3)> + '_ {
+    fn within(&self, low: D3, high: D3) -> impl Iterator<Item = (u8, D3)> + '_ {
         let end = |x: f64, a: usize, more: i64| {
             ((x / self.block).floor() as i64 - self.first[a] + more).clamp(0, self.dims[a] as i64) as usize
         };
@@ -118,8 +118,8 @@ impl Middles {
 
 /// The corners of the element around a point of a cell, in an even body-centred lattice: the centres of the cell and of the
 /// one behind the nearest face, and the ends of the face's nearest edge.
-fn element(p: V3, centre: V3, cube: f64) -> [V3; 4] {
-    let d: V3 = std::array::from_fn(|a| p[a] - centre[a]);
+fn element(p: D3, centre: D3, cube: f64) -> [D3; 4] {
+    let d: D3 = std::array::from_fn(|a| p[a] - centre[a]);
     let mut axes = [0, 1, 2];
     axes.sort_by(|&a, &b| d[b].abs().total_cmp(&d[a].abs()));
     let [face, edge, along] = axes;
@@ -134,7 +134,7 @@ fn element(p: V3, centre: V3, cube: f64) -> [V3; 4] {
 }
 
 /// Medial cells by the maximal-ball test (no neighbour's inscribed ball holds theirs) that stand out of what is thick enough.
-fn each_middle(field: &Volume<f32>, step: f64, finest: f64, mut found: impl FnMut(V3)) {
+fn each_middle(field: &Volume<f32>, step: f64, finest: f64, mut found: impl FnMut(D3)) {
     let dims = field.grid().dims();
     let depth = |sites: &[bool]| {
         let mut d = squared_distance(sites, dims, [step; 3]);
@@ -209,7 +209,7 @@ fn sweep(row: &mut [f32], bound: &[f32], rise: f32, backwards: bool) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tetra::vec3::volume6;
+    use monro_geometry::d3::volume6;
     use monro_geometry::{Grid, Volume as Labels};
     use proptest::prelude::*;
 

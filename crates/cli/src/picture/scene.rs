@@ -2,6 +2,7 @@
 
 use super::camera::Camera;
 use super::{Colour, Image};
+use monro_geometry::d3::{cross, dot, norm, sub};
 use monro_geometry::{TriangleMesh, Vector};
 use rayon::prelude::*;
 
@@ -180,7 +181,7 @@ impl Brush<'_> {
         let head_on = -facing[2];
         // Blinn and Phong's half vector between light and viewer.
         let half = [LIGHT[0], LIGHT[1], LIGHT[2] - 1.0];
-        let gloss = (dot(facing, half) / dot(half, half).sqrt()).max(0.0).powi(40);
+        let gloss = (dot(facing, half) / norm(half)).max(0.0).powi(40);
         let shade = 0.28 + 0.55 * diffuse + 0.2 * head_on;
         let edge = self.facet.is_some() && w.iter().any(|v| v * area.abs().sqrt() < 0.7);
         let base = self.facet.unwrap_or(self.body.colour).0.map(|v| f64::from(v) * if edge { 0.45 } else { 1.0 });
@@ -192,10 +193,6 @@ impl Brush<'_> {
     }
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 fn mixed(corners: &[Seen; 3], w: [f64; 3]) -> [f64; 3] {
     let n: [f64; 3] = core::array::from_fn(|a| (0..3).map(|i| corners[i].normal[a] * w[i]).sum());
     unit(n)
@@ -204,12 +201,11 @@ fn mixed(corners: &[Seen; 3], w: [f64; 3]) -> [f64; 3] {
 fn flat_normal(corners: &[Seen; 3]) -> [f64; 3] {
     let [a, b, c] = corners.map(|v| v.at);
     // Depth is in mm and the rest in pixels; the shading only needs to tell facets apart.
-    let (u, v): ([f64; 3], [f64; 3]) = (core::array::from_fn(|i| b[i] - a[i]), core::array::from_fn(|i| c[i] - a[i]));
-    unit([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+    unit(cross(sub(b, a), sub(c, a)))
 }
 
 fn unit(n: [f64; 3]) -> [f64; 3] {
-    let length = dot(n, n).sqrt();
+    let length = norm(n);
     if length > 0.0 { n.map(|v| v / length) } else { [0.0, 0.0, -1.0] }
 }
 

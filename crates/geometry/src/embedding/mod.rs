@@ -8,6 +8,7 @@ pub use binder::{Binder, BoundChunk};
 pub use locator::{Located, NearestFace, TetLocator};
 pub use overlap::Overlap;
 
+use crate::d3::{cross, dot, norm, sub};
 use crate::{Patient, Point, TetMesh, TetMeshError};
 use thiserror::Error;
 
@@ -180,24 +181,15 @@ impl Embedding {
     }
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
 fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
-    let n = dot(a, a).sqrt();
+    let n = norm(a);
     (n > 1e-30).then(|| a.map(|x| x / n))
 }
 
 /// Orthonormal axes of a triangle: along its first edge, in its plane, along its normal.
 fn face_frame([a, b, c]: [[f64; 3]; 3]) -> Option<[[f64; 3]; 3]> {
-    let edge = |p: [f64; 3]| [p[0] - a[0], p[1] - a[1], p[2] - a[2]];
-    let along = unit(edge(b))?;
-    let normal = unit(cross(edge(b), edge(c)))?;
+    let along = unit(sub(b, a))?;
+    let normal = unit(cross(sub(b, a), sub(c, a)))?;
     Some([along, cross(normal, along), normal])
 }
 

@@ -16,8 +16,7 @@ use crate::Material;
 use crate::membrane::Membranes;
 use crate::model::Region;
 use crate::vec3::xyz;
-
-pub(crate) type D3 = [f64; 3];
+use monro_geometry::d3::{D3, cross, dot, sub};
 
 /// Volume of an element and its gradient by the corners.
 type Shape = (f64, [D3; 4]);
@@ -77,18 +76,6 @@ pub(crate) struct Tangent {
     pub(crate) pressure: Vec<f64>,
     /// The part of it that is the mean of what its patches have: by each patch's volume.
     pub(super) volumetric: Vec<f64>,
-}
-
-pub(crate) fn sub(a: D3, b: D3) -> D3 {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-pub(crate) fn cross(a: D3, b: D3) -> D3 {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(crate) fn dot(a: D3, b: D3) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// An element with less than this share of its volume at rest has none: what is left may be rounding.

@@ -7,12 +7,13 @@
 //! of the angles at rest as weights (Pinkall and Polthier 1993); all else acts through the area. Out of its plane the two
 //! cancel at rest: a slack membrane resists there only by what it is stretched.
 
-use super::elastic::{D3, add_outer, cross, dot, sub};
+use super::elastic::add_outer;
 use crate::bytes;
 use crate::material::ThinMembrane;
 use crate::membrane::{Membrane, Membranes, OUTSIDE};
 use crate::model::Region;
 use crate::vec3::{V3, xyz};
+use monro_geometry::d3::{D3, cross, dot, norm, sub};
 
 /// A triangle below this share of its area at rest has no plane to act in.
 const COLLAPSED: f64 = 1e-9;
@@ -70,7 +71,7 @@ impl Area {
     /// `None` where it is no more than `least`.
     fn of(x: &[D3; 3], least: f64) -> Option<Self> {
         let n = cross(sub(x[1], x[0]), sub(x[2], x[0]));
-        let twice = dot(n, n).sqrt();
+        let twice = norm(n);
         let normal = n.map(|v| v / twice);
         let by = edges(x).map(|e| cross(normal, e).map(|v| 0.5 * v));
         (0.5 * twice > least).then_some(Self { area: 0.5 * twice, normal, by })
@@ -81,7 +82,7 @@ impl Film {
     fn new(nodes: [u32; 3], rest: &[D3], of: &ThinMembrane) -> Self {
         let x = nodes.map(|n| rest[n as usize]);
         let n = cross(sub(x[1], x[0]), sub(x[2], x[0]));
-        let area = 0.5 * dot(n, n).sqrt();
+        let area = 0.5 * norm(n);
         let e = edges(&x);
         let half_cot = core::array::from_fn(|k| -dot(e[(k + 1) % 3], e[(k + 2) % 3]) / (4.0 * area));
         let shear = of.young_kpa / (2.0 * (1.0 + of.poisson)) * of.thickness_mm;

@@ -1,7 +1,8 @@
 //! Products with the Hessian of the elastic energy, on several threads: what a static solution spends most of its time on.
 
-use super::elastic::{D3, Elastic, Tangent, dot, gradient_change, scatter};
+use super::elastic::{Elastic, Tangent, gradient_change, scatter};
 use crate::fast::Pool;
+use monro_geometry::d3::{D3, dot};
 
 /// Pieces of the elements and of the nodes, whatever the number of threads: so that sums come out the same.
 const PIECES: usize = 4;

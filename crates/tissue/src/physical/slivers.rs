@@ -1,8 +1,9 @@
 //! Where vertices must not go beyond their minimum.
 
-use super::elastic::{D3, Elastic, dot, sub};
+use super::elastic::Elastic;
 use crate::volumes::regular_edge;
 use monro_geometry::TET_EDGES;
+use monro_geometry::d3::{D3, dot, sub};
 
 /// An element is a sliver when a regular one of its volume has edges shorter than this share of its own (their root mean
 /// square). It has a fifth of the volume that it would have if it were regular.

@@ -2,8 +2,9 @@
 
 use super::loads::Loads;
 use super::{StaticError, StaticProblem};
-use crate::physical::elastic::{D3, Elastic};
+use crate::physical::elastic::Elastic;
 use monro_geometry::DisjointSets;
+use monro_geometry::d3::D3;
 
 /// A load on rigid motions over all loads that is rounding.
 const ROUNDING: f64 = 1e-6;

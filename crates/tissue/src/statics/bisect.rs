@@ -161,6 +161,7 @@ mod tests {
     use super::*;
     use crate::membrane;
     use crate::model::tests::block;
+    use monro_geometry::d3::{cross, norm, sub};
 
     fn fine() -> Fine {
         let mesh = block([2, 2, 2], 4.0);
@@ -180,9 +181,7 @@ mod tests {
     }
 
     fn half_cross([a, b, c]: [P; 3]) -> f64 {
-        let (u, v): (P, P) = (core::array::from_fn(|i| b[i] - a[i]), core::array::from_fn(|i| c[i] - a[i]));
-        let n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-        0.5 * n.iter().map(|x| x * x).sum::<f64>().sqrt()
+        0.5 * norm(cross(sub(b, a), sub(c, a)))
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::Support;
 use super::bisect::{Cuts, P};
 use super::loads::area;
 use super::patches::{Held, all, edges, held_edges};
-use crate::physical::elastic::dot;
+use monro_geometry::d3::dot;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Cosine of the largest angle between two neighbouring faces of one patch of the surface (45 degrees).

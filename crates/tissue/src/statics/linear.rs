@@ -2,7 +2,7 @@
 
 use super::direct::{Factored, System};
 use super::newton::{Point, Problem, inner, longest, shift};
-use crate::physical::elastic::D3;
+use monro_geometry::d3::D3;
 use std::sync::Arc;
 
 /// A Newton system on the way to its solution.

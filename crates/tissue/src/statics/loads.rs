@@ -4,7 +4,8 @@ use super::refine::distance;
 use super::{EmbeddedRod, StaticError, StaticProblem};
 use crate::Model;
 use crate::membrane::OUTSIDE;
-use crate::physical::elastic::{D3, Elastic, cross, dot, scatter, sub};
+use crate::physical::elastic::{Elastic, scatter};
+use monro_geometry::d3::{D3, cross, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What is unsymmetric in a pressure's derivative is nothing below this share of the tissue's stiffness.
@@ -152,7 +153,7 @@ impl Loads {
 
     /// Sum of the sizes of all loads, mN.
     pub(super) fn sum(&self, x: &[D3]) -> f64 {
-        let size = |f: D3| dot(f, f).sqrt();
+        let size = |f: D3| norm(f);
         let pushed = self.pushed.iter().map(|(t, kpa)| kpa.abs() * size(area(t.map(|n| x[n as usize]))));
         self.dead.iter().map(|f| size(*f)).sum::<f64>() + pushed.sum::<f64>()
     }

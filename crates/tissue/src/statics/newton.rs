@@ -6,8 +6,9 @@ use super::loads::Loads;
 use super::overlap::Sphere;
 use super::sphere::Spheres;
 use super::{StaticOptions, Stop};
-use crate::physical::elastic::{D3, Elastic, Tangent, dot, sub, volume_gradient};
+use crate::physical::elastic::{Elastic, Tangent, volume_gradient};
 use crate::physical::products::Products;
+use monro_geometry::d3::{D3, dot, norm, sub};
 
 /// Tolerance on the way; only the end must be exact.
 const LOOSE: f64 = 1e-2;
@@ -442,7 +443,7 @@ impl Problem<'_> {
         let sum: D3 = core::array::from_fn(|a| free.iter().map(|g| g[a]).sum());
         let pushed: f64 = contacts.iter().map(|f| dot(*f, *f).sqrt()).sum();
         let loads = self.loads.sum(&at.x) + pushed;
-        if loads > 0.0 { dot(sum, sum).sqrt() / loads } else { 0.0 }
+        if loads > 0.0 { norm(sum) / loads } else { 0.0 }
     }
 
     pub(super) fn product(&mut self, at: &Point, d: &[D3], out: &mut Vec<D3>) {

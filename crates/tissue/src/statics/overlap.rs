@@ -3,7 +3,8 @@
 use super::{Overlap, SphereContact, StaticError, StaticSolution};
 use crate::Model;
 use crate::membrane::OUTSIDE;
-use crate::physical::elastic::{D3, Elastic};
+use crate::physical::elastic::Elastic;
+use monro_geometry::d3::D3;
 use monro_geometry::{Point, nearest_on_triangle};
 
 /// How far the tissue may reach into a sphere, over its radius: more than flat faces do between vertices on the sphere.

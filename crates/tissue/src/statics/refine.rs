@@ -3,10 +3,9 @@
 use super::bisect::{Cuts, Fine, P, key};
 use super::held::{self, Before};
 use super::overlap::apart;
-use super::sphere::{axpy, norm};
 use super::{Coarse, EmbeddedRod, SphereContact, StaticProblem};
 use crate::membrane;
-use crate::physical::elastic::sub;
+use monro_geometry::d3::{axpy, norm, sub};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -2,7 +2,8 @@
 
 use crate::Model;
 use crate::membrane::OUTSIDE;
-use crate::physical::elastic::{D3, Elastic, dot};
+use crate::physical::elastic::Elastic;
+use monro_geometry::d3::{D3, norm};
 
 /// Penalty over Young's modulus, per length of an edge.
 const PENALTY: f64 = 10.0;
@@ -72,7 +73,7 @@ pub(super) fn all(model: &Model, elastic: &Elastic, support: &[Hold]) -> Vec<Sit
     for face in model.membranes.faces.iter().filter(|m| m.outer == OUTSIDE) {
         let [a, b, c] = face.nodes.map(|n| elastic.rest[n as usize]);
         let size = super::loads::area([a, b, c]);
-        let size = dot(size, size).sqrt();
+        let size = norm(size);
         let modulus = model.regions[face.inner as usize].material.young_kpa;
         for &n in &face.nodes {
             area[n as usize] += size / 3.0;

@@ -11,7 +11,8 @@
 use super::StaticProblem;
 use super::site::{self, Hold, Site};
 use crate::Model;
-use crate::physical::elastic::{D3, Elastic, dot, sub};
+use crate::physical::elastic::Elastic;
+use monro_geometry::d3::{D3, axpy, dot, norm, sub};
 
 /// What may still reach in, over the radius of the sphere,
 const REACH: f64 = 1e-4;
@@ -60,14 +61,6 @@ struct Touch {
     slid: f64,
     /// Largest shear traction, kPa.
     limit: f64,
-}
-
-pub(super) fn norm(a: D3) -> f64 {
-    dot(a, a).sqrt()
-}
-
-pub(super) fn axpy(a: D3, s: f64, b: D3) -> D3 {
-    core::array::from_fn(|k| a[k] + s * b[k])
 }
 
 impl Touch {

@@ -1,8 +1,7 @@
 //! What a solve tells.
 
 use super::StaticError;
-use super::sphere::axpy;
-use crate::physical::elastic::{cross, sub};
+use monro_geometry::d3::{axpy, cross, sub};
 use monro_geometry::{Patient, Point, Vector};
 use std::collections::BTreeMap;
 

@@ -6,7 +6,7 @@
 
 use super::linear::{Conditioner, Unsolved};
 use super::newton::{Point, Problem, inner, longest, shift, shifted};
-use crate::physical::elastic::D3;
+use monro_geometry::d3::D3;
 
 /// Most iterations for one Newton step.
 const MOST: u32 = 4000;

@@ -3,10 +3,10 @@
 //! of which the largest made up for what the small ones lost.
 
 use super::super::bodies::{Body, ends};
-use super::super::vec3::{V3, cross, dot, sub, volume6};
 use super::relax::Pair;
 use super::work::{DEAD, Work};
 use monro_geometry::DisjointSets;
+use monro_geometry::d3::{D3, cross, dot, sub, volume6};
 use std::collections::BTreeMap;
 
 /// Labels, and after them the other bodies, each numbered as one.
@@ -64,7 +64,7 @@ impl Bodies {
 }
 
 /// Volume within faces seen from outside, mm3; negative where they are seen from within.
-fn volume(faces: &[[u32; 3]], points: &[V3]) -> f64 {
+fn volume(faces: &[[u32; 3]], points: &[D3]) -> f64 {
     let from = faces.first().map_or([0.0; 3], |f| points[f[0] as usize]);
     let of = |f: &[u32; 3]| {
         let [a, b, c] = f.map(|v| sub(points[v as usize], from));

@@ -1,8 +1,8 @@
 //! Merging points that are closer than wanted.
 
 use super::super::size::SizeField;
-use super::super::vec3::distance;
 use super::work::Work;
+use monro_geometry::d3::distance;
 
 /// Rounds at most.
 const ROUNDS: usize = 8;

@@ -1,9 +1,9 @@
 //! Merging a point into a neighbour.
 
-use super::super::vec3::{add, distance, scale};
 use super::mask::Mask;
 use super::ring::{LONGEST, Ring};
 use super::work::Work;
+use monro_geometry::d3::{add, distance, scale};
 use monro_geometry::{Point, nearest_on_triangle};
 
 /// Longer rings than this are not collapsed (their link would have to be stored).

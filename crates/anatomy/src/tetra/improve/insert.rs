@@ -1,9 +1,9 @@
 //! New points in the few elements that nothing else betters.
 
-use super::super::vec3::{add, distance, scale};
 use super::ring::Ring;
 use super::work::Work;
 use super::{EDGES, ROOMY};
+use monro_geometry::d3::{add, distance, scale};
 
 /// It is tried for so many elements at most, fewer where so many elements would be copied: each try keeps a copy of the mesh.
 const MOST: usize = 24;

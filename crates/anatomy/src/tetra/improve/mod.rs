@@ -17,9 +17,9 @@ mod volume;
 mod work;
 
 use super::adjacency::EDGES;
-use super::vec3::distance;
 pub(super) use coarsen::Coarse;
 pub(super) use mask::MOST_LABELS;
+use monro_geometry::d3::distance;
 pub(super) use volume::{Bounds, GOOD};
 pub(super) use work::Work;
 

@@ -4,10 +4,10 @@
 //! move a little; so is the middle of an edge that cuts a corner. Here it is moved first, whatever becomes of the elements,
 //! then these are bettered, and all is taken back where they do not become good.
 
-use super::super::vec3::{V3, add, scale, sub};
 use super::RESORT;
 use super::split::Sag;
 use super::work::Work;
+use monro_geometry::d3::{D3, add, scale, sub};
 
 /// Points further off than this part of a cell of the fields, and than that part of the mean edge around them, are moved;
 const FAR_POINT: [f64; 2] = [0.5, 0.15];
@@ -26,7 +26,7 @@ struct Patch {
     near: Vec<u32>,
     /// These and their neighbours, and where they were.
     points: Vec<u32>,
-    before: Vec<V3>,
+    before: Vec<D3>,
     /// Elements may become as bad as this.
     floor: f64,
 }
@@ -64,7 +64,7 @@ impl Work<'_> {
         }
     }
 
-    fn pull_point(&mut self, v: u32, place: V3, way: f64) -> bool {
+    fn pull_point(&mut self, v: u32, place: D3, way: f64) -> bool {
         let patch = self.patch(&[v]);
         let from = self.points[v as usize];
         self.put(v, add(from, scale(sub(place, from), way)));
@@ -133,7 +133,7 @@ impl Work<'_> {
     }
 
     /// Puts a point somewhere, whatever becomes of its elements.
-    fn put(&mut self, v: u32, p: V3) {
+    fn put(&mut self, v: u32, p: D3) {
         self.points[v as usize] = p;
         for i in 0..self.stars[v as usize].len() {
             let t = self.stars[v as usize][i] as usize;
@@ -149,7 +149,7 @@ mod tests {
     use crate::tetra::fields::LabelFields;
     use crate::tetra::size::SizeField;
     use crate::tetra::start::to_count;
-    use crate::tetra::vec3::distance;
+    use monro_geometry::d3::distance;
     use monro_geometry::{Grid, Volume};
 
     /// A ball of 12 mm in voxels of 1 mm.
@@ -171,7 +171,7 @@ mod tests {
     }
 
     /// Elements that are there, in order, with the places of their corners.
-    fn elements(work: &Work<'_>) -> Vec<([u32; 4], [V3; 4], f64)> {
+    fn elements(work: &Work<'_>) -> Vec<([u32; 4], [D3; 4], f64)> {
         let alive = (0..work.tets.len()).filter(|&t| work.is_alive(t as u32));
         let mut all: Vec<_> = alive.map(|t| (work.tets[t], work.corners(work.tets[t]), work.quality[t])).collect();
         all.sort_by_key(|e| e.0);

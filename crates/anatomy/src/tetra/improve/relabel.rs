@@ -4,9 +4,9 @@
 //! flipped away like any other, and a flat one changes neither the shape nor the volume of the labels to speak of.
 
 use super::super::adjacency::{EDGES, FACES};
-use super::super::vec3::{V3, cross, distance, dot, sub};
 use super::mask::Mask;
 use super::work::Work;
+use monro_geometry::d3::{D3, cross, distance, dot, norm, sub};
 
 /// What is on the other side of a face.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -141,7 +141,7 @@ impl Work<'_> {
 
 /// How far a surface moves at most where an element passes from one side of it to the other, over the element's longest edge:
 /// between its faces `on` the surface, one to three, and the others. Faces are numbered by their opposite corners.
-fn thickness(c: [V3; 4], on: [bool; 4]) -> f64 {
+fn thickness(c: [D3; 4], on: [bool; 4]) -> f64 {
     let pick = |side: bool| (0..4).filter(|&i| on[i] == side).collect::<Vec<usize>>();
     // Between a face and its opposite corner, or between two edges.
     let across = match (&pick(true)[..], &pick(false)[..]) {
@@ -156,7 +156,7 @@ fn thickness(c: [V3; 4], on: [bool; 4]) -> f64 {
     let most = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let least = heights.iter().copied().fold(f64::INFINITY, f64::min);
     let longest = EDGES.map(|[i, j]| distance(c[i], c[j])).into_iter().fold(0.0, f64::max);
-    (most - least) / (dot(across, across).sqrt() * longest)
+    (most - least) / (norm(across) * longest)
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Moving single points: inside freely, on a surface along it, on a line where three labels meet along that.
 
 use super::super::quality::quality_beside;
-use super::super::vec3::{V3, add, cross, distance, dot, scale, sub};
 use super::mask::Mask;
 use super::work::Work;
+use monro_geometry::d3::{D3, add, cross, distance, dot, norm, scale, sub};
 
 /// Moves uphill at most, elements that are looked at together, and how much better than the worst they may be.
 const ASCENTS: usize = 5;
@@ -48,13 +48,13 @@ impl Freedom {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Along {
     All,
-    Plane(V3),
-    Line(V3),
+    Plane(D3),
+    Line(D3),
 }
 
 impl Along {
     /// The part of a vector in these directions.
-    fn part(self, g: V3) -> V3 {
+    fn part(self, g: D3) -> D3 {
         match self {
             Self::All => g,
             Self::Plane(n) => sub(g, scale(n, dot(g, n))),
@@ -73,7 +73,7 @@ impl Work<'_> {
 
     /// The nearest point of a surface by Newton steps; `None` where the field is flat or the surface further off than
     /// `reach`.
-    pub(super) fn project(&self, pair: Pair, mut p: V3, reach: f64) -> Option<V3> {
+    pub(super) fn project(&self, pair: Pair, mut p: D3, reach: f64) -> Option<D3> {
         let start = p;
         for _ in 0..4 {
             let (value, g) = self.fields.between(pair.0, pair.1, p);
@@ -96,7 +96,7 @@ impl Work<'_> {
 
     /// The nearest place to `p` where the point `v` may be: on its surface, lifted off it as far as its label's volume
     /// asks, or within the work's tolerance of that.
-    pub(super) fn constrain(&self, v: u32, freedom: &Freedom, p: V3, edge: f64) -> Option<V3> {
+    pub(super) fn constrain(&self, v: u32, freedom: &Freedom, p: D3, edge: f64) -> Option<D3> {
         if matches!(freedom, Freedom::Free) {
             return Some(p);
         }
@@ -105,12 +105,12 @@ impl Work<'_> {
         // Where the field does not tell the place, as it does not where surfaces were mended, the point's own serves.
         let place = place.or((loose > 0.0).then_some(self.points[v as usize]))?;
         let off = sub(p, place);
-        let length = dot(off, off).sqrt();
+        let length = norm(off);
         Some(if length <= loose { p } else { add(place, scale(off, loose / length)) })
     }
 
     /// The nearest place to `p`, and within `reach` of it, of the surface or line that the point `v` is on.
-    pub(super) fn own_place(&self, v: u32, freedom: &Freedom, p: V3, reach: f64) -> Option<V3> {
+    pub(super) fn own_place(&self, v: u32, freedom: &Freedom, p: D3, reach: f64) -> Option<D3> {
         match *freedom {
             Freedom::Free | Freedom::Fixed => None,
             Freedom::Surface(pair) => self.project(pair, p, reach).map(|q| self.lifted(v, pair, q)),
@@ -118,7 +118,7 @@ impl Work<'_> {
         }
     }
 
-    fn lifted(&self, v: u32, pair: Pair, p: V3) -> V3 {
+    fn lifted(&self, v: u32, pair: Pair, p: D3) -> D3 {
         let lift = self.lift[v as usize];
         if lift == 0.0 {
             return p;
@@ -127,7 +127,7 @@ impl Work<'_> {
     }
 
     /// The nearest point of the line where two surfaces meet, by Newton steps of the least length.
-    fn on_line(&self, one: Pair, two: Pair, start: V3, reach: f64) -> Option<V3> {
+    fn on_line(&self, one: Pair, two: Pair, start: D3, reach: f64) -> Option<D3> {
         let mut p = start;
         for _ in 0..8 {
             let ((f, u), (g, w)) = (self.fields.between(one.0, one.1, p), self.fields.between(two.0, two.1, p));
@@ -141,7 +141,7 @@ impl Work<'_> {
                 return None;
             }
             let step = add(scale(u, (uw * g - ww * f) / det), scale(w, (uw * f - uu * g) / det));
-            let length = dot(step, step).sqrt();
+            let length = norm(step);
             p = add(p, scale(step, (self.fields.step / length).min(1.0)));
             if distance(p, start) > reach {
                 return None;
@@ -175,7 +175,7 @@ impl Work<'_> {
         for _ in 0..ASCENTS {
             let uphill = self.uphill(v, along, *best, edge);
             let from = self.points[v as usize];
-            let step = |i: usize, d: V3| add(from, scale(d, STEPS[i] * edge));
+            let step = |i: usize, d: D3| add(from, scale(d, STEPS[i] * edge));
             let gone =
                 uphill.and_then(|d| (first..STEPS.len()).find(|&i| self.try_place(v, freedom, step(i, d), edge, best)));
             match gone {
@@ -210,7 +210,7 @@ impl Work<'_> {
 
     /// The direction in which the worst elements around a point get better together: the shortest vector in the hull of
     /// their slopes. `None` where there is none to speak of.
-    fn uphill(&self, v: u32, along: Along, worst: f64, edge: f64) -> Option<V3> {
+    fn uphill(&self, v: u32, along: Along, worst: f64, edge: f64) -> Option<D3> {
         let mut slopes = [[0.0; 3]; ACTIVE];
         let mut count = 0;
         for &t in &self.stars[v as usize] {
@@ -220,12 +220,12 @@ impl Work<'_> {
             }
         }
         let d = shortest_in_hull(&slopes[..count], HULL_STEPS);
-        let length = dot(d, d).sqrt();
+        let length = norm(d);
         (length * edge > FLAT).then(|| scale(d, 1.0 / length))
     }
 
     /// Change of an element's quality with the place of one of its points, per mm.
-    fn slope(&self, t: u32, v: u32, edge: f64) -> V3 {
+    fn slope(&self, t: u32, v: u32, edge: f64) -> D3 {
         let tet = self.tets[t as usize];
         let corners = self.corners(tet);
         let k = tet.iter().position(|&x| x == v).unwrap_or(0);
@@ -234,13 +234,13 @@ impl Work<'_> {
     }
 
     /// Volume-weighted mean of the star's centroids (half a step of optimal Delaunay smoothing), and a mean edge.
-    pub(super) fn middle(&self, v: u32) -> (V3, f64) {
+    pub(super) fn middle(&self, v: u32) -> (D3, f64) {
         let (mut sum, mut weight, mut edge) = ([0.0; 3], 0.0, 0.0);
         let p = self.points[v as usize];
         let star = &self.stars[v as usize];
         for &t in star {
             let c = self.corners(self.tets[t as usize]);
-            let w = super::super::vec3::volume6(c).max(0.0);
+            let w = monro_geometry::d3::volume6(c).max(0.0);
             let centroid = scale(add(add(c[0], c[1]), add(c[2], c[3])), 0.25);
             sum = add(sum, scale(centroid, w));
             weight += w;
@@ -251,7 +251,7 @@ impl Work<'_> {
         (add(p, scale(sub(middle, p), 4.0 / 3.0)), edge / star.len().max(1) as f64)
     }
 
-    fn try_place(&mut self, v: u32, freedom: &Freedom, target: V3, edge: f64, best: &mut f64) -> bool {
+    fn try_place(&mut self, v: u32, freedom: &Freedom, target: D3, edge: f64, best: &mut f64) -> bool {
         let Some(target) = self.constrain(v, freedom, target, edge) else { return false };
         if !self.try_move(v, target, *best + 1e-6) {
             return false;
@@ -291,13 +291,13 @@ impl Work<'_> {
     }
 
     /// Distance of a point to a surface, infinite beyond `reach`.
-    pub(super) fn sag(&self, pair: Pair, p: V3, reach: f64) -> f64 {
+    pub(super) fn sag(&self, pair: Pair, p: D3, reach: f64) -> f64 {
         self.project(pair, p, reach).map_or(f64::INFINITY, |q| distance(p, q))
     }
 }
 
 /// About the point nearest to the origin in the hull of some vectors, by `steps` of Gilbert's at most.
-fn shortest_in_hull(all: &[V3], steps: usize) -> V3 {
+fn shortest_in_hull(all: &[D3], steps: usize) -> D3 {
     let Some(&first) = all.first() else { return [0.0; 3] };
     let mut x = first;
     for _ in 0..steps {
@@ -312,8 +312,8 @@ fn shortest_in_hull(all: &[V3], steps: usize) -> V3 {
     x
 }
 
-fn unit(a: V3) -> V3 {
-    let n = dot(a, a).sqrt();
+fn unit(a: D3) -> D3 {
+    let n = norm(a);
     if n > 0.0 { scale(a, 1.0 / n) } else { [1.0, 0.0, 0.0] }
 }
 
@@ -329,7 +329,7 @@ mod tests {
             shift in 1.1..3.0f64,
         ) {
             // All on one side of a plane, so that the hull does not hold the origin.
-            let all: Vec<V3> = all.into_iter().map(|[x, y, z]| [x + shift, y, z]).collect();
+            let all: Vec<D3> = all.into_iter().map(|[x, y, z]| [x + shift, y, z]).collect();
             // Gilbert's gap after k steps is 4 D^2 / k at most, D^2 < 12 the square of the hull's diameter: these steps are
             // enough for the allowed part of the least square there is, 0.1^2.
             let x = shortest_in_hull(&all, 500_000);

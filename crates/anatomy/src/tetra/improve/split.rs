@@ -1,11 +1,11 @@
 //! New points where straight edges cut the corners of a bent surface.
 
 use super::super::size::SizeField;
-use super::super::vec3::{V3, add, distance, scale};
 use super::mask::Mask;
 use super::relax::Freedom;
 use super::ring::Ring;
 use super::work::Work;
+use monro_geometry::d3::{D3, add, distance, scale};
 
 /// Edges are split whose middle lies further from their surface than this part of the wanted length,
 const FAR: f64 = 0.2;
@@ -24,8 +24,8 @@ pub(super) struct Sag {
     pub(super) ends: [u32; 2],
     pub(super) off: f64,
     pub(super) length: f64,
-    pub(super) middle: V3,
-    pub(super) target: V3,
+    pub(super) middle: D3,
+    pub(super) target: D3,
 }
 
 impl Work<'_> {
@@ -88,7 +88,7 @@ impl Work<'_> {
     fn split(&mut self, sag: &Sag) {
         let Some(ring) = self.ring_on_surface(sag.ends) else { return };
         let tets = &ring.tets[..ring.len];
-        let place = |way: f64| -> V3 { add(scale(sag.middle, 1.0 - way), scale(sag.target, way)) };
+        let place = |way: f64| -> D3 { add(scale(sag.middle, 1.0 - way), scale(sag.target, way)) };
         let floor = tets.iter().map(|&t| self.quality[t as usize]).fold(FLOOR, f64::min);
         let new = self.add_point_on(&ring, sag.middle);
         for way in WAYS {
@@ -107,7 +107,7 @@ impl Work<'_> {
     }
 
     /// A point for [`Work::apply_split`], without elements yet.
-    pub(super) fn add_point_on(&mut self, ring: &Ring, at: V3) -> u32 {
+    pub(super) fn add_point_on(&mut self, ring: &Ring, at: D3) -> u32 {
         self.add_point(at, if ring.closed { Mask::default() } else { Mask::OUTSIDE })
     }
 

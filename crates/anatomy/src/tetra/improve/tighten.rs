@@ -1,9 +1,9 @@
 //! Bringing points back to the surfaces that they have left for the sake of a bad element.
 
-use super::super::vec3::{V3, add, distance, scale, sub};
 use super::mask::Mask;
 use super::volume::GOOD;
 use super::work::Work;
+use monro_geometry::d3::{D3, add, distance, scale, sub};
 
 /// Rounds over all points: one that gives way makes room for the next.
 const ROUNDS: usize = 2;
@@ -20,7 +20,7 @@ const WAYS: [f64; 4] = [1.0, 0.5, 0.25, 0.12];
 
 /// Where a point belongs, how far that is, and the mean edge around it, mm.
 pub(super) struct Off {
-    pub(super) place: V3,
+    pub(super) place: D3,
     pub(super) way: f64,
     pub(super) edge: f64,
 }

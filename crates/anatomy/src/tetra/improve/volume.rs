@@ -6,10 +6,10 @@
 //! approached.
 
 use super::super::adjacency::FACES;
-use super::super::vec3::{V3, add, cross, dot, scale, sub};
 use super::bodies::Bodies;
 use super::relax::{Freedom, Pair};
 use super::work::{DEAD, Work};
+use monro_geometry::d3::{D3, add, cross, dot, norm, scale, sub};
 use std::collections::BTreeMap;
 
 /// Largest part of the height over its neighbours that a point is moved by in one pass.
@@ -56,7 +56,7 @@ pub(in super::super) struct Bounds {
 struct Stand {
     point: u32,
     pair: Pair,
-    normal: V3,
+    normal: D3,
     area: f64,
     height: f64,
 }
@@ -183,7 +183,7 @@ impl Work<'_> {
     pub(in super::super) fn volumes(&self, labels: usize) -> Vec<f64> {
         let mut v = vec![0.0; labels];
         for (&t, &l) in self.tets.iter().zip(&self.labels).filter(|(_, l)| **l != DEAD) {
-            v[usize::from(l)] += super::super::vec3::volume6(self.corners(t)) / 6.0;
+            v[usize::from(l)] += monro_geometry::d3::volume6(self.corners(t)) / 6.0;
         }
         v
     }
@@ -221,7 +221,7 @@ impl Work<'_> {
         for (v, (area, ring, count)) in sums.into_iter().enumerate() {
             let Freedom::Surface(pair) = self.freedom(v as u32) else { continue };
             let pair = bodies.between(v as u32, pair);
-            let length = dot(area, area).sqrt();
+            let length = norm(area);
             if count > 0.0 && length > 0.0 {
                 let normal = scale(area, 1.0 / length);
                 let height = dot(sub(self.points[v], scale(ring, 1.0 / count)), normal);
@@ -249,7 +249,7 @@ impl Work<'_> {
         }
     }
 
-    fn try_shift(&mut self, stand: &Stand, step: V3, bounds: Bounds) -> bool {
+    fn try_shift(&mut self, stand: &Stand, step: D3, bounds: Bounds) -> bool {
         let v = stand.point;
         // The normal looks out of the lower label, the field's gradient into it.
         let before = self.lift[v as usize];

@@ -4,8 +4,8 @@ use super::super::adjacency::{FACES, OUT, neighbours};
 use super::super::cut::RawMesh;
 use super::super::fields::LabelFields;
 use super::super::quality::{TOGETHER, quality, quality_of_all};
-use super::super::vec3::V3;
 use super::mask::Mask;
+use monro_geometry::d3::D3;
 
 /// Elements more than in the beginning around a point that there is room for.
 const ROOM: usize = 8;
@@ -16,7 +16,7 @@ pub(super) const DEAD: u8 = u8::MAX;
 /// Points, elements, the elements around each point, and the labels that meet at each point.
 #[derive(Debug, Clone)]
 pub(in super::super) struct Work<'a> {
-    pub(super) points: Vec<V3>,
+    pub(super) points: Vec<D3>,
     pub(super) tets: Vec<[u32; 4]>,
     pub(super) labels: Vec<u8>,
     pub(super) quality: Vec<f64>,
@@ -96,7 +96,7 @@ impl<'a> Work<'a> {
         self.labels[t as usize] != DEAD
     }
 
-    pub(super) fn corners(&self, t: [u32; 4]) -> [V3; 4] {
+    pub(super) fn corners(&self, t: [u32; 4]) -> [D3; 4] {
         t.map(|v| self.points[v as usize])
     }
 
@@ -120,7 +120,7 @@ impl<'a> Work<'a> {
     }
 
     /// A point without elements, last in the order.
-    pub(super) fn add_point(&mut self, at: V3, mask: Mask) -> u32 {
+    pub(super) fn add_point(&mut self, at: D3, mask: Mask) -> u32 {
         self.points.push(at);
         self.stars.push(Vec::new());
         self.masks.push(mask);
@@ -172,7 +172,7 @@ impl<'a> Work<'a> {
     }
 
     /// Moves a point if every element around stays, or becomes, better than `floor`.
-    pub(super) fn try_move(&mut self, v: u32, to: V3, floor: f64) -> bool {
+    pub(super) fn try_move(&mut self, v: u32, to: D3, floor: f64) -> bool {
         let from = std::mem::replace(&mut self.points[v as usize], to);
         let mut worths = std::mem::take(&mut self.scratch);
         let star = &self.stars[v as usize];

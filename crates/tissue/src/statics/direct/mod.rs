@@ -12,8 +12,9 @@ mod tree;
 use super::loads::Loads;
 use super::newton::Point;
 use super::sphere::Spheres;
-use crate::physical::elastic::{D3, Elastic};
+use crate::physical::elastic::Elastic;
 use factor::{Factors, HELD, Piece, Plan};
+use monro_geometry::d3::D3;
 use std::sync::Arc;
 use tree::Tree;
 

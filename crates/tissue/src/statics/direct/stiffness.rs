@@ -5,7 +5,8 @@
 //! averaged over patches: with it vertices two edges apart would have to do with each other.
 
 use super::factor::{HELD, Piece};
-use crate::physical::elastic::{D3, Elastic, Tangent, dot, gradient_change, volume_gradient};
+use crate::physical::elastic::{Elastic, Tangent, gradient_change, volume_gradient};
+use monro_geometry::d3::{D3, dot};
 
 /// A unit along a component of a corner.
 fn unit<const N: usize>(corner: usize, component: usize) -> [D3; N] {
