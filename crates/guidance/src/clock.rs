@@ -147,10 +147,12 @@ impl Default for Expiry {
 }
 
 impl Expiry {
-    /// The state of a pose of a given age (s); `None` for a tool never seen. An age that is no number is lost; a
-    /// negative one (clocks not yet in step) counts by its size.
+    /// The state of a pose of a given age (s); `None` for a tool never seen. An age that is no number is lost. A pose from
+    /// the future (clocks not yet in step) is live where it is ahead by no more than the stale limit, further ahead it is
+    /// lost: nobody knows how old it is.
     pub fn state(&self, age: Option<f64>) -> Freshness {
-        match age.map(f64::abs) {
+        match age {
+            Some(a) if a < -self.stale => Freshness::Lost,
             Some(a) if a < self.stale => Freshness::Live,
             Some(a) if a < self.lost => Freshness::Stale,
             _ => Freshness::Lost,
@@ -230,7 +232,7 @@ mod tests {
         let states = [0.0, 0.099, 0.1, 0.499, 0.5, f64::NAN].map(|a| e.state(Some(a)));
         use Freshness::{Live, Lost, Stale};
         assert_eq!(states, [Live, Live, Stale, Stale, Lost, Lost]);
-        assert_eq!((e.state(None), e.state(Some(-0.2))), (Lost, Stale));
+        assert_eq!([None, Some(-0.05), Some(-0.2), Some(f64::INFINITY)].map(|a| e.state(a)), [Lost, Live, Lost, Lost]);
     }
 
     #[test]

@@ -16,7 +16,7 @@ use crate::live::Live;
 use monro_case::Case;
 use monro_geometry::{Embedding, EmbeddingError, Patient, Point, Rigid, Tool, Vector, Volume};
 use monro_guidance::{NeedlePose, Plan};
-use monro_session::live::{Phase, Signal, Snapshot};
+use monro_session::live::{Freshness, Phase, Snapshot};
 use monro_wire::openigtlink::{
     ByteOrder, Cells, Content, Image, ImageAxes, Matrix34, Message, Parser, PointElement, PolyData, Ras, ScalarType,
     Status, StatusCode, Text, Timestamp, ToolStatus, Verb, ras_from_patient, ras_of,
@@ -302,10 +302,10 @@ fn doubtful(snapshot: &Snapshot) -> Option<Fault> {
 }
 
 /// How a catheter that is known counts: what is not new any more, or not to be trusted, is out of view.
-const fn tool_status(signal: Signal, misplaced: Option<Fault>) -> ToolStatus {
+const fn tool_status(signal: Freshness, misplaced: Option<Fault>) -> ToolStatus {
     match (signal, misplaced) {
-        (Signal::Lost, _) => ToolStatus::Missing,
-        (Signal::Live, None) => ToolStatus::Ok,
+        (Freshness::Lost, _) => ToolStatus::Missing,
+        (Freshness::Live, None) => ToolStatus::Ok,
         _ => ToolStatus::OutOfVolume,
     }
 }
@@ -326,10 +326,10 @@ fn catheter((needle, state): (Option<&NeedlePose>, ToolStatus), (time, id): (Opt
 
 fn status(snapshot: &Snapshot, misplaced: Option<Fault>, message: String) -> Status {
     let (code, name) = match (snapshot.signal, snapshot.phase) {
-        (Signal::Lost, _) => (StatusCode::TimeOut, "lost"),
+        (Freshness::Lost, _) => (StatusCode::TimeOut, "lost"),
         (_, phase) if phase != Phase::Navigating => (StatusCode::NotReady, "not navigating"),
-        (Signal::Stale, _) => (StatusCode::TimeOut, "stale"),
-        (Signal::Live, _) => misplaced.or_else(|| doubtful(snapshot)).unwrap_or((StatusCode::Ok, "live")),
+        (Freshness::Stale, _) => (StatusCode::TimeOut, "stale"),
+        (Freshness::Live, _) => misplaced.or_else(|| doubtful(snapshot)).unwrap_or((StatusCode::Ok, "live")),
     };
     Status { code, sub_code: 0, name: name.to_owned(), message }
 }
@@ -345,13 +345,13 @@ mod tests {
     #[test]
     fn the_catheters_frame_has_its_tip_and_its_direction_in_ras() {
         let needle = NeedlePose::new(Point::new(10.0, 20.0, 30.0), Vector::new(0.6, 0.0, -0.8)).expect("needle");
-        let message = catheter((Some(&needle), tool_status(Signal::Live, None)), (measured(Some(0.5)), 1));
+        let message = catheter((Some(&needle), tool_status(Freshness::Live, None)), (measured(Some(0.5)), 1));
         assert_eq!(message.meta("TransformStatus"), Some("OK"));
         let now = SystemTime::now().duration_since(UNIX_EPOCH).expect("after 1970").as_secs_f64();
         let age = now - message.time.expect("a time").seconds();
         assert!((0.4..60.0).contains(&age), "{age}");
         // A tool that its tracker had just said to be missing was "OK" for half a second.
-        let stale = catheter((Some(&needle), tool_status(Signal::Stale, None)), (None, 2));
+        let stale = catheter((Some(&needle), tool_status(Freshness::Stale, None)), (None, 2));
         assert_eq!((stale.meta("TransformStatus"), &stale.content), (Some("OUT_OF_VOLUME"), &message.content));
         let Content::Transform(m) = message.content else { panic!("transform") };
         assert_eq!(m.columns[3], [-10.0, -20.0, 30.0]);
@@ -360,7 +360,7 @@ mod tests {
 
     #[test]
     fn a_lost_catheter_is_drawn_nowhere_near_the_head() {
-        let message = catheter((None, tool_status(Signal::Live, None)), (None, 2));
+        let message = catheter((None, tool_status(Freshness::Live, None)), (None, 2));
         assert_eq!(message.meta("TransformStatus"), Some("MISSING"));
         let Content::Transform(m) = message.content else { panic!("transform") };
         assert!(m.columns[3][2] > 5000.0, "{m:?}");
@@ -370,7 +370,7 @@ mod tests {
     fn navigating() -> Snapshot {
         let session = Session::new(ToolNames::default(), Expiry::default());
         let nowhere = session.snapshot(0.0, &Arc::new(Deformed::at_rest(Point::ORIGIN, 0)));
-        Snapshot { phase: Phase::Navigating, signal: Signal::Live, ..nowhere }
+        Snapshot { phase: Phase::Navigating, signal: Freshness::Live, ..nowhere }
     }
 
     /// Live and OK stood beside each of these.
@@ -396,7 +396,7 @@ mod tests {
         ] {
             assert_eq!(told(&snapshot, is_frozen), (name.to_owned(), false, catheter));
         }
-        let lost = Snapshot { signal: Signal::Lost, ..moved };
+        let lost = Snapshot { signal: Freshness::Lost, ..moved };
         assert_eq!(told(&lost, false), ("lost".to_owned(), false, "MISSING"));
     }
 

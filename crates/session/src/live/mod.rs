@@ -8,7 +8,7 @@
 //! | deformation | a needle pose and a time step | [`Deformed`] ([`Deformation`]) | as fast as it can |
 //! | display | the newest of both | [`Snapshot`] ([`Session::snapshot`]) | each client's own |
 //!
-//! What may be shown follows from two independent things: the [`Phase`] of the procedure and the [`Signal`] of the
+//! What may be shown follows from two independent things: the [`Phase`] of the procedure and the [`Freshness`] of the
 //! tracker. Guidance numbers exist only while navigating, and not when the signal is lost.
 
 mod cue;
@@ -23,18 +23,17 @@ mod registering;
 mod room;
 mod script;
 mod session;
-mod signal;
 mod snapshot;
 mod tracking;
 
 pub use cue::Cue;
 pub use deformation::Deformation;
 pub use deformed::{Deformed, Doubt, MOST_SHIFT_MM};
+pub use monro_guidance::clock::{Expiry, Freshness};
 pub use phase::{Event, Phase, Refusal, ToFirst};
 pub use playback::{Playback, PlaybackError};
 pub use registering::{Registering, Touch, TouchError, TouchMark};
 pub use script::{Script, ScriptTruth};
 pub use session::{Calibration, PlainEvent, Registration, Session, SessionEvent, ToolNames};
-pub use signal::{Expiry, Signal};
 pub use snapshot::{Numbers, Snapshot, SoftNumbers};
 pub use tracking::{Observation, Tracking};

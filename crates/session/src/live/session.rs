@@ -1,6 +1,6 @@
 //! A session: what is known of case, tools and patient, and how far the procedure has come.
 
-use super::{Event, Expiry, Observation, Phase, Refusal, Signal, Tracking};
+use super::{Event, Expiry, Freshness, Observation, Phase, Refusal, Tracking};
 use crate::Loads;
 use monro_geometry::{Display, Patient, Point, Rigid, Tool, Vector};
 use monro_guidance::reference::{Bump, GuardOptions, ReferenceGuard};
@@ -199,7 +199,7 @@ impl Session {
         let before = self.tracking.latest(&seen.name).map(|(time_s, _)| time_s);
         let new = self.tracking.observe(seen);
         let is_needed = [&self.tools.catheter, &self.tools.reference].contains(&&seen.name);
-        let was_lost = before.is_some_and(|t| self.expiry.signal(seen.time_s - t) == Signal::Lost);
+        let was_lost = before.is_some_and(|t| self.expiry.state(Some(seen.time_s - t)) == Freshness::Lost);
         self.sighting += u32::from(new && is_needed && was_lost);
         if let Some(pose) = seen.tracker_from_tool.filter(|_| new && seen.name == self.tools.reference) {
             self.guard.push(&pose, seen.time_s);
@@ -289,14 +289,14 @@ impl Session {
     pub fn missing(&self, now: f64) -> Vec<String> {
         let is_lost = |name: &&String| {
             let age = self.tracking.latest(name).map_or(f64::INFINITY, |(seen_s, _)| now - seen_s);
-            self.expiry.signal(age) == Signal::Lost
+            self.expiry.state(Some(age)) == Freshness::Lost
         };
         [&self.tools.catheter, &self.tools.reference].into_iter().filter(is_lost).cloned().collect()
     }
 
     /// How fresh that is.
-    pub fn signal(&self, now: f64) -> Signal {
-        self.expiry.signal(self.age(now).unwrap_or(f64::INFINITY))
+    pub fn signal(&self, now: f64) -> Freshness {
+        self.expiry.state(self.age(now))
     }
 
     /// Takes the calibration of the glasses: from their tracked body to the eye. It belongs to the wearer, not to the case.
@@ -321,7 +321,7 @@ impl Session {
         let (glasses_s, tracker_from_glasses) = self.tracking.latest(&self.tools.glasses)?;
         let (reference_s, tracker_from_reference) = self.tracking.latest(&self.tools.reference)?;
         let age = now - glasses_s.min(reference_s);
-        if self.expiry.signal(age) == Signal::Lost {
+        if self.expiry.state(Some(age)) == Freshness::Lost {
             return None;
         }
         let reference_from_patient = self.registration?.patient_from_reference.inverse();
@@ -331,7 +331,7 @@ impl Session {
 
     /// When the calibrated tip was seen (s), and where, in the frame of the reference body; `None` unless it is live.
     pub fn tip_in_reference(&self, now: f64) -> Option<(f64, Point<Tool>)> {
-        if self.signal(now) != Signal::Live {
+        if self.signal(now) != Freshness::Live {
             return None;
         }
         let (seen_s, tracker_from_catheter) = self.tracking.latest(&self.tools.catheter)?;
@@ -342,7 +342,7 @@ impl Session {
 
     /// The catheter in the patient, relative to the tracked reference: `None` before registration or when lost.
     pub fn needle(&self, now: f64) -> Option<NeedlePose> {
-        if self.signal(now) == Signal::Lost {
+        if self.signal(now) == Freshness::Lost {
             return None;
         }
         let (calibration, registration) = (self.calibration?, self.registration?);
@@ -385,13 +385,13 @@ pub(crate) mod tests {
     fn a_needle_needs_everything_and_goes_when_lost() {
         let script = Script::new(plan());
         let mut s = navigating(&script);
-        assert_eq!((s.signal(0.0), s.needle(0.0)), (Signal::Lost, None));
+        assert_eq!((s.signal(0.0), s.needle(0.0)), (Freshness::Lost, None));
         script.observations(1.0).iter().for_each(|o| assert!(s.observe(o)));
-        assert_eq!(s.signal(1.05), Signal::Live);
+        assert_eq!(s.signal(1.05), Freshness::Live);
         assert!(s.needle(1.05).is_some());
-        assert_eq!(s.signal(1.2), Signal::Stale);
+        assert_eq!(s.signal(1.2), Freshness::Stale);
         assert!(s.needle(1.2).is_some());
-        assert_eq!((s.signal(1.5), s.needle(1.5)), (Signal::Lost, None));
+        assert_eq!((s.signal(1.5), s.needle(1.5)), (Freshness::Lost, None));
     }
 
     #[test]
@@ -401,7 +401,7 @@ pub(crate) mod tests {
         script.observations(1.0).iter().for_each(|o| assert!(s.observe(o)));
         let newer = script.observations(1.4);
         newer.iter().filter(|o| o.name == "Catheter").for_each(|o| assert!(s.observe(o)));
-        assert_eq!(s.signal(1.4), Signal::Stale);
+        assert_eq!(s.signal(1.4), Freshness::Stale);
     }
 
     /// A hundred frames from frame `from` on, with the reference moved in its own frame; what the alarm says then.

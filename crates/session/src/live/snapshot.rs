@@ -1,6 +1,6 @@
 //! What a display gets: the newest of everything, with its ages.
 
-use super::{Deformed, Phase, Session, Signal};
+use super::{Deformed, Freshness, Phase, Session};
 use crate::Loads;
 use monro_geometry::{Display, Patient, Rigid, Structure};
 use monro_guidance::reference::Bump;
@@ -79,7 +79,7 @@ pub struct Snapshot {
     /// How far the procedure has come.
     pub phase: Phase,
     /// How fresh the poses are.
-    pub signal: Signal,
+    pub signal: Freshness,
     /// Age of the older of the two poses used, s; `None` when there is none.
     pub age_s: Option<f64>,
     /// Age of the deformation, s: how old the pose is for which it was computed. `None` before the first.
@@ -108,7 +108,7 @@ impl Session {
         let needle = self.needle(now);
         let deformation_age_s = deformed.pose_time_s.map(|t| now - t);
         // A soft body that has fallen behind as far as a lost tool would say where the tissue was, not where it is.
-        let fresh = deformation_age_s.is_some_and(|age| self.expiry().signal(age) != Signal::Lost);
+        let fresh = deformation_age_s.is_some_and(|age| self.expiry().state(Some(age)) != Freshness::Lost);
         // Nor does one that has followed a needle that was not there, or is none.
         let fresh = fresh && deformed.placement == self.placement() && deformed.doubt.is_none();
         let numbers = match (self.plan(), &needle) {
@@ -160,7 +160,7 @@ mod tests {
             script.observations(t).iter().for_each(|o| assert!(s.observe(o)));
             let shown = |dt: f64| s.snapshot(t + dt, &deformed);
             assert!(shown(0.0).numbers.is_some() && shown(0.3).numbers.is_some());
-            assert_eq!((shown(0.3).signal, shown(0.6).signal), (Signal::Stale, Signal::Lost));
+            assert_eq!((shown(0.3).signal, shown(0.6).signal), (Freshness::Stale, Freshness::Lost));
             assert!(shown(0.6).numbers.is_none() && shown(0.6).needle.is_none());
             assert!(shown(0.6).age_s.is_some_and(|a| (a - 0.6).abs() < 1e-9));
         }
