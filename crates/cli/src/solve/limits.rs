@@ -32,6 +32,7 @@ pub(super) fn all(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
     out.extend(solved.coarse.iter().map(coarse));
     out.extend(solved.contested.iter().enumerate().filter(|c| *c.1 > 0).map(contested));
     out.extend(points(scene, solved));
+    out.extend(unstable(solved));
     out.extend(changing(solved));
     out.extend(thin::remarks(&scene.mesh, &scene.materials, solved.tets));
     out.extend(swollen(scene, solved).filter(|_| is_near(solved)));
@@ -80,16 +81,26 @@ fn swollen(scene: &Scene, solved: &StaticSolution) -> Option<String> {
 }
 
 /// Whether the last refinement hardly changed the answer, nor would one to eight times as many elements change how far it moves;
-/// nothing is known of it where there was none.
+/// nothing is known of it where there was none. Where the body would not stay there is no answer for meshes to converge to.
 pub(super) fn mesh_converged(solved: &StaticSolution) -> Option<bool> {
-    solved.change.map(|c| c.displacement_eightfold.max(c.force) <= CHANGED)
+    let hardly = solved.change.map(|c| c.displacement_eightfold.max(c.force).max(c.moment) <= CHANGED);
+    if solved.unstable { Some(false) } else { hardly }
+}
+
+/// An equilibrium that is none in practice.
+fn unstable(solved: &StaticSolution) -> Option<String> {
+    solved.unstable.then(|| {
+        "forces balance each other, but the body would not stay so: the least push lets it buckle, and the state in which it \
+         then stays was not found; impose less, or push it a little to the side it should take"
+            .to_owned()
+    })
 }
 
 /// A solution that finer meshes will change further.
 fn changing(solved: &StaticSolution) -> Option<String> {
     let c = solved.change.filter(|_| mesh_converged(solved) == Some(false))?;
     Some(format!(
-        "from {} to {} elements the displacement changed by {:.1} %{} and the forces by {:.1} %: finer meshes will change them \
+        "from {} to {} elements the displacement changed by {:.1} %{} and the forces by {:.1} %{}: finer meshes will change them \
          further, by up to as much again where something driven or held has a sharp edge; give a finer mesh there, or ask for \
          --refine 1 to 3 and compare",
         c.tets,
@@ -99,7 +110,8 @@ fn changing(solved: &StaticSolution) -> Option<String> {
             true => format!(" (at that rate {:.0} % for eight times as many)", 100.0 * c.displacement_eightfold),
             false => String::new(),
         },
-        100.0 * c.force
+        100.0 * c.force,
+        if c.moment > c.force { format!(" (moments by {:.1} %)", 100.0 * c.moment) } else { String::new() }
     ))
 }
 

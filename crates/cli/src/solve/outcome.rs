@@ -115,7 +115,7 @@ fn unfinished_finer(solved: &StaticSolution) -> Option<&Unfinished> {
 pub(super) fn of_mesh(solved: &StaticSolution) -> [(&'static str, Value); 3] {
     let change = solved.change.map(|c| {
         json!({
-            "tets_before": c.tets, "displacement": c.displacement, "force": c.force,
+            "tets_before": c.tets, "displacement": c.displacement, "force": c.force, "moment": c.moment,
             "displacement_eightfold": c.displacement_eightfold,
         })
     });

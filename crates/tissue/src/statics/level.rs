@@ -2,7 +2,7 @@
 
 use super::refine::Refined;
 use super::uncertain;
-use super::{Finer, MeshChange, StaticError, StaticOptions, StaticProblem, StaticSolution, Stop, Unfinished};
+use super::{Finer, MeshChange, Moment, StaticError, StaticOptions, StaticProblem, StaticSolution, Stop, Unfinished};
 use crate::{Model, ModelOptions};
 use monro_geometry::{Patient, Point, TetMesh, Vector};
 
@@ -24,6 +24,8 @@ const SKETCHED: u32 = 10;
 
 /// Forces of a set that balance each other are counted with this share of what its vertices bear.
 const BALANCED: f64 = 0.1;
+/// Moments that balance each other likewise, with this share of what the same forces would turn at a set's mean distance.
+const TURNING: f64 = 0.25;
 /// A body that moves by less than this part of its size everywhere is at rest, and its forces are what rounding leaves.
 const AT_REST: f64 = 1e-10;
 
@@ -171,7 +173,26 @@ impl Level {
             displacement,
             displacement_eightfold: displacement * eightfold(self.solved.tets, next.solved.tets),
             force: if moves { share(force_apart, force) } else { 0.0 },
+            moment: if moves { self.moment_change(next) } else { 0.0 },
         }
+    }
+
+    fn moment_change(&self, next: &Self) -> f64 {
+        let (before, moments) = (self.moments(), next.moments());
+        let pairs = before.iter().zip(&moments).filter_map(|(a, b)| a.zip(*b));
+        let apart = pairs.map(|(a, b)| (a.mn_mm - b.mn_mm).norm()).fold(0.0, f64::max);
+        let large = |m: &Moment| m.mn_mm.norm().max(TURNING * next.solved.at_work_mn() * m.reach);
+        let largest = moments.iter().flatten().map(large).fold(0.0, f64::max);
+        if largest > 0.0 { apart / largest } else { 0.0 }
+    }
+
+    /// Moments of sets and rods that tell of the answer and not of the mesh.
+    fn moments(&self) -> Vec<Option<Moment>> {
+        let Self { refined: Refined { mesh, problem, .. }, solved } = self;
+        let place = |(p, d): (&Point<Patient>, &Vector<Patient>)| (*p + *d).to_array();
+        let there: Vec<[f64; 3]> = mesh.vertices.iter().zip(&solved.displacement).map(place).collect();
+        let sets = problem.moments_alone(&solved.reaction, (&there, Point::ORIGIN));
+        sets.into_values().map(Some).chain(solved.rod_moments.iter().copied()).collect()
     }
 
     /// Forces of sets, spheres and rods that tell of the answer and not of the mesh.

@@ -14,7 +14,7 @@ pub(super) struct Unsolved {
     pub(super) left: f64,
     pub(super) goal: f64,
     /// How far a node may go, mm.
-    furthest: f64,
+    pub(super) furthest: f64,
 }
 
 /// What stands for the inverse of the Hessian.
@@ -49,18 +49,24 @@ impl Problem<'_> {
         self.mask(&mut r);
         let (left, goal) = (1.0, tolerance * tolerance);
         let mut system = Unsolved { d, r, left, goal, furthest: self.furthest(lift.is_some()) };
+        self.bear(at, &mut system);
+        system.d
+    }
+
+    /// Solves a system with the Hessian of a state, and makes factors where that takes long.
+    pub(super) fn bear(&mut self, at: &Point, system: &mut Unsolved) {
         let mut all_done = false;
         loop {
             let patience = if all_done { u32::MAX } else { self.direct.patience() };
             let (by, before) = (self.conditioner(at), self.products);
             let tired = if self.open {
-                self.biconjugate(at, &by, &mut system, patience)
+                self.biconjugate(at, &by, system, patience)
             } else {
-                self.conjugate(at, &by, &mut system, patience)
+                self.conjugate(at, &by, system, patience)
             };
             self.direct.spend(self.products - before);
             if !tired {
-                return system.d;
+                return;
             }
             let (elastic, loads, spheres, share) = (self.elastic, self.loads, &self.spheres, self.share);
             all_done = self.direct.renew(&System { elastic, loads, spheres, share }, at, self.keep_going);
@@ -86,7 +92,7 @@ impl Problem<'_> {
             self.mask(&mut hp);
             let curvature = inner(&p, &hp);
             if curvature <= 0.0 {
-                self.bent = true;
+                self.bent = Some(p.clone());
                 if d.iter().flatten().all(|&v| v == 0.0) {
                     *d = p;
                 }

@@ -23,6 +23,7 @@ mod problem;
 mod refine;
 mod site;
 mod sphere;
+mod stable;
 mod told;
 mod uncertain;
 mod unsymmetric;
@@ -186,6 +187,7 @@ impl Model {
             points: Vec::new(),
             tets: self.tets.len(),
             turned: turned.len(),
+            unstable: solved.unstable,
             first_turned: self.tet_number.iter().position(|t| turned.contains(t)),
             unfinished: None,
             change: None,

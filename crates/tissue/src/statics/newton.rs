@@ -69,6 +69,8 @@ pub(super) struct Solved {
     pub(super) share: f64,
     /// Elements left without volume.
     pub(super) turned: Vec<u32>,
+    /// Whether it is in balance as a ball on a hill is: the body would not stay there.
+    pub(super) unstable: bool,
     /// Why it ended, if not by meeting the tolerance.
     pub(super) stop: Option<Stop>,
     pub(super) steps: u32,
@@ -92,8 +94,8 @@ pub(super) struct Problem<'a> {
     rounding: Vec<f64>,
     hessian: Products,
     pub(super) direct: Direct,
-    /// Whether a system had a direction without stiffness.
-    pub(super) bent: bool,
+    /// A direction without stiffness that a system had.
+    pub(super) bent: Option<Vec<D3>>,
 }
 
 /// A state with its derivatives.
@@ -138,12 +140,14 @@ pub(super) fn solve(
         rounding,
         hessian,
         direct: Direct::default(),
-        bent: false,
+        bent: None,
     };
     let (at, share) = match start {
         Some(x) if !problem.spheres.rub() => problem.from(x),
         _ => problem.path(),
     };
+    let in_balance = share >= 1.0 && problem.stop.is_none() && problem.in_balance(&at);
+    let (at, stays) = if in_balance { problem.stable(at) } else { (at, true) };
     let residual = problem.residual(&at);
     let reaction = at.gradient.iter().zip(&loads.support);
     let reaction = reaction.map(|(g, s)| core::array::from_fn(|a| if s[a].is_some() { g[a] } else { 0.0 })).collect();
@@ -160,7 +164,21 @@ pub(super) fn solve(
         (true, true) => Some(Stop::Unborne),
         (false, _) => problem.stop.or(Some(Stop::Stuck)),
     };
-    Solved { x: at.x, reaction, contacts, spheres, loads, unborne, residual, share, turned, stop, steps, products }
+    Solved {
+        x: at.x,
+        reaction,
+        contacts,
+        spheres,
+        loads,
+        unborne,
+        residual,
+        share,
+        turned,
+        unstable: !stays,
+        stop,
+        steps,
+        products,
+    }
 }
 
 /// Square of what rounding leaves at each node.
@@ -295,7 +313,7 @@ impl Problem<'_> {
     }
 
     /// Whether a state has flown away or is no state at all.
-    fn lost(&self, x: &[D3]) -> bool {
+    pub(super) fn lost(&self, x: &[D3]) -> bool {
         let far = |a: &D3, b: &D3| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f64::max);
         let rest = &self.elastic.rest;
         let imposed = self.loads.support.iter().flatten().flatten().fold(0.0, |m: f64, v| m.max(v.abs()));
@@ -310,7 +328,7 @@ impl Problem<'_> {
     }
 
     /// Newton steps, and steps of the contact pressures between them. Whether the tolerance was met.
-    fn converge(&mut self, at: &mut Point, tolerance: f64, patience: u32) -> bool {
+    pub(super) fn converge(&mut self, at: &mut Point, tolerance: f64, patience: u32) -> bool {
         let most = if tolerance < LOOSE { AUGMENTATIONS } else { 2 };
         for _ in 0..most {
             if !self.newton(at, tolerance, patience) {
@@ -359,9 +377,9 @@ impl Problem<'_> {
     fn mixed(&mut self, from: &Point, tolerance: f64) -> Option<Point> {
         let mut at = from.clone();
         for _ in 0..MIXED {
-            self.bent = false;
+            self.bent = None;
             let d = self.linear(&at, None, MIXED_FORCING);
-            if self.bent || self.spent() || longest(&d) >= self.furthest(false) {
+            if self.bent.is_some() || self.spent() || longest(&d) >= self.furthest(false) {
                 return None;
             }
             let pressures = self.elastic.pressures_along(&at.tangent, &d);
@@ -418,6 +436,15 @@ impl Problem<'_> {
         free.iter().zip(&self.rounding).map(one).sum()
     }
 
+    pub(super) const fn tolerance(&self) -> f64 {
+        self.options.tolerance
+    }
+
+    /// Whether a state meets the tolerance.
+    pub(super) fn in_balance(&self, at: &Point) -> bool {
+        self.residual(at) <= self.tolerance()
+    }
+
     /// Force out of balance over the size of reactions and loads, as far as these are imposed.
     fn residual(&self, at: &Point) -> f64 {
         let mut held = at.gradient.clone();
@@ -458,7 +485,7 @@ impl Problem<'_> {
     }
 
     /// Size of the body, mm.
-    fn size(&self) -> f64 {
+    pub(super) fn size(&self) -> f64 {
         let rest = &self.elastic.rest;
         rest.iter().map(|p| longest(&[sub(*p, rest[0])])).fold(0.0, f64::max)
     }

@@ -57,12 +57,26 @@ impl StaticProblem {
         of.into_iter().filter_map(|(set, acts)| Some((set, moment(acts)?))).collect()
     }
 
-    /// The same with what several hold shared out evenly: a row of vertices between two sets is as wide as the mesh is coarse.
+    /// The sums with what several hold shared out evenly: a row of vertices between two sets is as wide as the mesh is coarse.
     pub(super) fn shared_out(&self, force: &[Vector<Patient>]) -> BTreeMap<u32, Vector<Patient>> {
         let held = self.held();
         let mut sets = vec![[0.0; 3]; force.len()];
         held.iter().for_each(|&(_, node, a)| sets[node as usize][a] += 1.0);
         sums(&held, force, |node, a| 1.0 / sets[node][a])
+    }
+
+    /// The moments of sets that hold nothing that another one holds: of the others a part depends on how wide the mesh is.
+    pub(super) fn moments_alone(
+        &self,
+        force: &[Vector<Patient>],
+        places: (&[[f64; 3]], Point<Patient>),
+    ) -> BTreeMap<u32, Moment> {
+        let mut holds = BTreeMap::<(u32, usize), Vec<u32>>::new();
+        self.held().iter().for_each(|&(set, node, a)| holds.entry((node, a)).or_default().push(set));
+        let shared: BTreeSet<u32> = holds.into_values().filter(|sets| sets.len() > 1).flatten().collect();
+        let mut moments = self.moments(force, places);
+        moments.retain(|set, _| !shared.contains(set));
+        moments
     }
 
     /// Which set holds which vertex in which component; a set may name one twice.

@@ -1,7 +1,7 @@
 //! What a solve tells.
 
 use super::StaticError;
-use monro_geometry::d3::{axpy, cross, sub};
+use monro_geometry::d3::{axpy, cross, distance, sub};
 use monro_geometry::{Patient, Point, Vector};
 use std::collections::BTreeMap;
 
@@ -15,6 +15,8 @@ pub struct Moment {
     pub about: Point<Patient>,
     /// Their moment on the tissue, mN mm.
     pub mn_mm: Vector<Patient>,
+    /// Mean distance of these vertices from the place, mm.
+    pub reach: f64,
 }
 
 impl Moment {
@@ -23,7 +25,9 @@ impl Moment {
         let share = 1.0 / all.len() as f64;
         let about = all.iter().fold([0.0; 3], |c, (x, _)| axpy(c, share, *x));
         let moment = all.iter().fold([0.0; 3], |m, &(x, f)| axpy(m, 1.0, cross(sub(x, about), f)));
-        (!all.is_empty()).then(|| Self { about: origin + Vector::from_array(about), mn_mm: Vector::from_array(moment) })
+        let reach = all.iter().map(|(x, _)| share * distance(*x, about)).sum();
+        let [place, mn_mm] = [about, moment].map(Vector::from_array);
+        (!all.is_empty()).then(|| Self { about: origin + place, mn_mm, reach })
     }
 }
 
@@ -66,6 +70,8 @@ pub struct StaticSolution {
     pub turned: usize,
     /// The element of the given mesh that is the first of these, or holds it.
     pub first_turned: Option<usize>,
+    /// Whether forces balance each other, but the body would not stay so: no state in which it does was found from there.
+    pub unstable: bool,
     /// A finer mesh whose solution was given up: this one is that of the mesh before it.
     pub unfinished: Option<Unfinished>,
     /// What the last refinement changed; `None` when there was none. What a finer mesh would still change is of that order.
@@ -161,6 +167,10 @@ pub struct MeshChange {
     /// Largest change of the force of a set of supports (what several hold shared out), a sphere or a rod, over the largest of these forces (or a tenth of what
     /// all vertices bear or of all loads, where a set's forces or the loads balance each other).
     pub force: f64,
+    /// Largest change of the moment of a set (that holds nothing that another one holds) or a rod about its middle, over the largest of these moments (or a quarter of
+    /// what all vertices bear or of all loads, times the mean distance of its vertices from there, where these turn against each
+    /// other).
+    pub moment: f64,
 }
 
 /// What was reached on a finer mesh that was given up.

@@ -18,4 +18,5 @@ mod rigid_bodies;
 mod room;
 mod seen_from_outside;
 mod slivers;
+mod stable;
 mod thin_membrane;
