@@ -91,7 +91,7 @@ impl Survey {
 }
 
 /// Two identities that do not contradict each other: an id or a name that is missing proves nothing.
-fn same_patient(a: &Identity, b: &Identity) -> bool {
+pub(crate) fn same_patient(a: &Identity, b: &Identity) -> bool {
     if !a.id.is_empty() && !b.id.is_empty() {
         return a.id == b.id;
     }

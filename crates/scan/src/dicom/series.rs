@@ -1,6 +1,6 @@
 //! From images to stacks of slices: one series may hold several (a localizer, two orientations, two acquisitions).
 
-use super::folder::{load, name};
+use super::folder::{load, name, same_patient};
 use super::image::{Image, Placement, refused_syntax};
 use super::unit::Unit;
 use super::{acquisitions, outline, strays};
@@ -71,7 +71,8 @@ fn belongs(a: &Image, b: &Image) -> bool {
     // Siemens adds a number to the kernel that may change within a head.
     let kernel = |i: &Image| i.about.kernel.as_ref().map(|k| k.split('\\').next().unwrap_or_default().to_owned());
     let same = |i: &Image| (i.size, i.localizer, i.projection, grey(i), kernel(i), i.modality.clone(), i.captured);
-    a.series_uid == b.series_uid && parallel && same(a) == same(b) && map(a) == map(b)
+    let one = a.series_uid == b.series_uid && same_patient(&a.identity, &b.identity);
+    one && parallel && same(a) == same(b) && map(a) == map(b)
 }
 
 /// Place of an image along the normal of the first one.

@@ -150,6 +150,24 @@ fn two_patients_are_refused_without_naming_them() {
     }
 }
 
+/// Their images had one series id in common, and choosing it as the message says gave one head of two.
+#[test]
+fn two_patients_in_one_series_became_one_head() {
+    let f = folder();
+    let files = series(f.path(), &SeriesMeta::default());
+    for file in files.iter().skip(3) {
+        edit(file, tags::PATIENT_ID, VR::LO, "OTHER");
+    }
+    refused(f.path(), &["2 patients", "choose a series by its id"]);
+    let listed = inspect(f.path()).expect("a listing");
+    let images: Vec<usize> = listed.series.iter().map(|s| s.images).collect();
+    assert_eq!(images, [3, 3]);
+    for (s, slices) in listed.series.iter().zip(images) {
+        let chosen = ReadOptions { series_uid: Some(s.source.series.clone()), ..any_size() };
+        assert_eq!(read(f.path(), &chosen).expect("one patient").volume.grid().dims()[2], slices);
+    }
+}
+
 #[test]
 fn attributes_that_make_no_head_ct() {
     for (tag, vr, value, fragments) in [
