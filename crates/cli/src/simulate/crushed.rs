@@ -35,6 +35,8 @@ pub(super) struct Crushed {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Unsound {
     count: usize,
+    /// How many of them have grown.
+    grown: usize,
     /// Their share of the structure's volume at rest.
     share: f64,
     /// Of the worst of them the volume over that at rest, and its middle now.
@@ -42,11 +44,12 @@ struct Unsound {
 }
 
 impl Unsound {
-    const NONE: Self = Self { count: 0, share: 0.0, worst: None };
+    const NONE: Self = Self { count: 0, grown: 0, share: 0.0, worst: None };
 
     /// Counts one, with its volume at rest, the ratio to that and its middle.
     fn count(&mut self, volume: f64, ratio: f64, middle: Point<Patient>) {
         (self.count, self.share) = (self.count + 1, self.share + volume);
+        self.grown += usize::from(ratio > 1.0);
         // What is turned is worse than what is flat.
         let bad = |ratio: f64| if ratio > 1.0 { ratio } else { 1.0 / ratio.max(1e-9) };
         if self.worst.is_none_or(|(worst, _)| bad(ratio) > bad(worst)) {
@@ -122,10 +125,19 @@ impl Crushed {
         let is_told = |(ratio, _): &(f64, Point<Patient>)| *ratio < 1.0 || count >= TOLD;
         if let Some((ratio, at)) = brain.worst.or(ventricles.worst).filter(is_told) {
             let [x, y, z] = at.to_array();
+            let meaning = match count - brain.grown - ventricles.grown {
+                0 => {
+                    "they have grown, as elements do that make room for a shaft or hang on it: what is told of tissue within two \
+                     radii of it is rough."
+                }
+                _ => {
+                    "tissue hangs there by elements that are crushed. How far walls have moved around them is then a matter of \
+                     chance (of the iterations, the mesh, the speed) by some millimetres."
+                }
+            };
             out.push(format!(
                 "At the end {} of {} tetrahedra ({} of brain) have less than half or more than twice of their volume, the worst {ratio:.2} \
-                 of it, near ({x:.1}, {y:.1}, {z:.1}) mm: tissue hangs there by elements that are crushed. How far walls have moved \
-                 around them is then a matter of chance (of the iterations, the mesh, the speed) by some millimetres.",
+                 of it, near ({x:.1}, {y:.1}, {z:.1}) mm: {meaning}",
                 count,
                 run.rest.tets.len(),
                 brain.count
@@ -177,7 +189,7 @@ mod tests {
         assert!((worst(found.ventricles).0 - 0.05).abs() < 1e-12 && worst(found.ventricles).1.z < 0.02, "{found:?}");
         // One turned inside out is worse than any that has grown.
         let turned = Crushed::between(&mesh([1.0; 4]), &mesh([90.0, -0.1, 1.0, 1.0])).brain;
-        assert_eq!((turned.count, worst(turned).0 < 0.0), (2, true), "{turned:?}");
+        assert_eq!((turned.count, turned.grown, worst(turned).0 < 0.0), (2, 1, true), "{turned:?}");
         let sound = Crushed::between(&mesh([1.0; 4]), &mesh([0.6, 1.9, 0.5, 2.0]));
         assert_eq!(sound, Crushed { brain: Unsound::NONE, ventricles: Unsound::NONE, empty: 0.0 });
     }

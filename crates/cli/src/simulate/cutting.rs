@@ -88,8 +88,9 @@ pub(super) fn unlike(run: &Run) -> Option<String> {
     (other && run.has_units() && run.materials_file.is_none()).then(|| {
         let shape = if tip == TipShape::Round { "a rounded" } else { "a conical" };
         format!(
-            "Walls, cutting and friction bear what they bear against a rounded rod of {CATHETER_MM} mm, for {shape} one of {mm} mm, too: no force \
-             follows from --diameter and --tip. Give those of your catheter with --materials."
+            "Walls, cutting and friction bear what they bear against a rounded rod of {CATHETER_MM} mm, for {shape} one of {mm} mm, too: none of \
+             these follows from --diameter and --tip, and what force is printed changes with them by the tissue that is moved alone. \
+             Give those of your catheter with --materials."
         )
     })
 }

@@ -49,24 +49,18 @@ impl Problem<'_> {
         self.mask(&mut r);
         let (left, goal) = (1.0, tolerance * tolerance);
         let mut system = Unsolved { d, r, left, goal, furthest: self.furthest(lift.is_some()) };
-        self.bear(at, &mut system);
-        system.d
-    }
-
-    /// Solves a system with the Hessian of a state, and makes factors where that takes long.
-    pub(super) fn bear(&mut self, at: &Point, system: &mut Unsolved) {
         let mut all_done = false;
         loop {
             let patience = if all_done { u32::MAX } else { self.direct.patience() };
             let (by, before) = (self.conditioner(at), self.products);
             let tired = if self.open {
-                self.biconjugate(at, &by, system, patience)
+                self.biconjugate(at, &by, &mut system, patience)
             } else {
-                self.conjugate(at, &by, system, patience)
+                self.conjugate(at, &by, &mut system, patience)
             };
             self.direct.spend(self.products - before);
             if !tired {
-                return;
+                return system.d;
             }
             let (elastic, loads, spheres, share) = (self.elastic, self.loads, &self.spheres, self.share);
             all_done = self.direct.renew(&System { elastic, loads, spheres, share }, at, self.keep_going);
@@ -74,7 +68,7 @@ impl Problem<'_> {
     }
 
     /// Conjugate gradients, on from where a system is. Whether `patience` products were not enough.
-    fn conjugate(&mut self, at: &Point, by: &Conditioner, system: &mut Unsolved, patience: u32) -> bool {
+    pub(super) fn conjugate(&mut self, at: &Point, by: &Conditioner, system: &mut Unsolved, patience: u32) -> bool {
         let Unsolved { d, r, left, goal, furthest } = system;
         let (mut hp, mut z) = (Vec::new(), Vec::new());
         by.apply(r, &mut z);
@@ -116,7 +110,7 @@ impl Problem<'_> {
         false
     }
 
-    fn conditioner(&self, at: &Point) -> Conditioner {
+    pub(super) fn conditioner(&self, at: &Point) -> Conditioner {
         self.direct.factored().map_or_else(|| Conditioner::Blocks(self.preconditioner(at)), Conditioner::Factors)
     }
 

@@ -11,6 +11,9 @@ use monro_geometry::d3::{D3, axpy};
 const ESCAPES: usize = 3;
 /// Part of the right side to which the system that shows soft directions is solved.
 const SHOWN: f64 = 3e-2;
+/// Products that looking for one may take at least, and over those that the state took.
+const LOOKED: u32 = 600;
+const TIMES: u32 = 2;
 /// A direction has no stiffness where the energy falls along it by more than this part of what its elements bear one by one;
 /// less is rounding, as of a body that spheres leave free to turn.
 const FALLS: f64 = 1e-9;
@@ -67,7 +70,10 @@ impl Problem<'_> {
         self.mask(&mut r);
         let d = vec![[0.0; 3]; r.len()];
         self.bent = None;
-        self.bear(at, &mut Unsolved { d, r, left: 1.0, goal: SHOWN * SHOWN, furthest: f64::INFINITY });
+        // What has not shown by then is not looked for any longer.
+        let (by, patience) = (self.conditioner(at), self.products.saturating_mul(TIMES).max(LOOKED));
+        let mut system = Unsolved { d, r, left: 1.0, goal: SHOWN * SHOWN, furthest: f64::INFINITY };
+        self.conjugate(at, &by, &mut system, patience);
         let way = self.bent.take()?;
         let mut force = Vec::new();
         self.product(at, &way, &mut force);
