@@ -60,7 +60,7 @@ pub fn lerp(a: D3, b: D3, t: f64) -> D3 {
     [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t, a[2] + (b[2] - a[2]) * t]
 }
 
-/// Six times the signed volume of a tetrahedron: positive where `b`, `c`, `d` go counter-clockwise seen from behind `a`.
+/// Six times the signed volume of a tetrahedron: positive where `a`, `b`, `c` go counter-clockwise seen from `d`.
 #[inline]
 pub fn volume6([a, b, c, d]: [D3; 4]) -> f64 {
     dot(cross(sub(b, a), sub(c, a)), sub(d, a))

@@ -80,9 +80,9 @@ What is printed (forces in N, along the axes of the scene):
                   forces and moments by 5 % at most, and the body stays as found: look at this, too, since what is converged
                   is so on the mesh it was found on; null where there was no refinement
   mesh_change     what the last refinement changed: the displacement (relative L2, at the nodes given) and the largest force
-                  and moment, as shares, the elements before it (tets_before), and the displacement's change at that rate for eight times
-                  as many elements (displacement_eightfold), which a finer mesh would still change about; null where there
-                  was no refinement
+                  and moment, as shares, the elements before it (tets_before), and the displacement's change at that rate
+                  for eight times as many elements (displacement_eightfold), which a finer mesh would still change about;
+                  null where there was no refinement
   finer_given_up  a finer mesh that was tried after it and given up: its elements (tets) and why; null where none was
   turned          how many of them are turned inside out or without volume
   self_crossing   where the surface of the body, or a wall between its regions, passes through itself and does not at rest:

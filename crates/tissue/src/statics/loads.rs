@@ -24,6 +24,11 @@ pub(crate) struct Loads {
     pub(super) contested: Vec<usize>,
 }
 
+/// Numbers between -1/2 and 1/2, spread evenly, the same every time.
+pub(super) fn spread(i: usize) -> f64 {
+    (i as f64 * 0.618_033_988_749_895).fract() - 0.5
+}
+
 impl Loads {
     pub(crate) fn new(model: &Model, elastic: &Elastic, problem: &StaticProblem) -> Result<Self, StaticError> {
         let vertices = model.number.len();
@@ -112,9 +117,7 @@ impl Loads {
 
     /// Whether the derivative of the pressures is symmetric at `rest`, in the components that are free.
     fn is_symmetric(&self, elastic: &Elastic, rest: &[D3]) -> bool {
-        // Numbers between -1/2 and 1/2, spread evenly, the same every time.
-        let some = |i: usize| (i as f64 * 0.618_033_988_749_895).fract() - 0.5;
-        let free = |i: usize, a: usize| if self.support[i][a].is_none() { some(3 * i + a) } else { 0.0 };
+        let free = |i: usize, a: usize| if self.support[i][a].is_none() { spread(3 * i + a) } else { 0.0 };
         let d: Vec<D3> = (0..rest.len()).map(|i| core::array::from_fn(|a| free(i, a))).collect();
         let (mut whole, mut symmetric) = (vec![[0.0; 3]; rest.len()], vec![[0.0; 3]; rest.len()]);
         self.add_derivative(1.0, rest, &d, &mut whole);

@@ -497,6 +497,11 @@ impl Problem<'_> {
         radius.map_or(FURTHEST * size, |radius| radius.min(FURTHEST * size))
     }
 
+    /// What the energy falls by from one state to another.
+    pub(super) fn gained(&self, at: &Point, next: &Point) -> f64 {
+        self.loads.work(self.share, &at.x, &next.x) + at.energy - next.energy
+    }
+
     /// The longest step of `1, 1/2, 1/4...` that lowers the energy enough (Armijo), and which part of the whole one it is.
     fn search(&self, at: &Point, d: &[D3]) -> Option<(Point, f64)> {
         let slope = inner(&at.gradient, d);
@@ -505,7 +510,7 @@ impl Problem<'_> {
         for _ in 0..40 {
             let next = self.evaluate(shifted(&at.x, d, sign * s));
             // Near the end rounding is larger than the gain in energy, and the force out of balance tells more.
-            let gained = self.loads.work(self.share, &at.x, &next.x) + at.energy - next.energy;
+            let gained = self.gained(at, &next);
             if gained >= 1e-4 * s * slope.abs() || self.out_of_balance(&next) < 0.25 * before {
                 return Some((next, s));
             }

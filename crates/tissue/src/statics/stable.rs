@@ -4,8 +4,9 @@
 //! balance straight, too, beyond the force at which it bends aside. A coarse mesh, which is too stiff, leads there on the finer one.
 
 use super::linear::Unsolved;
+use super::loads::spread;
 use super::newton::{Point, Problem, inner, longest, shifted};
-use monro_geometry::d3::{D3, axpy};
+use monro_geometry::d3::{D3, axpy, dot};
 
 /// So often the way is gone on from a state in which the body does not stay.
 const ESCAPES: usize = 3;
@@ -77,21 +78,20 @@ impl Problem<'_> {
         let way = self.bent.take()?;
         let mut force = Vec::new();
         self.product(at, &way, &mut force);
-        let borne: f64 = way.iter().enumerate().map(|(i, p)| self.elastic.near.diagonal(i) * inner(&[*p], &[*p])).sum();
+        let borne: f64 = way.iter().enumerate().map(|(i, p)| self.elastic.near.diagonal(i) * dot(*p, *p)).sum();
         (inner(&way, &force) < -FALLS * borne).then_some(way)
     }
 
     /// Forces in long waves of all directions, the same every time.
     fn waves(&self) -> Vec<D3> {
         let (rest, size) = (&self.elastic.rest, self.size());
-        let some = |i: usize| (i as f64 * 0.618_033_988_749_895).fract() - 0.5;
-        let three = |i: usize| [some(i), some(i + 1), some(i + 2)];
-        let wave = |k: usize| (three(7 * k + 1).map(|n| 2.0 * ALONG * n), some(7 * k + 4), three(7 * k + 5));
+        let three = |i: usize| [spread(i), spread(i + 1), spread(i + 2)];
+        let wave = |k: usize| (three(7 * k + 1).map(|n| 2.0 * ALONG * n), spread(7 * k + 4), three(7 * k + 5));
         let waves: Vec<_> = (0..WAVES).map(wave).collect();
         let moved = |i: usize, x: &D3| {
             let rough = three(3 * i).map(|v| NOISE * v);
             waves.iter().fold(rough, |sum, (number, phase, way)| {
-                let turns = inner(&[*number], &[*x]) / size + phase;
+                let turns = dot(*number, *x) / size + phase;
                 axpy(sum, (core::f64::consts::TAU * turns).sin(), *way)
             })
         };
@@ -104,10 +104,10 @@ impl Problem<'_> {
         let unit = STEP * self.size() / longest(way);
         let step = |power: i32| {
             let next = self.evaluate(shifted(&at.x, way, unit * f64::from(power).exp2()));
-            (self.loads.work(self.share, &at.x, &next.x) + at.energy - next.energy, next)
+            (self.gained(at, &next), next)
         };
-        let first = (SHORTER..=0).rev().find(|&power| step(power).0 > 0.0)?;
-        let mut best = step(first);
+        let falls = |power: i32| Some((power, step(power))).filter(|(_, (gained, _))| *gained > 0.0);
+        let (first, mut best) = (SHORTER..=0).rev().find_map(falls)?;
         for power in first + 1..=LONGER {
             let further = step(power);
             if further.0.is_nan() || further.0 <= best.0 {

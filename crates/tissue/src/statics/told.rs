@@ -167,9 +167,9 @@ pub struct MeshChange {
     /// Largest change of the force of a set of supports (what several hold shared out), a sphere or a rod, over the largest of these forces (or a tenth of what
     /// all vertices bear or of all loads, where a set's forces or the loads balance each other).
     pub force: f64,
-    /// Largest change of the moment of a set (that holds nothing that another one holds) or a rod about its middle, over the largest of these moments (or a quarter of
-    /// what all vertices bear or of all loads, times the mean distance of its vertices from there, where these turn against each
-    /// other).
+    /// Largest change of the moment of a set (that holds nothing that another one holds) or a rod about its middle, over the
+    /// largest of these moments (or a quarter of what all vertices bear or of all loads, times the mean distance of its vertices
+    /// from there, where these turn against each other).
     pub moment: f64,
 }
 
