@@ -23,7 +23,7 @@ export async function prepareInBrowser(open, shot) {
   const server = spawn(MONRO, ["serve", "--json", "--scans", join(dir, "scans"), "--out", out, "--no-igtl", "--record", taken], { stdio: ["ignore", "pipe", "ignore"] });
   try {
     const { url, token } = JSON.parse(await new Promise((resolve) => createInterface(server.stdout).once("line", resolve)));
-    const page = await open(`${url}/#token=${token}`);
+    const page = await open(`${url}/#token=${token}`, lateAnswer);
     await prepare(page, shot);
     const planned = await movePath(page, shot);
     assert.ok(!existsSync(out), "the case is written before it was asked for");
@@ -61,6 +61,14 @@ async function failToOpen(page, taken, shot) {
   await page.waitForFunction(() => /taken\.mnrs/.test(document.querySelector("#said").textContent), null, { timeout: LONG_MS });
   await shot(page, "prepared-not-opened");
   rmSync(taken);
+}
+
+/** The server's first answer comes late, as on a busy machine: nothing may be pressed before the page can do it. */
+async function lateAnswer(page) {
+  await page.route("**/api/prepare", async (route) => {
+    await new Promise((resolve) => setTimeout(resolve, 1500));
+    await route.continue();
+  }, { times: 1 });
 }
 
 async function prepare(page, shot) {

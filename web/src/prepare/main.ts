@@ -113,7 +113,7 @@ class Preparing {
   async #show(state: State): Promise<void> {
     this.#list(state);
     this.#progress(state);
-    element<HTMLButtonElement>("#start").disabled = state.running;
+    element<HTMLButtonElement>("#start").disabled = state.running || !state.scans.length;
     for (const button of [...this.#buttons, this.#opens]) button.disabled = state.running || !state.made || this.#opening;
     if (state.error) this.#say(state.error, true);
     if (!state.made || state.made.version === this.#made?.version) return;
