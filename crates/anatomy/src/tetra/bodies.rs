@@ -13,7 +13,7 @@ const LEAST_CELLS: usize = 27;
 /// How far around the cells of a body its voxels are looked for, voxels.
 const AROUND: f64 = 2.0;
 /// Bodies of a kind that are looked after at most, the largest.
-const MOST: usize = 32;
+const MOST: usize = 128;
 
 /// A cavity, or a piece of a label.
 #[derive(Debug, Clone, PartialEq)]

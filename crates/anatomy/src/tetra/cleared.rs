@@ -23,6 +23,7 @@ const ON_TOP: f64 = 1.01;
 
 /// A lattice cut along all surfaces and cleared: separate pieces too small to keep, points almost in one place and, where bad
 /// elements are many, the worst of these are gone.
+#[derive(Clone)]
 pub(super) struct Cleared<'a> {
     pub(super) work: Work<'a>,
     pub(super) crumbs: Vec<Crumb>,
@@ -30,6 +31,8 @@ pub(super) struct Cleared<'a> {
     pub(super) bounds: Vec<(D3, f64)>,
     /// The finest edge wanted, mm.
     pub(super) finest: f64,
+    /// Whether bad elements were many.
+    many: bool,
     /// Part of the elements that bettering is going to take.
     later: f64,
 }
@@ -66,7 +69,17 @@ impl<'a> Cleared<'a> {
             work.improve_worst();
         }
         let coarsened = if finest > lattice_edge { LATER } else { 0.0 };
-        Self { work, crumbs, bounds, finest, later: if many { LATER_OF_MANY } else { coarsened } }
+        Self { work, crumbs, bounds, finest, many, later: if many { LATER_OF_MANY } else { coarsened } }
+    }
+
+    /// A copy for another count, where bad elements are many, for then clearing takes longest and few counts are met at once.
+    pub(super) fn kept(&self) -> Option<Self> {
+        self.many.then(|| self.clone())
+    }
+
+    /// Whether it has enough elements for so many.
+    pub(super) fn has_room(&self, wanted: usize) -> bool {
+        self.work.count() >= self.target(wanted)
     }
 
     /// How many elements to coarsen to so that bettering leaves so many.

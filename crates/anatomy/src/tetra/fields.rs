@@ -159,7 +159,7 @@ pub(super) struct LabelFields {
     pub(super) extents: Vec<Extent>,
     /// Cavities that no label fills.
     pub(super) voids: Vec<Body>,
-    /// Of each label but the last, or of it where it is the only one, the separate pieces but for the largest.
+    /// Of each label the separate pieces but for the largest.
     pub(super) pieces: Vec<Vec<Body>>,
     /// Which labels are but specks, for which no number of elements is enough: for the sake of these none is given up.
     pub(super) specks: Vec<bool>,
@@ -198,10 +198,8 @@ impl LabelFields {
         present = order.iter().map(|&l| present[l]).chain([rest]).collect();
         let voids = voids(labels, &all, &union);
         let own = |l: &(u16, Extent), field: &Field| pieces(labels, &|v: T| v.into() == l.0, field);
-        let pieces = match parts.is_empty() {
-            true => vec![own(&rest, &union)],
-            false => present.iter().zip(&parts).map(|(l, field)| own(l, field)).collect(),
-        };
+        let remainder = rest_on(&union, &union, &parts);
+        let pieces = present.iter().zip(parts.iter().chain([&remainder])).map(|(l, field)| own(l, field)).collect();
         Some(Self {
             nearby: Nearby::new(&union, &parts),
             union,

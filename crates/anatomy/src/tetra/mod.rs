@@ -239,7 +239,8 @@ struct Made {
 impl Made {
     /// With faces along all label surfaces; `None` where nothing is left to mesh.
     fn conforming(fields: &LabelFields, size: &SizeField, wanted: usize, done: &mut impl FnMut(Stage)) -> Option<Self> {
-        let (mut best, mut aim) = (Self::once(fields, size, wanted, done)?, wanted as f64);
+        let mut kept = None;
+        let (mut best, mut aim) = (Self::once(fields, size, wanted, &mut kept, done)?, wanted as f64);
         let mut last = best.raw.tets.len();
         for _ in 0..if wanted < FEW { MORE_TRIES } else { 1 } {
             if best.has_count(wanted, COUNT) || last == 0 || best.lost.is_some() {
@@ -248,7 +249,7 @@ impl Made {
             // What the last one is short of is asked for on top.
             aim *= wanted as f64 / last as f64;
             aim = aim.clamp(0.8 * wanted as f64, 1.25 * wanted as f64);
-            let Some(other) = Self::once(fields, size, aim as usize, done) else { break };
+            let Some(other) = Self::once(fields, size, aim as usize, &mut kept, done) else { break };
             last = other.raw.tets.len();
             if other.miss(wanted) < best.miss(wanted) {
                 best = other;
@@ -257,8 +258,19 @@ impl Made {
         Some(best)
     }
 
-    fn once(fields: &LabelFields, size: &SizeField, aim: usize, done: &mut impl FnMut(Stage)) -> Option<Self> {
-        let cleared = Cleared::with_room(fields, size, aim)?;
+    /// From what was `kept` of an earlier lattice, where that has room.
+    fn once<'a>(
+        fields: &'a LabelFields,
+        size: &SizeField,
+        aim: usize,
+        kept: &mut Option<Cleared<'a>>,
+        done: &mut impl FnMut(Stage),
+    ) -> Option<Self> {
+        let cleared = match kept.take().filter(|cleared| cleared.has_room(aim)) {
+            Some(cleared) => cleared,
+            None => Cleared::with_room(fields, size, aim)?,
+        };
+        *kept = cleared.kept();
         done(Stage::Cut);
         Some(improved(cleared, fields, size, aim, done))
     }

@@ -33,6 +33,8 @@ const MOST_TRIES: usize = 8;
 /// Where thin parts take more than this times the elements, all is thin: a lattice that sees it could only be coarsened
 /// until it is lost again, after minutes.
 const MOST_SPLIT: f64 = 4.0;
+/// Where they are foreseen to take this many, it need not even be cut to know it.
+const FAR_TOO_MANY: f64 = 2.0 * MOST_SPLIT;
 /// There may be no lattice between two whose counts miss the aim by more than this, as logarithms, on either side.
 const JUMP: f64 = 0.7;
 /// The part more that a lattice of the least size has than estimated, because of its grading, and the power of the size
@@ -100,6 +102,10 @@ pub(super) fn to_count(fields: &LabelFields, size: &SizeField, wanted: usize, mo
         let foreseen = miss(WITHOUT_THIN * aim + PER_THIN * bounds.len() as f64);
         if search.last.is_none() && (OVER + SURELY..MOST_SPLIT.ln()).contains(&foreseen) {
             search.follow(foreseen, has_thin);
+            continue;
+        }
+        if has_thin && foreseen > FAR_TOO_MANY.ln() {
+            thin = &none;
             continue;
         }
         let raw = tree.cut(thin, fields);
