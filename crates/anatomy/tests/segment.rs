@@ -234,6 +234,19 @@ fn a_phantom_is_found_again() {
     }
 }
 
+/// Large ventricles reach where other heads have sulci and cisterns: the fluid that began there filled half of them from within.
+#[test]
+fn large_ventricles_were_lost_to_the_fluid_around_the_brain() {
+    let options = HeadOptions { seed: 3, ventricle_width: Some(5.0), ..HeadOptions::default() };
+    let made = head(&options).expect("phantom");
+    let found = segment(&made.ct).expect("segmentation");
+    let truth = made.labels.map(u16::from);
+    let voxels = truth.data().iter().filter(|&&t| t == 5).count();
+    assert!(voxels as f64 * truth.grid().voxel_volume() > 150_000.0, "{voxels}");
+    let scores = [5, 6].map(|s| dice(&found, &truth, |l| l == s, |t| t == u16::from(s)));
+    assert!(scores.iter().all(|s| *s > 0.97), "{scores:?}");
+}
+
 /// The same voxels in another position: turned about the patient's axes (degrees), rows and slices in reverse order.
 fn turned(ct: &Volume<i16>, degrees: [f64; 3]) -> Volume<i16> {
     let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(Vector::<Patient>::from_array);

@@ -36,6 +36,9 @@ const CHOROID_GAP: f32 = 4.0;
 const SURFACE_ROOM: usize = 9;
 /// The layer that tells the level of the tissue beside a ventricle, mm from it: beyond partial volume, and near.
 const BESIDE: core::ops::Range<f32> = 1.5..5.0;
+/// Ventricles are wide where a ball of this radius has room, mm; bright parts of fewer voxels (1 mm) do not count.
+const WIDE: f32 = 8.0;
+const SPECK: usize = 30;
 /// A lateral ventricle has at least this, mL.
 const LEAST_ML: f64 = 0.4;
 
@@ -229,30 +232,50 @@ impl<'a> Crop<'a> {
     /// Floods the dark voxels from seeds of the two lateral ventricles, the third, and everything else.
     fn flood(&self, dark: &Mask, calcified: &Mask, (fluid, edge): (f32, f32)) -> (Raster<u8>, Raster<u8>) {
         let inner = distance_to_false(dark);
+        let wide = self.wide(dark);
         let mut markers = Raster::filled(dark.dims, 0u8);
         let mut height = Raster::filled(dark.dims, 0f32);
         for n in 0..dark.data.len() {
             if dark.data[n] {
-                markers.data[n] = self.marker(n, inner.data[n]);
-                let hu = if calcified.data[n] { fluid } else { self.hu.data[n] };
+                markers.data[n] = self.marker(n, inner.data[n], wide.data[n]);
+                let hu = if calcified.data[n] { fluid } else { self.hu.data[n].max(fluid) };
                 // Dark and wide first: a septum or a thin floor is brighter, a foramen narrower than what it joins.
                 height.data[n] = 0.5 * hu / (edge - fluid) - 0.08 * inner.data[n].min(4.0);
             }
         }
-        let flooded = watershed(&height, &markers, dark);
-        (markers, flooded)
+        // Where ventricles are wide their own fluid comes before that of what lies about them.
+        let within = watershed(&height, &markers, &wide.and(dark));
+        let first = markers.zip(&within, |m, w| if w > 0 { w } else { m });
+        (markers, watershed(&height, &first, dark))
     }
 
-    /// The seed class of a dark voxel, `inner` mm from the nearest brighter one; 0 for none.
-    fn marker(&self, n: usize, inner: f32) -> u8 {
+    /// Where ventricles are wide: what holds a ball of [`WIDE`] and hangs together with the course, specks of noise aside. Large
+    /// ventricles reach where others end, so that where fluid lies tells nothing of it there.
+    fn wide(&self, dark: &Mask) -> Mask {
+        let bright = label(&dark.not());
+        let whole = dark.or(&bright.keep(|part| bright.sizes[part as usize] < SPECK));
+        let near = self.near_course();
+        let mut course = Mask::filled(dark.dims, false);
+        (0..dark.data.len()).for_each(|n| course.data[n] = self.nearest_course(n) <= near);
+        label(&open(&whole, WIDE)).touching(&course)
+    }
+
+    /// What is no farther from the model's course is on it, mm.
+    fn near_course(&self) -> f32 {
+        (2.5 * self.scene.pose.scale) as f32
+    }
+
+    /// The seed class of a dark voxel, `inner` mm from the nearest brighter one; 0 for none. Where ventricles are `wide` none is
+    /// of what lies elsewhere.
+    fn marker(&self, n: usize, inner: f32, wide: bool) -> u8 {
         let m = self.model(n);
         // Sulci and cisterns reach the skull; of the ventricles only the temporal horns come near it.
         let in_horn = self.horns[0].data[n].min(self.horns[1].data[n]) < (6.0 * self.scene.pose.scale) as f32;
         let shallow = if in_horn { 4.0 } else { 9.0 };
-        if self.depth.data[n] < shallow || !in_horn && is_cistern(m) {
+        if !wide && (self.depth.data[n] < shallow || !in_horn && is_cistern(m)) {
             return ELSEWHERE;
         }
-        let near = (2.5 * self.scene.pose.scale) as f32;
+        let near = self.near_course();
         let [lateral, posterior, superior] = m;
         if inner >= 1.0 && self.course[0].data[n] <= near && lateral > 2.5 {
             LEFT
