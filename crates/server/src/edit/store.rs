@@ -49,7 +49,13 @@ pub enum StoreError {
         /// The scan to be edited.
         wanted: String,
     },
-    /// The labels at the start cannot be read, or do not fit.
+    /// There are no labels to begin with; earlier work stays as it is.
+    #[error("there are no labels to begin with: {reason}; nothing was changed")]
+    Start {
+        /// The reason.
+        reason: String,
+    },
+    /// The labels that earlier work began with cannot be read, or do not fit.
     #[error("the labels in {folder} cannot be used: {reason}; move the folder away to begin anew")]
     Base {
         /// The folder.
@@ -120,7 +126,7 @@ impl Store {
     /// The subject gets what is known of the labels.
     ///
     /// # Errors
-    /// [`StoreError`]; whatever `start` says, as [`StoreError::Base`].
+    /// [`StoreError`]; whatever `start` says, as [`StoreError::Start`].
     pub(crate) fn open(
         folder: &Path,
         grid: &Grid,
@@ -129,35 +135,22 @@ impl Store {
     ) -> Result<(Self, Editor, Vec<String>), StoreError> {
         let fresh = !folder.exists();
         let journal = journal_of(folder)?;
-        let description = folder.join("edit.json");
-        let mut notes = Vec::new();
-        if description.is_file() {
-            let text = fs::read_to_string(&description).map_err(at(&description))?;
-            let found: Subject = serde_json::from_str(&text)
-                .map_err(|error| StoreError::Description { path: description.clone(), error })?;
-            if found.scan != subject.scan {
-                let (folder, wanted) = (folder.to_owned(), subject.scan.clone());
-                return Err(StoreError::OtherScan { folder, found: found.scan, wanted });
-            }
-            if found.origin == subject.origin {
-                subject.known = found.known;
-                return Self::resume(folder, grid, journal);
-            }
-            let aside = put_aside(folder)?;
-            notes.push(format!(
-                "the labels of the case are not those that were edited before; the earlier edits are in {}",
-                aside.display()
-            ));
+        let found = described(folder, &subject.scan)?;
+        let is_other = found.is_some();
+        if let Some(same) = found.filter(|found| found.origin == subject.origin) {
+            subject.known = same.known;
+            return Self::resume(folder, grid, journal);
         }
         let Start { labels: base, known } = start().map_err(|reason| {
             if fresh {
                 // Nothing began; a folder that cannot be removed does no harm.
                 let _ = fs::remove_dir_all(folder);
             }
-            StoreError::Base { folder: folder.to_owned(), reason }
+            StoreError::Start { reason }
         })?;
         subject.known = known;
-        let journal = if folder.exists() { journal } else { journal_of(folder)? };
+        // Not before there are labels to begin with: what was refused leaves the earlier edits where they are looked for.
+        let (journal, notes) = if is_other { set_aside(folder)? } else { (journal, Vec::new()) };
         let (store, editor) = Self::begin(folder, base, subject, journal)?;
         Ok((store, editor, notes))
     }
@@ -243,6 +236,21 @@ fn journal_of(folder: &Path) -> Result<File, StoreError> {
     }
 }
 
+/// What the work in a folder belongs to; `None` where there is none.
+fn described(folder: &Path, scan: &str) -> Result<Option<Subject>, StoreError> {
+    let path = folder.join("edit.json");
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let text = fs::read_to_string(&path).map_err(at(&path))?;
+    let found: Subject =
+        serde_json::from_str(&text).map_err(|error| StoreError::Description { path: path.clone(), error })?;
+    if found.scan == scan {
+        return Ok(Some(found));
+    }
+    Err(StoreError::OtherScan { folder: folder.to_owned(), found: found.scan, wanted: scan.to_owned() })
+}
+
 fn base(path: &Path, grid: &Grid) -> Result<Volume<u8>, String> {
     let found = monro_scan::read_labels(path).map_err(|e: ScanError| e.to_string())?;
     if found.grid().dims() != grid.dims() {
@@ -251,6 +259,16 @@ fn base(path: &Path, grid: &Grid) -> Result<Volume<u8>, String> {
     // NIfTI rounds the placement to single precision; the scan's own is exact.
     let labels = found.map(|l| u8::try_from(l).unwrap_or(u8::MAX)).into_data();
     Volume::new(*grid, labels).map_err(|e| e.to_string())
+}
+
+/// Puts earlier work aside; the journal of a new folder, and what is to be said of it.
+fn set_aside(folder: &Path) -> Result<(File, Vec<String>), StoreError> {
+    let aside = put_aside(folder)?;
+    let note = format!(
+        "the labels of the case are not those that were edited before; the earlier edits are in {}",
+        aside.display()
+    );
+    Ok((journal_of(folder)?, vec![note]))
 }
 
 /// Renames a folder to the first free of `NAME.1`, `NAME.2`, ...

@@ -137,6 +137,24 @@ fn labels_that_cannot_be_used_leave_no_folder_behind() {
     assert!(!folder.exists());
 }
 
+#[test]
+fn labels_that_could_not_be_used_took_the_earlier_edits_away() {
+    let dir = tempfile::tempdir().expect("temp");
+    let folder = dir.path().join("case.edit");
+    let (mut store, mut editor, _) = open(&folder).expect("begun");
+    edit(&mut editor, 0);
+    store.append(&editor.take_journal()).expect("room");
+    drop(store);
+    let mut other = Subject { origin: "bad.nii.gz".into(), ..subject() };
+    let start = || Err("bad.nii.gz: label 9 is unknown".to_owned());
+    let said = Store::open(&folder, &grid(), &mut other, start).expect_err("bad labels").to_string();
+    assert!(said.contains("label 9") && !said.contains("move the folder"), "{said}");
+    assert!(!dir.path().join("case.edit.1").exists());
+    let (_store, back, notes) = open(&folder).expect("the earlier work");
+    assert_eq!(back.labels(), editor.labels());
+    assert!(notes[0].contains("restored"), "{notes:?}");
+}
+
 const FOLDER: &str = "MONRO_TEST_EDIT_FOLDER";
 
 /// Not a test by itself: edits without end, and says the number of each edit that is saved.
