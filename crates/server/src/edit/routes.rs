@@ -210,7 +210,7 @@ async fn at_work<T: Send + 'static>(
     tokio::task::spawn_blocking(move || look(&mut lock(&shared.work))).await.ok()
 }
 
-/// Does what a message of a page asks and appends it to the journal before the answer goes out. With the number of the edit,
+/// Does what a message of a page asks and saves it before the answer goes out. With the number of the edit,
 /// if it was one.
 fn answer(shared: &Shared, page: u64, text: &str) -> (Value, Option<u64>) {
     let request = match request::parse(text) {
@@ -219,10 +219,10 @@ fn answer(shared: &Shared, page: u64, text: &str) -> (Value, Option<u64>) {
     };
     let id = request.id;
     let mut work = lock(&shared.work);
+    let is_dab = request.paints();
     let said = work.answer(page, request);
-    let bytes = work.desk.take_journal();
-    let kept = work.store.append(&bytes);
-    let edit = (!bytes.is_empty()).then(|| {
+    let (edited, kept) = work.save(!is_dab);
+    let edit = edited.then(|| {
         shared.edited.send_modify(|edits| *edits += 1);
         *shared.edited.borrow()
     });

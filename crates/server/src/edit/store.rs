@@ -1,5 +1,5 @@
 //! Where the work is kept: a folder beside the case with the labels at the start and the journal of all edits. Both
-//! survive a killed browser and a killed server.
+//! survive a killed browser and a killed server; finished steps also a power cut.
 //!
 //! ```text
 //! CASE.edit/base.nii.gz   labels at the start
@@ -113,6 +113,8 @@ pub(crate) struct Store {
     journal: File,
     /// Bytes of the journal that are whole.
     whole: u64,
+    /// Bytes of it that are written through to the disk.
+    on_disk: u64,
     /// Edits that found no room yet.
     waiting: Vec<u8>,
 }
@@ -157,11 +159,12 @@ impl Store {
 
     fn begin(folder: &Path, base: Volume<u8>, subject: &Subject, journal: File) -> Result<(Self, Editor), StoreError> {
         let labels = folder.join("base.nii.gz");
-        fs::write(&labels, nifti::encode_u8(&base)).map_err(at(&labels))?;
+        write_through(&labels, &nifti::encode_u8(&base)).map_err(at(&labels))?;
         journal.set_len(0).map_err(at(&folder.join("journal")))?;
         let mut editor = Editor::new(base);
-        let mut store = Self { folder: folder.to_owned(), journal, whole: 0, waiting: Vec::new() };
+        let mut store = Self { folder: folder.to_owned(), journal, whole: 0, on_disk: 0, waiting: Vec::new() };
         store.append(&editor.take_journal())?;
+        store.sync()?;
         store.describe(subject)?;
         Ok((store, editor))
     }
@@ -174,8 +177,9 @@ impl Store {
             Editor::replay(base, &bytes).map_err(|error| StoreError::Journal { path: path.clone(), error })?;
         let whole = recovery.valid_bytes as u64;
         journal.set_len(whole).map_err(at(&path))?;
-        let mut store = Self { folder: folder.to_owned(), journal, whole, waiting: Vec::new() };
+        let mut store = Self { folder: folder.to_owned(), journal, whole, on_disk: 0, waiting: Vec::new() };
         store.append(&editor.take_journal())?;
+        store.sync()?;
         let mut notes = vec![format!("the work of an earlier session was restored ({} entries)", recovery.events)];
         if recovery.torn_bytes > 0 {
             notes.push("the last edit was torn off in the middle and is lost".into());
@@ -205,6 +209,18 @@ impl Store {
         Ok(())
     }
 
+    /// Writes what was appended through to the disk, so that a power cut loses nothing of it either.
+    ///
+    /// # Errors
+    /// When the file system refuses; the next call tries again.
+    pub(crate) fn sync(&mut self) -> Result<(), StoreError> {
+        if self.on_disk < self.whole {
+            self.journal.sync_data().map_err(at(&self.folder.join("journal")))?;
+            self.on_disk = self.whole;
+        }
+        Ok(())
+    }
+
     /// Bytes of all edits so far.
     pub(crate) const fn length(&self) -> u64 {
         self.whole + self.waiting.len() as u64
@@ -217,9 +233,19 @@ impl Store {
     pub(crate) fn describe(&self, subject: &Subject) -> Result<(), StoreError> {
         let [target, aside] = ["edit.json", ".edit.json.partial"].map(|n| self.folder.join(n));
         let text = serde_json::to_string_pretty(subject).unwrap_or_default();
-        fs::write(&aside, text).map_err(at(&aside))?;
-        fs::rename(&aside, &target).map_err(at(&target))
+        write_through(&aside, text.as_bytes()).map_err(at(&aside))?;
+        fs::rename(&aside, &target).map_err(at(&target))?;
+        // The names, too, where the file system can: not all let a folder be synchronised.
+        let _ = File::open(&self.folder).and_then(|folder| folder.sync_all());
+        Ok(())
     }
+}
+
+/// Writes a file that is on the disk on return.
+fn write_through(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = File::create(path)?;
+    file.write_all(bytes)?;
+    file.sync_all()
 }
 
 /// The journal of a folder, made if there is none, locked until it is closed or the process ends, however it ends.
