@@ -1,9 +1,11 @@
-//! What pages are told of each other.
+//! What pages are told of each other, and a rebuilding that fails.
 
 use super::routes::answer;
 use super::*;
+use crate::lock::lock;
 use monro_geometry::Grid;
 use std::path::Path;
+use std::time::Duration;
 
 /// An editor of a slab of fluid in brain.
 fn shared(folder: &Path, rebuild: Rebuild) -> Arc<Shared> {
@@ -38,4 +40,21 @@ fn a_wire_drawn_in_another_tab_was_not_told_and_enter_closed_what_was_not_shown(
     assert!(is_told(r#"{"id":6,"op":"undo"}"#) && is_told(r#"{"id":7,"op":"redo"}"#));
     assert!(is_told(r#"{"id":8,"op":"drop_wire"}"#));
     assert!(!is_told(r#"{"id":9,"op":"drop_wire"}"#) && !is_told(r#"{"id":10,"op":"state"}"#));
+}
+
+#[test]
+fn a_rebuilding_that_panicked_was_running_for_ever() {
+    let dir = tempfile::tempdir().expect("temp");
+    let shared = shared(dir.path(), Box::new(|_, _, _| panic!("a fault of the mesher")));
+    for _ in 0..2 {
+        assert!(rebuild::start(&shared), "it can be tried again");
+        let waited = std::time::Instant::now();
+        while matches!(*lock(&shared.progress), Progress::Running { .. }) {
+            assert!(waited.elapsed() < Duration::from_secs(20), "still running");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let told = lock(&shared.progress).describe(0);
+        assert_eq!(told["state"], "failed");
+        assert!(told["error"].as_str().is_some_and(|e| e.contains("fault of the program")), "{told}");
+    }
 }
