@@ -66,7 +66,7 @@ pub struct Editor {
     labels: Volume<u8>,
     past: Vec<Step>,
     future: Vec<Step>,
-    /// Drawn before the first step changed anything.
+    /// Drawn before the first step, in journals of before a stroke without changes was one.
     drawn: Vec<Drawn>,
     in_stroke: bool,
     stroke_begun: bool,
@@ -193,10 +193,14 @@ impl Editor {
         true
     }
 
-    /// Notes that a label was drawn on a slice, as part of the last step: it is undone and done again with it.
+    /// Notes that a label was drawn on a slice, as part of the current step, or else of the last: it is undone and done
+    /// again with it. A stroke that has changed no voxel is a step of its own then.
     pub fn note(&mut self, drawn: Drawn) {
         if self.all_drawn().any(|d| *d == drawn) {
             return;
+        }
+        if self.in_stroke && !self.stroke_begun {
+            self.commit(Diff::default(), false);
         }
         self.past.last_mut().map_or(&mut self.drawn, |step| &mut step.drawn).push(drawn);
         journal::append(&mut self.unwritten, &Event::Drawn(drawn));
