@@ -294,3 +294,17 @@ fn a_contour_that_changed_nothing_was_undone_with_the_step_before_or_never() {
     let (back, _) = Editor::replay(base, &journal).expect("replayed");
     assert_eq!((back.drawn_slices(2, LEFT), back.steps()), (vec![10], (1, 2)));
 }
+
+#[test]
+fn a_wire_whose_closing_was_refused_for_its_label_took_no_click_and_no_closing_any_more() {
+    let (mut desk, _) = desk();
+    clicks(&mut desk, 12, radius(12));
+    let before = desk.open_wire();
+    let refused = desk.close(&Target::of(9), Fill::Replace, true);
+    assert!(matches!(refused, Err(DeskError::Label(9))), "{refused:?}");
+    assert_eq!(desk.open_wire(), before);
+    assert!(!desk.redo(), "the refused closing is nothing to be done again");
+    desk.click(Axis::K, 12, [31.0, 20.0]).expect("another click");
+    assert!(desk.undo());
+    assert!(desk.close(&Target::of(LEFT), Fill::Replace, false).expect("closed").changed > 20);
+}

@@ -190,17 +190,16 @@ impl Desk {
     /// were drawn in this direction are filled again too.
     ///
     /// # Errors
-    /// No open wire, a contour that encloses nothing (it stays open then).
+    /// No open wire, a contour that encloses nothing, a label that names no structure; it stays open then.
     pub fn close(&mut self, target: &Target, mode: Fill, interpolate: bool) -> Result<Closed, DeskError> {
-        let Some(Wire { axis, index, wire }) = &mut self.wire else {
+        let Some(Wire { axis, index, wire }) = &self.wire else {
             return Err(LivewireError::NotStarted.into());
         };
-        let (axis, index) = (*axis, *index);
-        wire.close()?;
-        let contour = wire.contour().inspect_err(|_| {
-            wire.undo();
-        })?;
-        let anchors = wire.anchors().len();
+        // A copy is closed, so that whatever is refused leaves the wire as it is.
+        let (axis, index, mut closed) = (*axis, *index, wire.clone());
+        closed.close()?;
+        let contour = closed.contour()?;
+        let anchors = closed.anchors().len();
         let changed = self.as_one_step(|desk| {
             let mut changed = desk.fill(axis, index, &contour, target, mode)?;
             desk.key(axis, target.label, index);
