@@ -11,7 +11,7 @@ use monro_geometry::{Structure, Volume};
 pub struct WireOptions {
     /// Window that the user looks at, HU.
     pub window: [f32; 2],
-    /// Reach of the cursor snap, pixels; 0 for none.
+    /// Reach of the cursor snap, in sides of a pixel (the shorter ones); 0 for none.
     pub snap_radius: f64,
     /// Whether stable pieces fix themselves.
     pub cooling: bool,

@@ -191,6 +191,35 @@ fn the_contour_is_carried_to_the_next_slice_and_fits_there() {
 }
 
 #[test]
+fn a_click_on_slices_of_thick_planes_was_drawn_to_an_edge_eight_millimetres_away() {
+    // Fluid above row 20 and left of column 30, on pixels of 0.4 x 2 mm: four pixels reach 1.6 mm or 8 mm.
+    let data = (0..60 * 40).map(|n| if n / 60 < 20 || n % 60 < 30 { 5.0 } else { 32.0 }).collect();
+    let image = SliceImage::new(60, 40, [0.4, 2.0], data).expect("image");
+    let mut wire = Livewire::new(image, LivewireOptions::default()).expect("wire");
+    for at in [[50.0, 23.0], [50.3, 17.4], [28.0, 30.0], [33.2, 30.4]] {
+        let [x, y] = wire.snap(at).expect("inside").map(|v| v as f64);
+        let off = (0.4 * (x - at[0])).hypot(2.0 * (y - at[1]));
+        assert!(off <= 1.6, "{at:?} goes to ({x}, {y}), {off} mm away");
+    }
+    // Along the thin side the edge is within reach.
+    let [x, _] = wire.snap([33.0, 30.0]).expect("inside");
+    assert!(x < 32, "{x}");
+    for at in [[50.0, 20.0], [30.0, 30.0], [40.0, 30.0]] {
+        wire.click(at).expect("click");
+    }
+    let [x, y] = wire.anchors()[0].pixel.map(|v| v as f64);
+    assert!(wire.would_close([x + 3.0, y]) && wire.would_close([x, y + 0.5]));
+    assert!(!wire.would_close([x, y + 2.0]) && !wire.would_close([x + 5.0, y]));
+    // Without a snap, the first pixel itself closes.
+    let image = SliceImage::new(9, 9, [0.4, 2.0], vec![5.0; 81]).expect("image");
+    let mut wire = Livewire::new(image, LivewireOptions { snap_radius: 0.0, ..Default::default() }).expect("wire");
+    for at in [[1.0, 1.0], [7.0, 7.0]] {
+        wire.click(at).expect("click");
+    }
+    assert!(wire.would_close([1.4, 1.4]) && !wire.would_close([1.0, 1.6]));
+}
+
+#[test]
 fn one_pixel_flat_and_line_images_work_as_far_as_they_can() {
     for (w, h) in [(1, 1), (1, 9), (9, 1), (2, 2)] {
         let image = SliceImage::new(w, h, [1.0, 2.0], vec![5.0; w * h]).expect("image");
