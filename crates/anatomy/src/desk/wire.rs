@@ -223,13 +223,11 @@ impl Desk {
         let dims = self.ct.grid().dims();
         let [w, h] = axis.in_plane().map(|a| dims[a]);
         let inside = self.selection(axis, index, &fill(core::slice::from_ref(contour), w, h));
-        let mut changed = 0;
         if mode == Fill::Replace {
             let now = self.selection(axis, index, &self.mask(axis, index, target.label)?);
-            changed += self.change(&now.difference(&inside)?, target, true)?.count();
+            return self.reshape(&now, &inside, target);
         }
-        changed += self.change(&inside, target, mode == Fill::Erase)?.count();
-        Ok(changed)
+        Ok(self.change(&inside, target, mode == Fill::Erase)?.count())
     }
 
     /// Fills a label on all slices between those on which it was drawn in a direction, in one step.
@@ -270,8 +268,7 @@ impl Desk {
         for slice in touched.filter(|s| !keys.contains(s)) {
             let shape = self.selection(axis, slice, &stack.mask(slice));
             let now = self.selection(axis, slice, &self.mask(axis, slice, target.label)?);
-            changed += self.change(&now.difference(&shape)?, target, true)?.count();
-            changed += self.change(&shape.difference(&now)?, target, false)?.count();
+            changed += self.reshape(&now, &shape, target)?;
         }
         Ok(changed)
     }

@@ -105,11 +105,6 @@ impl Editor {
         &self.labels
     }
 
-    /// Ends editing.
-    pub fn into_labels(self) -> Volume<u8> {
-        self.labels
-    }
-
     /// Bytes to append to the journal file since the last call.
     pub fn take_journal(&mut self) -> Vec<u8> {
         core::mem::take(&mut self.unwritten)
@@ -149,28 +144,6 @@ impl Editor {
             if labels.data()[n] == label { most_around(labels, n, label).unwrap_or(fallback) } else { labels.data()[n] }
         };
         self.write(selection, rule, replace)
-    }
-
-    /// Gives a label a new shape (smoothed, without islands, filled, interpolated): voxels it gains are painted, those
-    /// it loses are erased as by [`Editor::erase`], in one step. Returns the number of voxels changed.
-    ///
-    /// # Errors
-    /// The label has no voxel and gains none; grids that differ.
-    pub fn reshape(&mut self, label: u8, shape: &Selection, fallback: u8, rule: &Rule) -> Result<usize, EditError> {
-        let now = Selection::of_label(&self.labels, label);
-        if now.is_empty() && shape.is_empty() {
-            return Err(EditError::Empty { what: "the label", verb: "reshape" });
-        }
-        let alone = !self.in_stroke;
-        if alone {
-            self.begin_stroke();
-        }
-        let lost = self.erase(&now.difference(shape)?, label, fallback, rule);
-        let gained = self.paint(&shape.difference(&now)?, label, rule);
-        if alone {
-            self.end_stroke();
-        }
-        Ok(lost?.count() + gained?.count())
     }
 
     /// Takes back the last step; false when there is none.

@@ -253,7 +253,7 @@ fn bad_images_and_clicks_are_refused_by_name() {
 }
 
 #[test]
-fn slices_of_all_three_directions_come_out_and_go_back() {
+fn slices_of_all_three_directions_come_out() {
     let grid = Grid::axis_aligned([4, 5, 6], [0.5, 1.0, 2.0], [0.0; 3]).expect("grid");
     let volume = Volume::new(grid, (0..120).collect::<Vec<i16>>()).expect("volume");
     for axis in Axis::ALL {
@@ -263,10 +263,6 @@ fn slices_of_all_three_directions_come_out_and_go_back() {
         assert_eq!(slice.spacing(), [grid.spacing()[c], grid.spacing()[r]]);
         let [i, j, k] = axis.voxel(2, 1, 3);
         assert!((slice.data()[3 * slice.width() + 1] - f32::from(volume.at(i, j, k))).abs() < 1e-6);
-        let square = Contour { points: vec![[-0.5, -0.5], [1.5, -0.5], [1.5, 2.5], [-0.5, 2.5]] };
-        let mut labels = Volume::filled(grid, 0u8);
-        paste(&mut labels, axis, 2, &fill(&[square], slice.width(), slice.height()), 7).expect("paste");
-        assert_eq!(labels.data().iter().filter(|&&l| l == 7).count(), 6);
         let last = grid.dims()[axis.number()] - 1;
         assert_eq!(SliceImage::of(&volume, axis, 9), Err(LivewireError::Slice { index: 9, last }));
     }
