@@ -148,6 +148,25 @@ fn a_brush_stroke_on_a_slice_goes_on_to_its_neighbours_when_asked_and_is_undone_
 }
 
 #[test]
+fn a_correction_changes_the_slices_up_to_its_neighbours_only() {
+    let (mut desk, _) = desk();
+    let target = Target::of(LEFT);
+    for index in [12, 15, 18] {
+        draw(&mut desk, index, radius(index), true);
+    }
+    // A ball spoils a slice beyond, and draws none.
+    desk.brush(&target, (Axis::K, 17), &[[31.0, 29.0]], (1.5, false, true)).expect("dab");
+    desk.end_stroke();
+    let far = |desk: &Desk| desk.mask(Axis::K, 17, LEFT).expect("mask");
+    let spoilt = far(&desk);
+    desk.brush(&target, (Axis::K, 13), &[[31.0, 29.0]], (14.0, true, false)).expect("dab");
+    assert!(desk.end_stroke_between().expect("filled") > 0);
+    assert_eq!(far(&desk), spoilt);
+    desk.interpolate(Axis::K, &target).expect("all");
+    assert_ne!(far(&desk), spoilt);
+}
+
+#[test]
 fn a_stroke_that_changes_nothing_draws_no_slice_and_one_beyond_the_scan_is_refused() {
     let (mut desk, _) = desk();
     draw(&mut desk, 12, radius(12), false);
