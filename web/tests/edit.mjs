@@ -58,8 +58,11 @@ async function openPage() {
   p.on("console", (m) => ["error", "warning"].includes(m.type()) && p.faults.push(m.text()));
   p.on("pageerror", (e) => p.faults.push(String(e)));
   // A page that was closed may still tell of its own.
-  const asked = (p.asked = []);
-  p.on("websocket", (socket) => socket.on("framesent", ({ payload }) => asked.push(JSON.parse(payload))));
+  const [asked, heard] = [(p.asked = []), (p.heard = [])];
+  p.on("websocket", (socket) => {
+    socket.on("framesent", ({ payload }) => asked.push(JSON.parse(payload)));
+    socket.on("framereceived", ({ payload }) => heard.push(JSON.parse(payload)));
+  });
   await p.goto(`${url}/#token=${token}`);
   await p.locator("body[data-ready=yes]").waitFor();
 }
@@ -266,6 +269,14 @@ const tests = {
     await until("undone there", async () => (await first.evaluate(() => document.body.dataset.steps)) === "2");
     await first.keyboard.press("Control+y");
     await until("redone here", async () => (await steps()) === 3);
+    // A wire is drawn there and given up here.
+    const told = () => p.heard.filter(({ id }) => id === 0).at(-1);
+    const at = await screen(S.part[0], S.view);
+    await first.mouse.move(...at);
+    await first.mouse.click(...at);
+    await until("the wire here", async () => told()?.wire?.anchors.length === 1);
+    await p.keyboard.press("Escape");
+    await until("no wire", async () => (await describe()).wire === null);
     await p.close();
     p = first;
     assert.deepEqual(await labels(S.view.axis, S.index), S.last);

@@ -81,7 +81,7 @@ export class Desk {
   #socket: WebSocket | undefined;
   #next = 1;
 
-  /** `onEdited` is told what another page has changed. */
+  /** `onEdited` is told what another page has changed, of the labels and of the open wire. */
   constructor(api: Api, onConnected: (connected: boolean) => void, onEdited: (told: Answer) => void) {
     this.#api = api;
     this.#onConnected = onConnected;

@@ -123,8 +123,10 @@ class Editor {
     if (document.body.dataset["ready"]) await this.#edit("state");
   }
 
-  /** Another page has edited: this one shows the same. */
+  /** Another page has edited or drawn on: this one shows the same. */
   async #edited(told: Answer): Promise<void> {
+    // What the mouse showed went out from a wire that may be another now.
+    for (const p of this.#panes) [p.path, p.closes] = [[], false];
     this.#show(told);
     await Promise.all(this.#panes.map((p) => p.load())).catch((error: unknown) => this.#say(String(error)));
   }

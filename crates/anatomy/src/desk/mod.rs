@@ -244,11 +244,10 @@ impl Desk {
         Selection::from_voxels(*selection.grid(), selection.voxels().filter(fits).collect())
     }
 
-    /// Gives a label a new shape within the target's limits, as part of the current step.
-    fn reshape(&mut self, shape: &Selection, target: &Target) -> Result<usize, DeskError> {
-        let now = Selection::of_label(self.labels(), target.label);
+    /// Gives the voxels `now` of a label a new shape within the target's limits, as part of the current step.
+    fn reshape(&mut self, now: &Selection, shape: &Selection, target: &Target) -> Result<usize, DeskError> {
         let lost = self.change(&now.difference(shape)?, target, true)?;
-        let gained = self.change(&shape.difference(&now)?, target, false)?;
+        let gained = self.change(&shape.difference(now)?, target, false)?;
         Ok(lost.count() + gained.count())
     }
 

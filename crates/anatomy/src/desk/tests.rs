@@ -30,12 +30,17 @@ fn dice(a: &Volume<u8>, b: &Volume<u8>) -> f64 {
     2.0 * both as f64 / (each[0] + each[1]).max(1) as f64
 }
 
-/// Clicks around the ball on an axial slice and closes.
-fn draw(desk: &mut Desk, index: usize, radius: f64, interpolate: bool) -> Closed {
+/// Clicks around the ball on an axial slice.
+fn clicks(desk: &mut Desk, index: usize, radius: f64) {
     for turn in 0..4 {
         let (sin, cos) = (f64::from(turn) * core::f64::consts::FRAC_PI_2).sin_cos();
         desk.click(Axis::K, index, [31.0 + radius * cos, 29.0 + radius * sin]).expect("click");
     }
+}
+
+/// Clicks around the ball on an axial slice and closes.
+fn draw(desk: &mut Desk, index: usize, radius: f64, interpolate: bool) -> Closed {
+    clicks(desk, index, radius);
     desk.close(&Target::of(LEFT), Fill::Replace, interpolate).expect("closed")
 }
 
@@ -140,6 +145,25 @@ fn a_brush_stroke_on_a_slice_goes_on_to_its_neighbours_when_asked_and_is_undone_
     let after = [13, 14, 16, 17].map(|i| pixels(&desk, i));
     assert!(after.iter().zip(before).all(|(a, b)| *a > b), "{before:?} to {after:?}");
     assert!(desk.undo() && *desk.labels() == labels && desk.drawn_slices(Axis::K, LEFT) == [12, 18]);
+}
+
+#[test]
+fn a_correction_changes_the_slices_up_to_its_neighbours_only() {
+    let (mut desk, _) = desk();
+    let target = Target::of(LEFT);
+    for index in [12, 15, 18] {
+        draw(&mut desk, index, radius(index), true);
+    }
+    // A ball spoils a slice beyond, and draws none.
+    desk.brush(&target, (Axis::K, 17), &[[31.0, 29.0]], (1.5, false, true)).expect("dab");
+    desk.end_stroke();
+    let far = |desk: &Desk| desk.mask(Axis::K, 17, LEFT).expect("mask");
+    let spoilt = far(&desk);
+    desk.brush(&target, (Axis::K, 13), &[[31.0, 29.0]], (14.0, true, false)).expect("dab");
+    assert!(desk.end_stroke_between().expect("filled") > 0);
+    assert_eq!(far(&desk), spoilt);
+    desk.interpolate(Axis::K, &target).expect("all");
+    assert_ne!(far(&desk), spoilt);
 }
 
 #[test]
@@ -261,4 +285,45 @@ fn tools_show_first_and_change_then() {
     let leak = Tool::Grow { seed: [5, 5, 5], range: 25..=60, neck_mm: 0.0, most_ml: 1.0 };
     assert!(desk.preview(&leak, &target).expect("leak").stopped);
     assert!(desk.discard() && !desk.discard());
+}
+
+#[test]
+fn a_contour_that_changed_nothing_was_undone_with_the_step_before_or_never() {
+    let (mut desk, _) = desk();
+    let mut journal = desk.take_journal();
+    let base = desk.labels().clone();
+    let nowhere = Target { range: Some(3000..=3000), ..Target::of(LEFT) };
+    let close_in_vain = |desk: &mut Desk, index: usize| {
+        clicks(desk, index, radius(index));
+        assert_eq!(desk.close(&nowhere, Fill::Add, false).expect("closed").changed, 0);
+    };
+    close_in_vain(&mut desk, 10);
+    assert_eq!((desk.drawn_slices(Axis::K, LEFT), desk.steps()), (vec![10], (1, 0)));
+    draw(&mut desk, 12, radius(12), false);
+    let drawn = desk.labels().clone();
+    close_in_vain(&mut desk, 18);
+    assert!(desk.undo());
+    assert_eq!((desk.drawn_slices(Axis::K, LEFT), desk.labels() == &drawn), (vec![10, 12], true));
+    assert!(desk.redo());
+    assert_eq!(desk.drawn_slices(Axis::K, LEFT), [10, 12, 18]);
+    assert!(desk.undo() && desk.undo() && desk.undo() && !desk.undo());
+    assert_eq!(desk.drawn_slices(Axis::K, LEFT), [0; 0]);
+    assert!(desk.redo());
+    journal.extend(desk.take_journal());
+    let (back, _) = Editor::replay(base, &journal).expect("replayed");
+    assert_eq!((back.drawn_slices(2, LEFT), back.steps()), (vec![10], (1, 2)));
+}
+
+#[test]
+fn a_wire_whose_closing_was_refused_for_its_label_took_no_click_and_no_closing_any_more() {
+    let (mut desk, _) = desk();
+    clicks(&mut desk, 12, radius(12));
+    let before = desk.open_wire();
+    let refused = desk.close(&Target::of(9), Fill::Replace, true);
+    assert!(matches!(refused, Err(DeskError::Label(9))), "{refused:?}");
+    assert_eq!(desk.open_wire(), before);
+    assert!(!desk.redo(), "the refused closing is nothing to be done again");
+    desk.click(Axis::K, 12, [31.0, 20.0]).expect("another click");
+    assert!(desk.undo());
+    assert!(desk.close(&Target::of(LEFT), Fill::Replace, false).expect("closed").changed > 20);
 }

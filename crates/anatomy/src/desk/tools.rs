@@ -125,7 +125,8 @@ impl Desk {
         let target = Target { label: preview.label, ..target.clone() };
         self.as_one_step(|desk| {
             if preview.reshapes {
-                desk.reshape(&preview.selection, &target)
+                let now = Selection::of_label(desk.labels(), target.label);
+                desk.reshape(&now, &preview.selection, &target)
             } else {
                 Ok(desk.change(&preview.selection, &target, false)?.count())
             }

@@ -11,7 +11,7 @@ use monro_geometry::{Structure, Volume};
 pub struct WireOptions {
     /// Window that the user looks at, HU.
     pub window: [f32; 2],
-    /// Reach of the cursor snap, pixels; 0 for none.
+    /// Reach of the cursor snap, in sides of a pixel (the shorter ones); 0 for none.
     pub snap_radius: f64,
     /// Whether stable pieces fix themselves.
     pub cooling: bool,
@@ -190,17 +190,16 @@ impl Desk {
     /// were drawn in this direction are filled again too.
     ///
     /// # Errors
-    /// No open wire, a contour that encloses nothing (it stays open then).
+    /// No open wire, a contour that encloses nothing, a label that names no structure; it stays open then.
     pub fn close(&mut self, target: &Target, mode: Fill, interpolate: bool) -> Result<Closed, DeskError> {
-        let Some(Wire { axis, index, wire }) = &mut self.wire else {
+        let Some(Wire { axis, index, wire }) = &self.wire else {
             return Err(LivewireError::NotStarted.into());
         };
-        let (axis, index) = (*axis, *index);
-        wire.close()?;
-        let contour = wire.contour().inspect_err(|_| {
-            wire.undo();
-        })?;
-        let anchors = wire.anchors().len();
+        // A copy is closed, so that whatever is refused leaves the wire as it is.
+        let (axis, index, mut closed) = (*axis, *index, wire.clone());
+        closed.close()?;
+        let contour = closed.contour()?;
+        let anchors = closed.anchors().len();
         let changed = self.as_one_step(|desk| {
             let mut changed = desk.fill(axis, index, &contour, target, mode)?;
             desk.key(axis, target.label, index);
@@ -224,13 +223,11 @@ impl Desk {
         let dims = self.ct.grid().dims();
         let [w, h] = axis.in_plane().map(|a| dims[a]);
         let inside = self.selection(axis, index, &fill(core::slice::from_ref(contour), w, h));
-        let mut changed = 0;
         if mode == Fill::Replace {
             let now = self.selection(axis, index, &self.mask(axis, index, target.label)?);
-            changed += self.change(&now.difference(&inside)?, target, true)?.count();
+            return self.reshape(&now, &inside, target);
         }
-        changed += self.change(&inside, target, mode == Fill::Erase)?.count();
-        Ok(changed)
+        Ok(self.change(&inside, target, mode == Fill::Erase)?.count())
     }
 
     /// Fills a label on all slices between those on which it was drawn in a direction, in one step.
@@ -271,8 +268,7 @@ impl Desk {
         for slice in touched.filter(|s| !keys.contains(s)) {
             let shape = self.selection(axis, slice, &stack.mask(slice));
             let now = self.selection(axis, slice, &self.mask(axis, slice, target.label)?);
-            changed += self.change(&now.difference(&shape)?, target, true)?.count();
-            changed += self.change(&shape.difference(&now)?, target, false)?.count();
+            changed += self.reshape(&now, &shape, target)?;
         }
         Ok(changed)
     }

@@ -1,27 +1,12 @@
-//! Balls, discs and strokes in millimetres, on grids of any spacing and orientation.
+//! Strokes of a ball or a disc in millimetres, on grids of any spacing and orientation.
 
 use super::{EditError, Selection, check_positive_mm};
 use crate::livewire::Axis;
 use monro_geometry::{Grid, Patient, Point};
 
-/// The voxels whose centre is within `radius_mm` of a position: one dab of the 3D brush. Empty beside the volume.
-///
-/// # Errors
-/// The radius is not positive, or the position not finite.
-pub fn ball(grid: &Grid, centre: Point<Patient>, radius_mm: f64) -> Result<Selection, EditError> {
-    stroke(grid, &[centre], radius_mm, None)
-}
-
-/// One dab of the 2D brush: as [`ball`], on the slice (perpendicular to `axis`) that is nearest to the position.
-///
-/// # Errors
-/// As [`ball`].
-pub fn disc(grid: &Grid, centre: Point<Patient>, radius_mm: f64, axis: Axis) -> Result<Selection, EditError> {
-    stroke(grid, &[centre], radius_mm, Some(axis))
-}
-
 /// A stroke: the voxels within `radius_mm` of the line through the positions, without gaps however fast the mouse was.
-/// With `flat` it stays on the slice nearest to the first position, and the positions are projected onto it.
+/// With `flat` it stays on the slice nearest to the first position, and the positions are projected onto it. Empty beside
+/// the volume.
 ///
 /// # Errors
 /// No position, one that is not finite, or a radius that is not positive.

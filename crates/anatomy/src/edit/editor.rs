@@ -66,7 +66,7 @@ pub struct Editor {
     labels: Volume<u8>,
     past: Vec<Step>,
     future: Vec<Step>,
-    /// Drawn before the first step changed anything.
+    /// Drawn before the first step, in journals of before a stroke without changes was one.
     drawn: Vec<Drawn>,
     in_stroke: bool,
     stroke_begun: bool,
@@ -103,11 +103,6 @@ impl Editor {
     /// The labels now.
     pub const fn labels(&self) -> &Volume<u8> {
         &self.labels
-    }
-
-    /// Ends editing.
-    pub fn into_labels(self) -> Volume<u8> {
-        self.labels
     }
 
     /// Bytes to append to the journal file since the last call.
@@ -151,28 +146,6 @@ impl Editor {
         self.write(selection, rule, replace)
     }
 
-    /// Gives a label a new shape (smoothed, without islands, filled, interpolated): voxels it gains are painted, those
-    /// it loses are erased as by [`Editor::erase`], in one step. Returns the number of voxels changed.
-    ///
-    /// # Errors
-    /// The label has no voxel and gains none; grids that differ.
-    pub fn reshape(&mut self, label: u8, shape: &Selection, fallback: u8, rule: &Rule) -> Result<usize, EditError> {
-        let now = Selection::of_label(&self.labels, label);
-        if now.is_empty() && shape.is_empty() {
-            return Err(EditError::Empty { what: "the label", verb: "reshape" });
-        }
-        let alone = !self.in_stroke;
-        if alone {
-            self.begin_stroke();
-        }
-        let lost = self.erase(&now.difference(shape)?, label, fallback, rule);
-        let gained = self.paint(&shape.difference(&now)?, label, rule);
-        if alone {
-            self.end_stroke();
-        }
-        Ok(lost?.count() + gained?.count())
-    }
-
     /// Takes back the last step; false when there is none.
     pub fn undo(&mut self) -> bool {
         let Some(step) = self.past.pop() else { return false };
@@ -193,10 +166,14 @@ impl Editor {
         true
     }
 
-    /// Notes that a label was drawn on a slice, as part of the last step: it is undone and done again with it.
+    /// Notes that a label was drawn on a slice, as part of the current step, or else of the last: it is undone and done
+    /// again with it. A stroke that has changed no voxel is a step of its own then.
     pub fn note(&mut self, drawn: Drawn) {
         if self.all_drawn().any(|d| *d == drawn) {
             return;
+        }
+        if self.in_stroke && !self.stroke_begun {
+            self.commit(Diff::default(), false);
         }
         self.past.last_mut().map_or(&mut self.drawn, |step| &mut step.drawn).push(drawn);
         journal::append(&mut self.unwritten, &Event::Drawn(drawn));

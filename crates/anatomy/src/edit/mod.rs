@@ -1,6 +1,6 @@
 //! Editing of label volumes: selections, tools, and a journal that undoes, redoes and survives a kill.
 //!
-//! A tool ([`threshold`], [`ball`], [`grow`], [`islands`], [`fill_holes`], [`smoothed`], ...) makes a [`Selection`] and
+//! A tool ([`threshold`], [`stroke`], [`grow`], [`islands`], [`fill_holes`], [`smoothed`], ...) makes a [`Selection`] and
 //! changes nothing, so that it can be previewed. Selections combine by set operations. An [`Editor`] writes them into
 //! the labels, within limits ([`Rule`]), keeps undo and redo, and gives bytes to append to a file at each step, from
 //! which [`Editor::replay`] restores labels and history.
@@ -17,7 +17,7 @@ mod selection;
 mod smooth;
 mod threshold;
 
-pub use brush::{ball, disc, stroke};
+pub use brush::stroke;
 pub use diff::Diff;
 pub use distance::{grown, shrunk};
 pub use editor::{Drawn, Editor, Rule};

@@ -10,7 +10,7 @@ fn grid(dims: [usize; 3], spacing: [f64; 3]) -> Grid {
 }
 
 fn ball_in(grid: &Grid, voxel: [usize; 3], radius: f64) -> Selection {
-    ball(grid, grid.centre(voxel[0], voxel[1], voxel[2]), radius).expect("ball")
+    stroke(grid, &[grid.centre(voxel[0], voxel[1], voxel[2])], radius, None).expect("ball")
 }
 
 fn boxed(grid: &Grid, low: [usize; 3], high: [usize; 3]) -> Selection {
@@ -23,7 +23,7 @@ fn a_ball_has_its_voxels_on_a_turned_anisotropic_grid() {
     let linear = Matrix3 { rows: [[0.0, -0.8, 0.2], [0.5, 0.0, 0.0], [0.0, 0.0, 2.0]] };
     let grid = Grid::new([40, 30, 14], Affine::new(linear, [4.0, -9.0, 1.0])).expect("grid");
     let centre = Point::new(-6.3, 1.2, 14.9);
-    let found = ball(&grid, centre, 5.0).expect("ball");
+    let found = stroke(&grid, &[centre], 5.0, None).expect("ball");
     let brute = Selection::where_(grid, |n| {
         let [i, j, k] = grid.voxel(n);
         (grid.centre(i, j, k) - centre).norm() <= 5.0
@@ -43,11 +43,11 @@ fn a_stroke_has_no_gaps_and_a_disc_stays_on_its_slice() {
     // The second position is off the slice; a flat stroke projects it.
     let tilted = [ends[0], g.centre(50, 10, 7)];
     assert_eq!(stroke(&g, &tilted, 1.0, Some(Axis::K)).expect("stroke"), line);
-    let disc = disc(&g, g.centre(30, 10, 4), 4.0, Axis::K).expect("disc");
+    let disc = stroke(&g, &[g.centre(30, 10, 4)], 4.0, Some(Axis::K)).expect("disc");
     assert!((disc.count() as f64 * 0.25 / (core::f64::consts::PI * 16.0) - 1.0).abs() < 0.05);
-    assert!(ball(&g, Point::new(500.0, 0.0, 0.0), 3.0).expect("beside").is_empty());
-    assert!(matches!(ball(&g, Point::new(f64::NAN, 0.0, 0.0), 3.0), Err(EditError::Option { .. })));
-    assert!(matches!(ball(&g, ends[0], 0.0), Err(EditError::Option { .. })));
+    assert!(stroke(&g, &[Point::new(500.0, 0.0, 0.0)], 3.0, None).expect("beside").is_empty());
+    assert!(matches!(stroke(&g, &[Point::new(f64::NAN, 0.0, 0.0)], 3.0, None), Err(EditError::Option { .. })));
+    assert!(matches!(stroke(&g, &ends[..1], 0.0, None), Err(EditError::Option { .. })));
     assert!(matches!(stroke(&g, &[], 1.0, None), Err(EditError::Empty { .. })));
 }
 
@@ -163,8 +163,6 @@ fn rules_protect_labels_and_masks_limit() {
     assert_eq!(editor.labels().at(2, 5, 5), 5);
     let other = Selection::empty(grid([3, 3, 3], [1.0; 3]));
     assert!(matches!(editor.paint(&other, 1, &Rule::anything()), Err(EditError::Grid { .. })));
-    let nowhere = editor.reshape(77, &Selection::empty(g), 0, &Rule::anything());
-    assert!(matches!(nowhere, Err(EditError::Empty { .. })));
 }
 
 #[test]
@@ -178,7 +176,9 @@ fn a_stroke_is_one_step_and_survives_replay_as_one() {
     }
     editor.end_stroke();
     let shape = smoothed(&Selection::of_label(editor.labels(), 5), 1.0).expect("smooth");
-    editor.reshape(5, &shape, 0, &Rule::anything()).expect("reshape");
+    editor.begin_stroke();
+    reshape(&mut editor, 5, &shape);
+    editor.end_stroke();
     assert_eq!(editor.steps(), (2, 0));
     assert_eq!(Selection::of_label(editor.labels(), 5), shape);
     let (mut again, recovery) = Editor::replay(base.clone(), &editor.take_journal()).expect("replay");
@@ -192,6 +192,7 @@ fn a_stroke_is_one_step_and_survives_replay_as_one() {
 enum Act {
     Paint { at: [usize; 3], radius: f64, label: u8, protect: bool },
     Reshape { label: u8, tool: u8 },
+    Note { label: u8, slice: u32 },
     Undo,
     Redo,
     Stroke(bool),
@@ -203,10 +204,19 @@ fn act() -> impl Strategy<Value = Act> {
         4 => (place, 0.4..5.0f64, 0..4u8, any::<bool>())
             .prop_map(|(at, radius, label, protect)| Act::Paint { at, radius, label, protect }),
         2 => (0..4u8, 0..5u8).prop_map(|(label, tool)| Act::Reshape { label, tool }),
+        1 => (0..4u8, 0..7u32).prop_map(|(label, slice)| Act::Note { label, slice }),
         2 => Just(Act::Undo),
         1 => Just(Act::Redo),
         1 => any::<bool>().prop_map(Act::Stroke),
     ]
+}
+
+/// Gives a label a new shape, as the desk does.
+fn reshape(editor: &mut Editor, label: u8, shape: &Selection) {
+    let now = Selection::of_label(editor.labels(), label);
+    let [lost, gained] = [now.difference(shape), shape.difference(&now)].map(|s| s.expect("one grid"));
+    editor.erase(&lost, label, 0, &Rule::anything()).expect("erase");
+    editor.paint(&gained, label, &Rule::anything()).expect("paint");
 }
 
 fn perform(editor: &mut Editor, act: &Act) {
@@ -227,9 +237,10 @@ fn perform(editor: &mut Editor, act: &Act) {
             };
             // An absent label is refused by name; that must not leave a trace.
             if let Ok(shape) = shape {
-                drop(editor.reshape(label, &shape, 0, &Rule::anything()));
+                reshape(editor, label, &shape);
             }
         }
+        Act::Note { label, slice } => editor.note(Drawn { axis: 2, label, slice }),
         Act::Undo => drop(editor.undo()),
         Act::Redo => drop(editor.redo()),
         Act::Stroke(true) => editor.begin_stroke(),
@@ -284,6 +295,7 @@ proptest! {
         let (mut whole, all) = Editor::replay(base.clone(), &file).expect("whole");
         prop_assert_eq!((whole.labels(), whole.steps(), all.torn_bytes), (editor.labels(), editor.steps(), 0));
         prop_assert!(whole.take_journal().is_empty());
+        prop_assert!((0..4).all(|label| whole.drawn_slices(2, label) == editor.drawn_slices(2, label)));
         let cut = cut.index(file.len() + 1);
         let (mut back, recovery) = Editor::replay(base.clone(), &file[..cut]).expect("cut");
         prop_assert_eq!(recovery.valid_bytes + recovery.torn_bytes, cut);

@@ -23,7 +23,7 @@ impl Contour {
 
     /// Distance (pixels) of a position to the nearest point of the contour; infinite without points.
     pub fn distance(&self, p: [f64; 2]) -> f64 {
-        self.sides().map(|(a, b)| side_distance(a, b, p, [1.0, 1.0])).fold(f64::INFINITY, f64::min)
+        self.sides().map(|(a, b)| side_distance(a, b, p)).fold(f64::INFINITY, f64::min)
     }
 
     /// Whether a position is inside by the even-odd rule; sides belong to the region on their right and below.
@@ -42,10 +42,10 @@ impl Contour {
     }
 }
 
-/// Distance of `p` to the side from `a` to `b` with the given pixel spacing.
-pub(super) fn side_distance(a: [f64; 2], b: [f64; 2], p: [f64; 2], spacing: [f64; 2]) -> f64 {
-    let d = [(b[0] - a[0]) * spacing[0], (b[1] - a[1]) * spacing[1]];
-    let v = [(p[0] - a[0]) * spacing[0], (p[1] - a[1]) * spacing[1]];
+/// Distance of `p` to the side from `a` to `b`, pixels.
+fn side_distance(a: [f64; 2], b: [f64; 2], p: [f64; 2]) -> f64 {
+    let d = [b[0] - a[0], b[1] - a[1]];
+    let v = [p[0] - a[0], p[1] - a[1]];
     let square = d[0] * d[0] + d[1] * d[1];
     let t = if square > 0.0 { ((d[0] * v[0] + d[1] * v[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
     (v[0] - t * d[0]).hypot(v[1] - t * d[1])

@@ -1,6 +1,6 @@
 //! One slice of a volume as a 2D image.
 
-use super::{LivewireError, Mask, check_option};
+use super::{LivewireError, check_option};
 use monro_geometry::Volume;
 
 /// The index direction that a slice is perpendicular to.
@@ -110,23 +110,6 @@ impl SliceImage {
     pub fn data(&self) -> &[f32] {
         &self.data
     }
-}
-
-/// Writes `label` into slice `index` of `labels` wherever the mask is set; other voxels keep their value.
-///
-/// # Errors
-/// There is no such slice, or the mask has another size.
-pub fn paste(labels: &mut Volume<u8>, axis: Axis, index: usize, mask: &Mask, label: u8) -> Result<(), LivewireError> {
-    let dims = labels.grid().dims();
-    check_slice(dims, axis, index)?;
-    let [c, r] = axis.in_plane();
-    mask.check_size([dims[c], dims[r]])?;
-    for (column, row) in mask.pixels() {
-        let [i, j, k] = axis.voxel(index, column, row);
-        let n = labels.grid().index(i, j, k);
-        labels.data_mut()[n] = label;
-    }
-    Ok(())
 }
 
 fn check_slice(dims: [usize; 3], axis: Axis, index: usize) -> Result<(), LivewireError> {

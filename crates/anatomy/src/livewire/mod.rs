@@ -3,8 +3,8 @@
 //! The wire of Mortensen and Barrett ("Intelligent Scissors for Image Composition", SIGGRAPH 1995, below *MB95*;
 //! "Interactive Segmentation with Intelligent Scissors", Graphical Models and Image Processing 60, 1998, below *MB98*):
 //! a slice becomes a graph of pixels whose links are cheap along edges, and the wire between two clicks is the shortest
-//! path. [`Livewire`] is one such session on one [`SliceImage`]; [`ContourStack`] turns contours on some slices into a
-//! mask on every slice between them.
+//! path. [`Livewire`] is one such session on one [`SliceImage`]; [`ContourStack`] turns masks on some slices into one on
+//! every slice between them.
 //!
 //! The terms (link costs, cursor snap, boundary cooling, on-the-fly training) are theirs; what differs from them is said
 //! where it does.
@@ -24,11 +24,11 @@ mod wavefront;
 
 pub use contour::{Contour, Mask, fill};
 pub use features::FeatureOptions;
-pub use image::{Axis, SliceImage, paste};
+pub use image::{Axis, SliceImage};
 pub use links::Weights;
 pub use refine::{RefineOptions, refine};
 pub use session::{Anchor, Cooling, Livewire, LivewireOptions, Origin};
-pub use stack::{ContourStack, interpolate};
+pub use stack::ContourStack;
 
 use thiserror::Error;
 

@@ -30,7 +30,8 @@ pub struct LivewireOptions {
     pub features: FeatureOptions,
     /// Weights of the features.
     pub weights: Weights,
-    /// Clicks and the free end move to the strongest edge within this many pixels; 0 takes them as they are.
+    /// Clicks and the free end move to the strongest edge within this many pixels, counted by the shorter side of a pixel
+    /// in every direction; 0 takes them as they are.
     pub snap_radius: f64,
     /// Learn from this many pixels of the wire drawn last; 0 for no training.
     pub training_pixels: usize,
@@ -141,14 +142,14 @@ impl Livewire {
         if !within(x, w) || !within(y, h) {
             return Err(LivewireError::Outside { x, y, width: w, height: h });
         }
-        let nearest = [x.round().max(0.0) as usize, y.round().max(0.0) as usize];
         let reach = self.options.snap_radius;
-        let (mut best, mut most) = (nearest, 0.0);
-        let first = |v: f64| (v - reach).ceil().max(0.0) as usize;
-        let last = |v: f64, n: usize| ((v + reach).floor().max(0.0) as usize).min(n - 1);
-        for row in first(y)..=last(y, h) {
-            for column in first(x)..=last(x, w) {
-                let off = (column as f64 - x).hypot(row as f64 - y);
+        let (mut best, mut most) = (nearest(position), 0.0);
+        let [across, down] = self.stretch().map(|side| reach / side);
+        let first = |v: f64, reach: f64| (v - reach).ceil().max(0.0) as usize;
+        let last = |v: f64, reach: f64, n: usize| ((v + reach).floor().max(0.0) as usize).min(n - 1);
+        for row in first(y, down)..=last(y, down, h) {
+            for column in first(x, across)..=last(x, across, w) {
+                let off = self.apart([column, row], position);
                 let strength = f64::from(self.features.pixels[row * w + column].gradient);
                 let pull = strength * (1.0 - 0.7 * off / reach.max(1e-9));
                 if off <= reach && pull > most {
@@ -212,13 +213,8 @@ impl Livewire {
     /// Whether a click here would land on the first anchor of a contour that can be closed.
     pub fn would_close(&self, position: [f64; 2]) -> bool {
         let radius = self.options.snap_radius.max(1.0);
-        self.drawing.anchors.len() > 1
-            && !self.drawing.closed
-            && self
-                .drawing
-                .anchors
-                .first()
-                .is_some_and(|a| (a.pixel[0] as f64 - position[0]).hypot(a.pixel[1] as f64 - position[1]) <= radius)
+        let lands_on = |a: &Anchor| self.apart(a.pixel, position) <= radius || nearest(position) == a.pixel;
+        self.drawing.anchors.len() > 1 && !self.drawing.closed && self.drawing.anchors.first().is_some_and(lands_on)
     }
 
     /// Joins the last anchor to the first. Where the shortest way back is mostly the way that was drawn already (as
@@ -327,6 +323,18 @@ impl Livewire {
         }
         next.settle();
         Ok(next)
+    }
+
+    /// Sides of a pixel by the shorter one: what is near on the screen and in the head, not in rows, which may lie 2 mm apart.
+    fn stretch(&self) -> [f64; 2] {
+        let [across, down] = self.image.spacing();
+        [across, down].map(|side| side / across.min(down))
+    }
+
+    /// Distance of a pixel from a position, in shorter sides of a pixel.
+    fn apart(&self, pixel: [usize; 2], position: [f64; 2]) -> f64 {
+        let [across, down] = self.stretch();
+        ((pixel[0] as f64 - position[0]) * across).hypot((pixel[1] as f64 - position[1]) * down)
     }
 
     fn index(&self, pixel: [usize; 2]) -> usize {
@@ -452,6 +460,11 @@ impl Livewire {
         let length = length.min(self.warm.len().saturating_sub(1));
         (length >= cooling.least.max(2)).then(|| length - 1)
     }
+}
+
+/// The pixel that a position lies in.
+fn nearest(position: [f64; 2]) -> [usize; 2] {
+    position.map(|v| v.round().max(0.0) as usize)
 }
 
 /// Removes there-and-back pieces from a ring (a click beside the edge leaves them).

@@ -78,7 +78,7 @@ struct Shared {
     notes: Vec<String>,
     rebuild: Rebuild,
     progress: Mutex<Progress>,
-    /// Pages that were opened, and how many edits there were of all of them.
+    /// Pages that were opened, and how many changes of labels and wire there were of all of them.
     pages: AtomicU64,
     edited: watch::Sender<u64>,
 }
@@ -121,3 +121,6 @@ fn open(options: EditOptions) -> Result<Shared, ServeError> {
         edited: watch::Sender::new(0),
     })
 }
+
+#[cfg(test)]
+mod tests;

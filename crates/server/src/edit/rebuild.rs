@@ -5,9 +5,13 @@ use crate::lock::lock;
 use monro_geometry::Volume;
 use monro_prepare::{Observer, Stage};
 use serde_json::{Value, json};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
+
+/// What is said of a panic, whose own words are on the terminal.
+const FAULT: &str = "a fault of the program (its words are on the terminal); the edits are kept: change the labels and try again, or export them";
 
 /// Makes the case again from labels, and what is known of those that they began with; writes it, and tells the observer.
 /// Errors are sentences for the user.
@@ -84,20 +88,27 @@ pub(super) fn start(shared: &Arc<Shared>) -> bool {
         *progress = Progress::Running { stage: "begin", since: begun };
     }
     let shared = Arc::clone(shared);
-    // The thread ends by itself; its result is in `progress`.
+    // The thread ends by itself; its result is in `progress`, also after a panic: "running" would never end.
     std::thread::spawn(move || {
-        let (labels, edits) = {
-            let work = lock(&shared.work);
-            (work.desk.labels().clone(), work.store.length())
-        };
-        let mut result = (shared.rebuild)(labels, &shared.subject.known, &Teller { progress: &shared.progress, begun });
-        if let Ok(made) = &mut result {
-            let subject = Subject { origin: made.origin.clone(), ..shared.subject.clone() };
-            if let Err(error) = lock(&shared.work).store.describe(&subject) {
-                made.findings.push(format!("the next session will begin with the rebuilt labels: {error}"));
-            }
-        }
+        let made = catch_unwind(AssertUnwindSafe(|| made_again(&shared, begun)));
+        let (result, edits) = made.unwrap_or_else(|_| (Err(FAULT.into()), 0));
         *lock(&shared.progress) = Progress::Done { result, seconds: begun.elapsed().as_secs_f64(), edits };
     });
     true
+}
+
+/// The case made again, or why not, and the bytes of the edits that are in it.
+fn made_again(shared: &Shared, begun: Instant) -> (Result<Rebuilt, String>, u64) {
+    let (labels, edits) = {
+        let work = lock(&shared.work);
+        (work.desk.labels().clone(), work.store.length())
+    };
+    let mut result = (shared.rebuild)(labels, &shared.subject.known, &Teller { progress: &shared.progress, begun });
+    if let Ok(made) = &mut result {
+        let subject = Subject { origin: made.origin.clone(), ..shared.subject.clone() };
+        if let Err(error) = lock(&shared.work).store.describe(&subject) {
+            made.findings.push(format!("the next session will begin with the rebuilt labels: {error}"));
+        }
+    }
+    (result, edits)
 }

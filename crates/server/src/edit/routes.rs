@@ -169,7 +169,7 @@ async fn upgrade(State(shared): State<Arc<Shared>>, ws: WebSocketUpgrade) -> Res
 async fn talk(mut socket: WebSocket, shared: Arc<Shared>) {
     let page = shared.pages.fetch_add(1, Ordering::Relaxed);
     let mut edited = shared.edited.subscribe();
-    // Edits that the page has seen.
+    // Changes that the page has seen.
     let mut seen = *edited.borrow_and_update();
     loop {
         let said = tokio::select! {
@@ -210,19 +210,20 @@ async fn at_work<T: Send + 'static>(
     tokio::task::spawn_blocking(move || look(&mut lock(&shared.work))).await.ok()
 }
 
-/// Does what a message of a page asks and appends it to the journal before the answer goes out. With the number of the edit,
-/// if it was one.
-fn answer(shared: &Shared, page: u64, text: &str) -> (Value, Option<u64>) {
+/// Does what a message of a page asks and saves it before the answer goes out. With the number of the change, if labels or
+/// wire are other than before.
+pub(super) fn answer(shared: &Shared, page: u64, text: &str) -> (Value, Option<u64>) {
     let request = match request::parse(text) {
         Ok(request) => request,
         Err(answer) => return (answer, None),
     };
     let id = request.id;
     let mut work = lock(&shared.work);
+    let (wire, is_dab) = (work.desk.open_wire(), request.paints());
     let said = work.answer(page, request);
-    let bytes = work.desk.take_journal();
-    let kept = work.store.append(&bytes);
-    let edit = (!bytes.is_empty()).then(|| {
+    let (edited, kept) = work.save(!is_dab);
+    // An open wire is not in the journal; another page would close it as it was.
+    let change = (edited || work.desk.open_wire() != wire).then(|| {
         shared.edited.send_modify(|edits| *edits += 1);
         *shared.edited.borrow()
     });
@@ -237,5 +238,5 @@ fn answer(shared: &Shared, page: u64, text: &str) -> (Value, Option<u64>) {
                 .into();
     }
     out["id"] = id.into();
-    (out, edit)
+    (out, change)
 }

@@ -1,5 +1,5 @@
 //! Where the work is kept: a folder beside the case with the labels at the start and the journal of all edits. Both
-//! survive a killed browser and a killed server.
+//! survive a killed browser and a killed server; finished steps also a power cut.
 //!
 //! ```text
 //! CASE.edit/base.nii.gz   labels at the start
@@ -49,7 +49,13 @@ pub enum StoreError {
         /// The scan to be edited.
         wanted: String,
     },
-    /// The labels at the start cannot be read, or do not fit.
+    /// There are no labels to begin with; earlier work stays as it is.
+    #[error("there are no labels to begin with: {reason}; nothing was changed")]
+    Start {
+        /// The reason.
+        reason: String,
+    },
+    /// The labels that earlier work began with cannot be read, or do not fit.
     #[error("the labels in {folder} cannot be used: {reason}; move the folder away to begin anew")]
     Base {
         /// The folder.
@@ -107,6 +113,8 @@ pub(crate) struct Store {
     journal: File,
     /// Bytes of the journal that are whole.
     whole: u64,
+    /// Bytes of it that are written through to the disk.
+    on_disk: u64,
     /// Edits that found no room yet.
     waiting: Vec<u8>,
 }
@@ -120,7 +128,7 @@ impl Store {
     /// The subject gets what is known of the labels.
     ///
     /// # Errors
-    /// [`StoreError`]; whatever `start` says, as [`StoreError::Base`].
+    /// [`StoreError`]; whatever `start` says, as [`StoreError::Start`].
     pub(crate) fn open(
         folder: &Path,
         grid: &Grid,
@@ -129,46 +137,34 @@ impl Store {
     ) -> Result<(Self, Editor, Vec<String>), StoreError> {
         let fresh = !folder.exists();
         let journal = journal_of(folder)?;
-        let description = folder.join("edit.json");
-        let mut notes = Vec::new();
-        if description.is_file() {
-            let text = fs::read_to_string(&description).map_err(at(&description))?;
-            let found: Subject = serde_json::from_str(&text)
-                .map_err(|error| StoreError::Description { path: description.clone(), error })?;
-            if found.scan != subject.scan {
-                let (folder, wanted) = (folder.to_owned(), subject.scan.clone());
-                return Err(StoreError::OtherScan { folder, found: found.scan, wanted });
-            }
-            if found.origin == subject.origin {
-                subject.known = found.known;
-                return Self::resume(folder, grid, journal);
-            }
-            let aside = put_aside(folder)?;
-            notes.push(format!(
-                "the labels of the case are not those that were edited before; the earlier edits are in {}",
-                aside.display()
-            ));
+        let found = described(folder, &subject.scan)?;
+        let is_other = found.is_some();
+        if let Some(same) = found.filter(|found| found.origin == subject.origin) {
+            subject.known = same.known;
+            return Self::resume(folder, grid, journal);
         }
         let Start { labels: base, known } = start().map_err(|reason| {
             if fresh {
                 // Nothing began; a folder that cannot be removed does no harm.
                 let _ = fs::remove_dir_all(folder);
             }
-            StoreError::Base { folder: folder.to_owned(), reason }
+            StoreError::Start { reason }
         })?;
         subject.known = known;
-        let journal = if folder.exists() { journal } else { journal_of(folder)? };
+        // Not before there are labels to begin with: what was refused leaves the earlier edits where they are looked for.
+        let (journal, notes) = if is_other { set_aside(folder)? } else { (journal, Vec::new()) };
         let (store, editor) = Self::begin(folder, base, subject, journal)?;
         Ok((store, editor, notes))
     }
 
     fn begin(folder: &Path, base: Volume<u8>, subject: &Subject, journal: File) -> Result<(Self, Editor), StoreError> {
         let labels = folder.join("base.nii.gz");
-        fs::write(&labels, nifti::encode_u8(&base)).map_err(at(&labels))?;
+        write_through(&labels, &nifti::encode_u8(&base)).map_err(at(&labels))?;
         journal.set_len(0).map_err(at(&folder.join("journal")))?;
         let mut editor = Editor::new(base);
-        let mut store = Self { folder: folder.to_owned(), journal, whole: 0, waiting: Vec::new() };
+        let mut store = Self { folder: folder.to_owned(), journal, whole: 0, on_disk: 0, waiting: Vec::new() };
         store.append(&editor.take_journal())?;
+        store.sync()?;
         store.describe(subject)?;
         Ok((store, editor))
     }
@@ -181,8 +177,9 @@ impl Store {
             Editor::replay(base, &bytes).map_err(|error| StoreError::Journal { path: path.clone(), error })?;
         let whole = recovery.valid_bytes as u64;
         journal.set_len(whole).map_err(at(&path))?;
-        let mut store = Self { folder: folder.to_owned(), journal, whole, waiting: Vec::new() };
+        let mut store = Self { folder: folder.to_owned(), journal, whole, on_disk: 0, waiting: Vec::new() };
         store.append(&editor.take_journal())?;
+        store.sync()?;
         let mut notes = vec![format!("the work of an earlier session was restored ({} entries)", recovery.events)];
         if recovery.torn_bytes > 0 {
             notes.push("the last edit was torn off in the middle and is lost".into());
@@ -212,6 +209,18 @@ impl Store {
         Ok(())
     }
 
+    /// Writes what was appended through to the disk, so that a power cut loses nothing of it either.
+    ///
+    /// # Errors
+    /// When the file system refuses; the next call tries again.
+    pub(crate) fn sync(&mut self) -> Result<(), StoreError> {
+        if self.on_disk < self.whole {
+            self.journal.sync_data().map_err(at(&self.folder.join("journal")))?;
+            self.on_disk = self.whole;
+        }
+        Ok(())
+    }
+
     /// Bytes of all edits so far.
     pub(crate) const fn length(&self) -> u64 {
         self.whole + self.waiting.len() as u64
@@ -224,9 +233,19 @@ impl Store {
     pub(crate) fn describe(&self, subject: &Subject) -> Result<(), StoreError> {
         let [target, aside] = ["edit.json", ".edit.json.partial"].map(|n| self.folder.join(n));
         let text = serde_json::to_string_pretty(subject).unwrap_or_default();
-        fs::write(&aside, text).map_err(at(&aside))?;
-        fs::rename(&aside, &target).map_err(at(&target))
+        write_through(&aside, text.as_bytes()).map_err(at(&aside))?;
+        fs::rename(&aside, &target).map_err(at(&target))?;
+        // The names, too, where the file system can: not all let a folder be synchronised.
+        let _ = File::open(&self.folder).and_then(|folder| folder.sync_all());
+        Ok(())
     }
+}
+
+/// Writes a file that is on the disk on return.
+fn write_through(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = File::create(path)?;
+    file.write_all(bytes)?;
+    file.sync_all()
 }
 
 /// The journal of a folder, made if there is none, locked until it is closed or the process ends, however it ends.
@@ -243,6 +262,21 @@ fn journal_of(folder: &Path) -> Result<File, StoreError> {
     }
 }
 
+/// What the work in a folder belongs to; `None` where there is none.
+fn described(folder: &Path, scan: &str) -> Result<Option<Subject>, StoreError> {
+    let path = folder.join("edit.json");
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let text = fs::read_to_string(&path).map_err(at(&path))?;
+    let found: Subject =
+        serde_json::from_str(&text).map_err(|error| StoreError::Description { path: path.clone(), error })?;
+    if found.scan == scan {
+        return Ok(Some(found));
+    }
+    Err(StoreError::OtherScan { folder: folder.to_owned(), found: found.scan, wanted: scan.to_owned() })
+}
+
 fn base(path: &Path, grid: &Grid) -> Result<Volume<u8>, String> {
     let found = monro_scan::read_labels(path).map_err(|e: ScanError| e.to_string())?;
     if found.grid().dims() != grid.dims() {
@@ -251,6 +285,16 @@ fn base(path: &Path, grid: &Grid) -> Result<Volume<u8>, String> {
     // NIfTI rounds the placement to single precision; the scan's own is exact.
     let labels = found.map(|l| u8::try_from(l).unwrap_or(u8::MAX)).into_data();
     Volume::new(*grid, labels).map_err(|e| e.to_string())
+}
+
+/// Puts earlier work aside; the journal of a new folder, and what is to be said of it.
+fn set_aside(folder: &Path) -> Result<(File, Vec<String>), StoreError> {
+    let aside = put_aside(folder)?;
+    let note = format!(
+        "the labels of the case are not those that were edited before; the earlier edits are in {}",
+        aside.display()
+    );
+    Ok((journal_of(folder)?, vec![note]))
 }
 
 /// Renames a folder to the first free of `NAME.1`, `NAME.2`, ...

@@ -1,7 +1,7 @@
 //! Desk and file, changed together, by any number of pages.
 
 use super::request::{self, Request};
-use super::store::Store;
+use super::store::{Store, StoreError};
 use monro_anatomy::desk::Desk;
 use serde_json::Value;
 
@@ -40,11 +40,22 @@ impl Work {
         request::answer(&mut self.desk, request)
     }
 
+    /// Appends what was edited to the journal, and says whether that was anything; with `through` all of it is on the disk
+    /// on return. Not for each dab of a stroke, which come faster than disks write.
+    pub(super) fn save(&mut self, through: bool) -> (bool, Result<(), StoreError>) {
+        let bytes = self.desk.take_journal();
+        let appended = self.store.append(&bytes);
+        let kept = if through { appended.and_then(|()| self.store.sync()) } else { appended };
+        (!bytes.is_empty(), kept)
+    }
+
     /// A page has gone, maybe in the middle of a stroke.
     pub(super) fn leave(&mut self, page: u64) {
         if self.painter == Some(page) {
             self.painter = None;
             self.desk.end_stroke();
+            // Nobody is left to be told; the next step tries again.
+            let _ = self.store.sync();
         }
     }
 }

@@ -1,6 +1,9 @@
 //! Work that outlives kills at any moment, full disks and a second editor.
 
+use super::super::request;
+use super::super::work::Work;
 use super::*;
+use monro_anatomy::desk::Desk;
 use monro_anatomy::edit::{Rule, Selection};
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
@@ -135,6 +138,47 @@ fn labels_that_cannot_be_used_leave_no_folder_behind() {
     let said = Store::open(&folder, &grid(), &mut subject(), start).expect_err("bad labels").to_string();
     assert!(said.contains("another head"), "{said}");
     assert!(!folder.exists());
+}
+
+#[test]
+fn labels_that_could_not_be_used_took_the_earlier_edits_away() {
+    let dir = tempfile::tempdir().expect("temp");
+    let folder = dir.path().join("case.edit");
+    let (mut store, mut editor, _) = open(&folder).expect("begun");
+    edit(&mut editor, 0);
+    store.append(&editor.take_journal()).expect("room");
+    drop(store);
+    let mut other = Subject { origin: "bad.nii.gz".into(), ..subject() };
+    let start = || Err("bad.nii.gz: label 9 is unknown".to_owned());
+    let said = Store::open(&folder, &grid(), &mut other, start).expect_err("bad labels").to_string();
+    assert!(said.contains("label 9") && !said.contains("move the folder"), "{said}");
+    assert!(!dir.path().join("case.edit.1").exists());
+    let (_store, back, notes) = open(&folder).expect("the earlier work");
+    assert_eq!(back.labels(), editor.labels());
+    assert!(notes[0].contains("restored"), "{notes:?}");
+}
+
+#[test]
+fn a_step_that_was_called_saved_was_lost_by_a_power_cut() {
+    let dir = tempfile::tempdir().expect("temp");
+    let folder = dir.path().join("case.edit");
+    let (mut store, editor, _) = open(&folder).expect("begun");
+    // It takes all bytes and writes none through, as a disk that is about to fail.
+    let null = OpenOptions::new().write(true).open("/dev/null").expect("handle");
+    let journal = core::mem::replace(&mut store.journal, null);
+    let mut work = Work::new(Desk::new(Volume::filled(grid(), 30i16), editor).expect("a desk"), store);
+    let say = |work: &mut Work, text: &str| {
+        let request = request::parse(text).expect("understood");
+        let is_dab = request.paints();
+        work.answer(1, request).expect("done");
+        work.save(!is_dab).1
+    };
+    let dab = r#"{"id":1,"op":"brush","target":{"label":5},"axis":2,"slice":1,"points":[[2,2]],"radius_mm":2,"flat":true,"erase":false}"#;
+    assert!(say(&mut work, dab).is_ok(), "the disk is not waited for while the mouse moves");
+    let [end, undo] = [r#"{"id":2,"op":"end_stroke"}"#, r#"{"id":3,"op":"undo"}"#];
+    assert!(say(&mut work, end).is_err() && say(&mut work, undo).is_err(), "not on the disk");
+    work.store.journal = journal;
+    assert!(say(&mut work, r#"{"id":4,"op":"state"}"#).is_ok());
 }
 
 const FOLDER: &str = "MONRO_TEST_EDIT_FOLDER";
