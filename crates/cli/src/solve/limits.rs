@@ -34,6 +34,7 @@ pub(super) fn all(scene: &Scene, solved: &StaticSolution) -> Vec<String> {
     out.extend(points(scene, solved));
     out.extend(unstable(solved));
     out.extend(changing(solved));
+    out.extend(of_set(scene, solved));
     out.extend(thin::remarks(&scene.mesh, &scene.materials, solved.tets));
     out.extend(swollen(scene, solved).filter(|_| is_near(solved)));
     out
@@ -81,19 +82,36 @@ fn swollen(scene: &Scene, solved: &StaticSolution) -> Option<String> {
 }
 
 /// Whether the last refinement hardly changed the answer, nor would one to eight times as many elements change how far it moves;
-/// nothing is known of it where there was none. Where the body would not stay there is no answer for meshes to converge to.
+/// nothing is known of it where there was none, or where time was up before it was known whether the body stays. Where it would
+/// not there is no answer for meshes to converge to.
 pub(super) fn mesh_converged(solved: &StaticSolution) -> Option<bool> {
     let hardly = solved.change.map(|c| c.displacement_eightfold.max(c.force).max(c.moment) <= CHANGED);
-    if solved.unstable { Some(false) } else { hardly }
+    if solved.unstable { Some(false) } else { hardly.filter(|hardly| !(*hardly && solved.unlooked)) }
 }
 
-/// An equilibrium that is none in practice.
+/// An equilibrium that is none in practice, or may be.
 fn unstable(solved: &StaticSolution) -> Option<String> {
-    solved.unstable.then(|| {
+    let what = if solved.unstable {
         "forces balance each other, but the body would not stay so: the least push lets it buckle, and the state in which it \
          then stays was not found; impose less, or push it a little to the side it should take"
-            .to_owned()
-    })
+    } else if solved.unlooked {
+        "forces balance each other, but time or work was up before it was known whether the body would stay so or buckle; give \
+         more (--budget-ms)"
+    } else {
+        return None;
+    };
+    Some(what.to_owned())
+}
+
+/// A set whose force the next meshes will change, though it is little of the forces that balance each other there.
+fn of_set(scene: &Scene, solved: &StaticSolution) -> Option<String> {
+    let (set, share) = solved.change.filter(|c| c.force <= CHANGED)?.set.filter(|(_, share)| *share > CHANGED)?;
+    Some(format!(
+        "the force of \"{}\" is not converged: at the rate of the last refinement eight times as many elements would change it \
+         by {:.0} %; it is little of the forces that balance each other on what is held",
+        scene.sets[set as usize].0,
+        100.0 * share
+    ))
 }
 
 /// A solution that finer meshes will change further.

@@ -183,7 +183,7 @@ fn forces(scene: &Scene, solved: &StaticSolution) -> Map<String, Value> {
     json.insert("unborne".into(), solved.unborne.into());
     json.insert("share".into(), solved.share.into());
     json.insert("tets_solved".into(), solved.tets.into());
-    json.extend(outcome::of_mesh(solved).map(|(name, value)| (name.into(), value)));
+    json.extend(outcome::of_mesh(scene, solved).map(|(name, value)| (name.into(), value)));
     json.insert("turned".into(), solved.turned.into());
     json.insert("newton_steps".into(), solved.steps.into());
     json.insert("products".into(), solved.products.into());

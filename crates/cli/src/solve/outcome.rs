@@ -112,11 +112,12 @@ fn unfinished_finer(solved: &StaticSolution) -> Option<&Unfinished> {
 
 /// How far the answer depends on the mesh, for scripts: whether the last refinement hardly changed it, what that changed, and
 /// the finer mesh that was given up.
-pub(super) fn of_mesh(solved: &StaticSolution) -> [(&'static str, Value); 3] {
+pub(super) fn of_mesh(scene: &Scene, solved: &StaticSolution) -> [(&'static str, Value); 3] {
+    let set = |(set, share): (u32, f64)| json!({ "set": scene.sets[set as usize].0, "share": share });
     let change = solved.change.map(|c| {
         json!({
             "tets_before": c.tets, "displacement": c.displacement, "force": c.force, "moment": c.moment,
-            "displacement_eightfold": c.displacement_eightfold,
+            "displacement_eightfold": c.displacement_eightfold, "set_force_eightfold": c.set.map(set),
         })
     });
     let finer = unfinished_finer(solved).map(|finer| json!({ "tets": finer.tets, "why": given_up(finer) }));

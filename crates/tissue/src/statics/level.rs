@@ -24,6 +24,8 @@ const SKETCHED: u32 = 10;
 
 /// Forces of a set that balance each other are counted with this share of what its vertices bear.
 const BALANCED: f64 = 0.1;
+/// How much a set's own force changed is told where it bears more than this share of what all vertices bear.
+const BEARS: f64 = 1e-4;
 /// Moments that balance each other likewise, with this share of what the same forces would turn at a set's mean distance.
 const TURNING: f64 = 0.25;
 /// A body that moves by less than this part of its size everywhere is at rest, and its forces are what rounding leaves.
@@ -174,7 +176,18 @@ impl Level {
             displacement_eightfold: displacement * eightfold(self.solved.tets, next.solved.tets),
             force: if moves { share(force_apart, force) } else { 0.0 },
             moment: if moves { self.moment_change(next) } else { 0.0 },
+            set: self.set_change(next).filter(|_| moves),
         }
+    }
+
+    /// The set of supports whose force changed by the largest share of itself, at its rate to eight times as many elements.
+    fn set_change(&self, next: &Self) -> Option<(u32, f64)> {
+        let sets = |level: &Self| level.refined.problem.shared_out(&level.solved.reaction);
+        let (before, least) = (sets(self), BEARS * next.solved.at_work_mn());
+        let bears = sets(next).into_iter().filter(|(_, f)| f.norm() > least);
+        let share = |(set, now): (u32, Vector<Patient>)| Some((set, (now - *before.get(&set)?).norm() / now.norm()));
+        let rate = eightfold(self.solved.tets, next.solved.tets);
+        bears.filter_map(share).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(set, share)| (set, share * rate))
     }
 
     fn moment_change(&self, next: &Self) -> f64 {

@@ -188,6 +188,7 @@ impl Model {
             tets: self.tets.len(),
             turned: turned.len(),
             unstable: solved.unstable,
+            unlooked: solved.unlooked,
             first_turned: self.tet_number.iter().position(|t| turned.contains(t)),
             unfinished: None,
             change: None,

@@ -71,6 +71,8 @@ pub(super) struct Solved {
     pub(super) turned: Vec<u32>,
     /// Whether it is in balance as a ball on a hill is: the body would not stay there.
     pub(super) unstable: bool,
+    /// Whether it ended before that was known.
+    pub(super) unlooked: bool,
     /// Why it ended, if not by meeting the tolerance.
     pub(super) stop: Option<Stop>,
     pub(super) steps: u32,
@@ -148,6 +150,7 @@ pub(super) fn solve(
     };
     let in_balance = share >= 1.0 && problem.stop.is_none() && problem.in_balance(&at);
     let (at, stays) = if in_balance { problem.stable(at) } else { (at, true) };
+    let unlooked = in_balance && stays && problem.stop.is_some();
     let residual = problem.residual(&at);
     let reaction = at.gradient.iter().zip(&loads.support);
     let reaction = reaction.map(|(g, s)| core::array::from_fn(|a| if s[a].is_some() { g[a] } else { 0.0 })).collect();
@@ -175,6 +178,7 @@ pub(super) fn solve(
         share,
         turned,
         unstable: !stays,
+        unlooked,
         stop,
         steps,
         products,

@@ -72,6 +72,8 @@ pub struct StaticSolution {
     pub first_turned: Option<usize>,
     /// Whether forces balance each other, but the body would not stay so: no state in which it does was found from there.
     pub unstable: bool,
+    /// Whether it was stopped before it was known whether the body would stay so.
+    pub unlooked: bool,
     /// A finer mesh whose solution was given up: this one is that of the mesh before it.
     pub unfinished: Option<Unfinished>,
     /// What the last refinement changed; `None` when there was none. What a finer mesh would still change is of that order.
@@ -171,6 +173,10 @@ pub struct MeshChange {
     /// largest of these moments (or a quarter of what all vertices bear or of all loads, times the mean distance of its vertices
     /// from there, where these turn against each other).
     pub moment: f64,
+    /// The set of supports whose force (what several hold shared out) changed by the largest share of itself, and that share at
+    /// its rate to eight times as many elements; of sets that bear more than a ten-thousandth of what all vertices do. It is more
+    /// than [`Self::force`] where forces balance each other in or between sets.
+    pub set: Option<(u32, f64)>,
 }
 
 /// What was reached on a finer mesh that was given up.

@@ -83,6 +83,10 @@ fn a_torque_that_changed_with_the_mesh_was_said_not_to() {
     assert!(changed > 0.1 && (change.moment - changed).abs() < 0.02, "{changed} {change:?}");
     // Nothing else changes by so much.
     assert!(change.force < 0.05 && change.displacement < 0.05, "{change:?}");
+    // But the little force along the bar does, of itself.
+    let [was, is] = [&before, &after].map(|s| s.sets[&1]);
+    let (_, share) = change.set.expect("a force along the bar");
+    assert!(share > 0.05 && (share - (is - was).norm() / is.norm()).abs() < 1e-6, "{was:?} {is:?} {change:?}");
 }
 
 /// Lateral stretch of the stable neo-Hookean solid under uniaxial stretch `s`, and its force per area at rest.

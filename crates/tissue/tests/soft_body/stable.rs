@@ -37,3 +37,24 @@ fn a_bar_beyond_the_force_that_it_bears_was_straight_and_called_converged() {
     let aside = solved.displacement.iter().map(|d| d.y.hypot(d.z)).fold(0.0, f64::max);
     assert!(solved.converged && !solved.unstable && aside < 0.1, "{aside} mm aside");
 }
+
+/// Time that was up while it was looked for whether the body stays left an answer without a word.
+#[test]
+fn an_answer_cut_short_before_it_was_known_to_stay_was_as_good_as_any() {
+    let (mesh, problem) = column(1.0);
+    let given = StaticOptions { finer: Finer::Times(0), ..StaticOptions::default() };
+    let solve = |most: usize| {
+        let mut asked = 0;
+        let mut keep_going = || {
+            asked += 1;
+            asked <= most
+        };
+        let solved = equilibrium(&mesh, &material(0.3), &problem, &given, &mut keep_going).expect("solved");
+        (solved, asked)
+    };
+    let (whole, asked) = solve(usize::MAX);
+    assert!(whole.converged && !whole.unlooked);
+    // The last products show that it stays.
+    let (cut, _) = solve(asked - 5);
+    assert!(cut.converged && cut.unlooked && !cut.unstable, "{asked}: {}", cut.residual);
+}
