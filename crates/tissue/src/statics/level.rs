@@ -22,6 +22,8 @@ const NEARLY: f64 = 1e-3;
 const SKETCH: f64 = 1e-3;
 const SKETCHED: u32 = 10;
 
+/// Errors of linear tetrahedra fall with the number of elements to this power.
+const ORDER: f64 = 2.0 / 3.0;
 /// Forces of a set that balance each other are counted with this share of what its vertices bear.
 const BALANCED: f64 = 0.1;
 /// How much a set's own force changed is told where it bears more than this share of what all vertices bear.
@@ -180,14 +182,19 @@ impl Level {
         }
     }
 
-    /// The set of supports whose force changed by the largest share of itself, at its rate to eight times as many elements.
+    /// The set of supports whose force changed by the largest share of itself, at its rate to eight times as many elements: in
+    /// this step, or in those before, as such changes fall. A step that makes little finer tells little of what the one before
+    /// it left.
     fn set_change(&self, next: &Self) -> Option<(u32, f64)> {
         let sets = |level: &Self| level.refined.problem.shared_out(&level.solved.reaction);
         let (before, least) = (sets(self), BEARS * next.solved.at_work_mn());
         let bears = sets(next).into_iter().filter(|(_, f)| f.norm() > least);
         let share = |(set, now): (u32, Vector<Patient>)| Some((set, (now - *before.get(&set)?).norm() / now.norm()));
         let rate = eightfold(self.solved.tets, next.solved.tets);
-        bears.filter_map(share).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(set, share)| (set, share * rate))
+        let now = bears.filter_map(share).map(|(set, share)| (set, share * rate));
+        let falls = |c: MeshChange| (c.tets as f64 / self.solved.tets as f64).powf(ORDER);
+        let left = self.solved.change.and_then(|c| c.set.map(|(set, share)| (set, share * falls(c))));
+        now.chain(left).max_by(|a, b| a.1.total_cmp(&b.1))
     }
 
     fn moment_change(&self, next: &Self) -> f64 {
@@ -235,7 +242,7 @@ fn is_nearly(solved: &StaticSolution) -> bool {
 /// of their edges, so with their number to the power of two thirds: of an error e, `count` times as many take away
 /// e (1 - count^(-2/3)).
 fn eightfold(before: usize, now: usize) -> f64 {
-    let taken = |count: f64| 1.0 - count.powf(-2.0 / 3.0);
+    let taken = |count: f64| 1.0 - count.powf(-ORDER);
     // A hundredth more elements tell nothing of a mesh.
     let count = (now as f64 / before.max(1) as f64).clamp(1.01, 8.0);
     taken(8.0) / taken(count)

@@ -174,8 +174,9 @@ pub struct MeshChange {
     /// from there, where these turn against each other).
     pub moment: f64,
     /// The set of supports whose force (what several hold shared out) changed by the largest share of itself, and that share at
-    /// its rate to eight times as many elements; of sets that bear more than a ten-thousandth of what all vertices do. It is more
-    /// than [`Self::force`] where forces balance each other in or between sets.
+    /// its rate to eight times as many elements, in this refinement or in those before as such changes fall; of sets that bear
+    /// more than a ten-thousandth of what all vertices do. It is more than [`Self::force`] where forces balance each other in
+    /// or between sets.
     pub set: Option<(u32, f64)>,
 }
 
