@@ -60,10 +60,13 @@ pub(super) fn off(restored: &[f64], count: usize, fields: &LabelFields) -> Optio
 
 /// The first label that should have many of `count` elements and has a part of its volume that `is_wrong`. Specks have what they have.
 fn first_of_many(volumes: &[f64], count: usize, fields: &LabelFields, is_wrong: impl Fn(f64) -> bool) -> Option<Lost> {
-    let mean = mean(count, fields);
-    let mut all = volumes.iter().zip(&fields.volumes).zip(&fields.specks);
-    let wrong = all.position(|((&v, &wanted), &specks)| !specks && wanted > MANY * mean && is_wrong(v / wanted));
+    let wrong = (0..volumes.len()).find(|&l| has_many(l, count, fields) && is_wrong(volumes[l] / fields.volumes[l]));
     wrong.filter(|_| !fields.parts.is_empty()).map(Lost::Label)
+}
+
+/// Whether a label should have many of `count` elements.
+pub(super) fn has_many(label: usize, count: usize, fields: &LabelFields) -> bool {
+    !fields.specks[label] && fields.volumes[label] > MANY * mean(count, fields)
 }
 
 /// Gives each inner label the elements that hold most of it, as many as have its volume together, and at least one. Such a

@@ -200,7 +200,8 @@ pub fn mesh_observed<T: Copy + Eq + Into<u16> + Sync>(
             _ => MeshError::TooThin { voxels, at, step: fields.step },
         }
     };
-    let made = Made::conforming(&fields, &size, options.elements, &mut done).ok_or_else(too_thin)?;
+    let made = Made::conforming(&fields, &size, options.elements, 1.0, &mut done).ok_or_else(too_thin)?;
+    let made = made.or_from_finer(&fields, &size, options.elements, &mut done);
     let made = match made.is_good(&fields, options.elements) {
         true => made,
         false => {
@@ -234,13 +235,21 @@ struct Made {
     lost: Option<Lost>,
     /// Whether the inner labels are regions without surfaces of their own.
     regions: Option<Lost>,
+    /// Whether the lattice had cells too large to show all of the labels.
+    blind: bool,
 }
 
 impl Made {
-    /// With faces along all label surfaces; `None` where nothing is left to mesh.
-    fn conforming(fields: &LabelFields, size: &SizeField, wanted: usize, done: &mut impl FnMut(Stage)) -> Option<Self> {
+    /// With faces along all label surfaces, from a lattice for `more` times as many elements; `None` where nothing is left to mesh.
+    fn conforming(
+        fields: &LabelFields,
+        size: &SizeField,
+        wanted: usize,
+        more: f64,
+        done: &mut impl FnMut(Stage),
+    ) -> Option<Self> {
         let mut kept = None;
-        let (mut best, mut aim) = (Self::once(fields, size, wanted, &mut kept, done)?, wanted as f64);
+        let (mut best, mut aim) = (Self::once(fields, size, (wanted, more), &mut kept, done)?, wanted as f64);
         let mut last = best.raw.tets.len();
         for _ in 0..if wanted < FEW { MORE_TRIES } else { 1 } {
             if best.has_count(wanted, COUNT) || last == 0 || best.lost.is_some() {
@@ -249,7 +258,7 @@ impl Made {
             // What the last one is short of is asked for on top.
             aim *= wanted as f64 / last as f64;
             aim = aim.clamp(0.8 * wanted as f64, 1.25 * wanted as f64);
-            let Some(other) = Self::once(fields, size, aim as usize, &mut kept, done) else { break };
+            let Some(other) = Self::once(fields, size, (aim as usize, more), &mut kept, done) else { break };
             last = other.raw.tets.len();
             if other.miss(wanted) < best.miss(wanted) {
                 best = other;
@@ -262,17 +271,39 @@ impl Made {
     fn once<'a>(
         fields: &'a LabelFields,
         size: &SizeField,
-        aim: usize,
+        (aim, more): (usize, f64),
         kept: &mut Option<Cleared<'a>>,
         done: &mut impl FnMut(Stage),
     ) -> Option<Self> {
         let cleared = match kept.take().filter(|cleared| cleared.has_room(aim)) {
             Some(cleared) => cleared,
-            None => Cleared::with_room(fields, size, aim)?,
+            None => Cleared::with_room(fields, size, aim, more)?,
         };
         *kept = cleared.kept();
         done(Stage::Cut);
         Some(improved(cleared, fields, size, aim, done))
+    }
+
+    /// Made again from a much finer lattice, where the one that it was cut from was too coarse for small pieces and thin parts: these
+    /// take so many cells that all others were made large to meet the count, until nothing was seen of what they are for.
+    fn or_from_finer(
+        self,
+        fields: &LabelFields,
+        size: &SizeField,
+        wanted: usize,
+        done: &mut impl FnMut(Stage),
+    ) -> Self {
+        let given_away = |made: &Self| made.given_away(fields.labels.len());
+        let lacks = |(v, of): (&f64, &f64)| *v > LACKS * of;
+        let lost = given_away(&self);
+        if !self.blind || (self.lost.is_none() && !lost.iter().zip(&fields.volumes).any(lacks)) {
+            return self;
+        }
+        let is_better = |other: &Self| {
+            let less = given_away(other).iter().sum::<f64>() < lost.iter().sum::<f64>();
+            other.is_good(fields, wanted) && (less || !self.is_good(fields, wanted))
+        };
+        Self::conforming(fields, size, wanted, FINER, done).filter(is_better).unwrap_or(self)
     }
 
     /// With faces along the outer surface only.
@@ -283,13 +314,20 @@ impl Made {
         done: &mut impl FnMut(Stage),
         why: Lost,
     ) -> Option<Self> {
-        let made = Self::conforming(&fields.as_one(), size, wanted, done)?;
+        let made = Self::conforming(&fields.as_one(), size, wanted, 1.0, done)?;
         let mut raw = made.raw;
         coarse::label_regions(&mut raw, fields);
         // Until now there was one label, that of all.
         let of = |c: Crumb| Crumb { label: fields.likeliest_at(c.place) as u8, ..c };
         let crumbs = made.crumbs.into_iter().map(of).collect();
         Some(Self { raw, crumbs, regions: Some(why), ..made })
+    }
+
+    /// How much of each label was given to others, mm3.
+    fn given_away(&self, labels: usize) -> Vec<f64> {
+        let mut volumes = vec![0.0; labels];
+        self.crumbs.iter().for_each(|c| volumes[usize::from(c.label)] += c.volume);
+        volumes
     }
 
     /// Part that the count is off by.
@@ -379,6 +417,10 @@ const ACCEPTED: f64 = 0.05;
 /// A small mesh that misses its count is made again so often: one element more or less at its surface moves many.
 const FEW: usize = 10_000;
 const MORE_TRIES: usize = 4;
+/// Where small pieces of more than this part of a label were given away, or labels lost, a lattice too coarse to show them is
+/// made again for so many times the elements.
+const LACKS: f64 = 0.02;
+const FINER: f64 = 3.0;
 
 /// Coarsens to the count and improves the shapes.
 fn improved(
@@ -388,7 +430,7 @@ fn improved(
     wanted: usize,
     done: &mut impl FnMut(Stage),
 ) -> Made {
-    let aim = cleared.target(wanted);
+    let (aim, blind) = (cleared.target(wanted), cleared.is_blind(fields, wanted));
     let Cleared { mut work, crumbs, bounds, finest, .. } = cleared;
     let size = &*size.with_bounds(&bounds);
     let inside = Coarse { finest, target: aim, limit: 0.9, sag: 0.0, floor: 0.36 };
@@ -402,7 +444,7 @@ fn improved(
     done(Stage::Coarsen);
     let volumes = |work: &Work<'_>| work.volumes(fields.labels.len());
     if let lost @ Some(_) = coarse::gone(&volumes(&work), work.count(), fields) {
-        return Made { raw: work.into_raw(), crumbs, lost, regions: None };
+        return Made { raw: work.into_raw(), crumbs, lost, regions: None, blind };
     }
     work.improve();
     for (sag, floor) in [(0.1, 0.3), (0.2, 0.28), (0.3, 0.26), (0.5, 0.24)] {
@@ -427,7 +469,7 @@ fn improved(
     let mut raw = work.into_raw();
     // Changes of surfaces are checked one by one above, but not everything where three labels meet.
     repair::repair(&mut raw, fields.labels.len() as u8, 0.0, |corners, l| coarse::holds(corners, l, fields));
-    Made { raw, crumbs, lost, regions: None }
+    Made { raw, crumbs, lost, regions: None, blind }
 }
 
 fn finish(raw: RawMesh, fields: &LabelFields) -> TetMesh {

@@ -23,8 +23,6 @@ const REGIONS: &str = "a region is made of whole elements: ask for more";
 const MORE: &str = "a label thinner than the elements there needs more of them";
 /// Densities over those wanted that are not remarked upon.
 const DENSITY: Range<f64> = 0.75..1.33;
-/// Pieces of less than this part of a voxel are none of the labels: two fields touch there.
-const CRUMB: f64 = 0.05;
 /// Places along a path are so far apart, mm.
 const ALONG: f64 = 0.5;
 
@@ -62,7 +60,10 @@ pub(super) fn remarks<T: Copy + Eq + Into<u16> + Sync>(
 /// Why there are regions instead of surfaces, and whose sake they are for.
 fn of_regions<T>(lost: Lost, source: &Source<'_, T>) -> String {
     let whose = match lost {
-        Lost::Inner => String::new(),
+        Lost::Inner if source.options.fine.is_empty() => {
+            " (be fine around the smaller ones: so many may then be enough; or ask for more)".into()
+        }
+        Lost::Inner => " (ask for more)".into(),
         Lost::Label(l) => {
             let label = source.fields.labels[l];
             format!(
@@ -179,8 +180,7 @@ fn of_path<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>) -> Option<St
 }
 
 fn of_crumbs<T>(source: &Source<'_, T>, label: usize) -> Option<String> {
-    let least = CRUMB * source.fields.voxel;
-    let crumbs = || source.crumbs.iter().filter(|c| usize::from(c.label) == label && c.volume > least);
+    let crumbs = || source.crumbs.iter().filter(|c| usize::from(c.label) == label);
     let largest = crumbs().max_by(|a, b| a.volume.total_cmp(&b.volume))?;
     let (pieces, volume) = (crumbs().count(), crumbs().map(|c| c.volume).sum::<f64>());
     let (name, at) = (source.fields.labels[label], place(largest.place));

@@ -243,6 +243,9 @@ pub struct MeshReport {
     pub topology: Vec<String>,
 }
 
+/// Pieces of less than this part of a voxel are none of the labels: two fields touch there.
+const CRUMB: f64 = 0.05;
+
 /// What a mesh was made from.
 pub(super) struct Source<'a, T> {
     pub(super) voxels: Voxels<'a, T>,
@@ -271,6 +274,7 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
     });
     let surface = mesh.surface(|_| true);
     let absences: Vec<_> = (0..fields.labels.len()).map(|l| remarks::missing(source, l)).collect();
+    let locator = TetLocator::new(mesh).expect("a mesh that has just been made");
     let mut report = MeshReport {
         elements: mesh.tets.len(),
         vertices: mesh.vertices.len(),
@@ -285,7 +289,7 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
         bad_shapes: shapes.bad,
         coarse_regions: source.regions.is_some(),
         closed_gaps: closed_gaps(source),
-        overlap: TetLocator::new(mesh).expect("a mesh that has just been made").overlap(),
+        overlap: locator.overlap(),
         self_crossing: surface.self_crossing(),
         labels: absences.iter().enumerate().map(|(l, absent)| label_report(mesh, source, l, &absent.0)).collect(),
         outer: SurfaceReport::new(&surface, &outer, fields.unit),
@@ -293,10 +297,22 @@ pub(super) fn report<T: Copy + Eq + Into<u16> + Sync>(mesh: &TetMesh, source: &S
         topology: Vec::new(),
         open_at_border: fields.at_border,
     };
+    let source = &Source { crumbs: &lost(source, mesh, &locator), ..*source };
     report.remarks = remarks::remarks(&report, source, &absences);
     report.topology = remarks::topology(&report);
     report.labels.sort_by_key(|l| l.label);
     report
+}
+
+/// Crumbs that were given away with all of their piece of the label; else they were cut off from it, and the rest is there.
+fn lost<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>, mesh: &TetMesh, locator: &TetLocator) -> Vec<Crumb> {
+    let is_lost = |c: &&Crumb| {
+        let label = source.fields.labels[usize::from(c.label)];
+        let is_there = |p| locator.locate(p).is_some_and(|found| mesh.labels[found.tet] == label);
+        source.voxels.is_gone(Point::from_array(c.place), label, is_there)
+    };
+    let of_labels = |c: &&Crumb| c.volume > CRUMB * source.fields.voxel;
+    source.crumbs.iter().filter(of_labels).filter(is_lost).copied().collect()
 }
 
 fn closed_gaps<T: Copy + Eq + Into<u16> + Sync>(source: &Source<'_, T>) -> Option<ClosedGaps> {

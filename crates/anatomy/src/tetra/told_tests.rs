@@ -103,6 +103,32 @@ fn bodies_of_different_labels_two_voxels_apart_were_joined_across_the_gap() {
     }
 }
 
+/// Small pieces take so many cells that all others were made large to meet the count, until no cell was small enough to show
+/// the pieces: all labels became coarse regions.
+#[test]
+fn small_pieces_of_a_label_were_given_up_though_there_were_elements_enough() {
+    let grid = Grid::axis_aligned([80; 3], [1.0; 3], [0.0; 3]).expect("grid");
+    let distance = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
+    let balls: Vec<([f64; 3], f64)> = (0..24)
+        .map(|i| {
+            let (z, turn) = (1.0 - (2.0 * f64::from(i) + 1.0) / 24.0, 2.399963 * f64::from(i));
+            let (out, r) = ([16.0, 26.0][i as usize % 2], (1.0 - z * z).sqrt());
+            ([r * turn.cos(), r * turn.sin(), z].map(|x| 40.0 + out * x), 2.2 + 0.6 * f64::from(i % 3))
+        })
+        .collect();
+    let label = |v: [usize; 3]| {
+        let p = v.map(|i| i as f64);
+        let in_ball = balls.iter().any(|&(c, radius)| distance(p, c) < radius);
+        if in_ball { 2 } else { u8::from(distance(p, [40.0; 3]) < 36.0) }
+    };
+    let labels = Volume::new(grid, (0..grid.len()).map(|at| label(grid.voxel(at))).collect()).expect("count");
+    let (_, report) = mesh(&labels, &MeshOptions::new(&[1, 2], &[2], 10_000)).expect("a mesh");
+    assert!(report.all_remarks().is_empty(), "{:?}", report.all_remarks());
+    let of_two = report.labels.iter().find(|l| l.label == 2).expect("there");
+    assert_eq!((report.coarse_regions, of_two.surface.surfaces, of_two.surface.euler), (false, 24, 48));
+    assert!(of_two.volume_error.abs() < 1e-3, "{}", of_two.volume_error);
+}
+
 #[test]
 fn single_voxels_count_in_the_topology_that_the_mesh_is_held_against() {
     let labels = ball_with([1.0; 3], &[[16, 21, 21], [27, 21, 21]]);

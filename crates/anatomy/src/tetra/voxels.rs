@@ -5,7 +5,7 @@ use crate::surface::even::Extent;
 use crate::surface::runs::kept;
 use monro_geometry::{Grid, Patient, Point, Volume};
 use rayon::prelude::*;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 
 /// Pieces of voxels of more than so many cells are no specks.
 pub(super) const SPECK: f64 = 4.0;
@@ -17,6 +17,7 @@ const FEW: usize = 20;
 const NOTICED: f64 = 0.01;
 
 /// A volume of labels.
+#[derive(Clone, Copy)]
 pub(super) struct Voxels<'a, T>(pub(super) &'a Volume<T>);
 
 impl<T: Copy + Into<u16>> Voxels<'_, T> {
@@ -61,6 +62,25 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
             }
         }
         Some(piece)
+    }
+
+    /// Whether the piece of a label that is nearest to a point, within a voxel, is nowhere `there`, by the centres of its voxels;
+    /// false where the label has no voxel so near.
+    pub(super) fn is_gone(&self, p: Point<Patient>, label: u16, there: impl Fn(Point<Patient>) -> bool) -> bool {
+        let grid = self.0.grid();
+        let centre = |[i, j, k]: [usize; 3]| grid.centre(i, j, k);
+        let own = |at| around(at, grid.dims()).filter(|&[i, j, k]| self.0.data()[grid.index(i, j, k)].into() == label);
+        let near = |v: &[usize; 3]| centre(*v).distance(p);
+        let nearest = grid.containing(p).and_then(|at| own(at).min_by(|a, b| near(a).total_cmp(&near(b))));
+        let Some(first) = nearest else { return false };
+        let (mut seen, mut edge) = (BTreeSet::from([first]), VecDeque::from([first]));
+        while let Some(v) = edge.pop_front() {
+            if there(centre(v)) {
+                return false;
+            }
+            edge.extend(own(v).filter(|&next| seen.insert(next)));
+        }
+        true
     }
 
     /// Voxels that a small piece has at most.
@@ -220,4 +240,26 @@ pub(super) fn around(v: [usize; 3], dims: [usize; 3]) -> impl Iterator<Item = [u
         let other = [0, 1, 2].map(|a| (v[a] + shift(n)[a]).wrapping_sub(1));
         (0..3).all(|a| other[a] < dims[a]).then_some(other)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Elements cut off from a piece were told as a piece that is lost.
+    #[test]
+    fn a_piece_is_gone_where_none_of_it_is_there() {
+        let grid = Grid::axis_aligned([12, 5, 5], [2.0; 3], [0.0; 3]).expect("grid");
+        let is_bar = |[i, j, k]: [usize; 3]| (j, k) == (2, 2) && (1..7).contains(&i);
+        let label = |v| 7 * u8::from(is_bar(v) || v == [9, 2, 2]);
+        let volume = Volume::new(grid, (0..grid.len()).map(|at| label(grid.voxel(at))).collect()).expect("count");
+        let voxels = Voxels(&volume);
+        let end_is_there = |p: Point<Patient>| p.x < 3.0;
+        let at = |x| Point::from_array([x, 4.5, 3.5]);
+        assert!(!voxels.is_gone(at(12.0), 7, end_is_there), "the other end of the bar is there");
+        assert!(voxels.is_gone(at(18.5), 7, end_is_there), "the single voxel is not");
+        assert!(voxels.is_gone(at(16.5), 7, end_is_there), "beside it, too, and far enough from the bar");
+        assert!(!voxels.is_gone(at(22.5), 7, end_is_there), "nothing of the label is near");
+        assert!(!voxels.is_gone(at(99.0), 7, end_is_there), "outside");
+    }
 }
