@@ -42,13 +42,13 @@ pub(super) fn apart(mesh: &TetMesh, problem: &StaticProblem) -> Option<String> {
     let pieces = pieces(mesh, problem);
     let [one, two, ..] = &pieces[..] else { return None };
     Some(format!(
-        "the mesh is in {} pieces that share no vertex ({} tetrahedra with number {}, {} with number {}{}): they do not act on each \
-         other",
+        "the mesh is in {} pieces that share no vertex (that of tetrahedron {} has {}, that of tetrahedron {} has {}{}): they do not act \
+         on each other",
         pieces.len(),
-        one.tets,
         one.first,
-        two.tets,
+        one.tets,
         two.first,
+        two.tets,
         if pieces.len() > 2 { ", ..." } else { "" }
     ))
 }
