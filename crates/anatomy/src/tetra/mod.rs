@@ -259,6 +259,10 @@ impl Made {
             aim *= wanted as f64 / last as f64;
             aim = aim.clamp(0.8 * wanted as f64, 1.25 * wanted as f64);
             let Some(other) = Self::once(fields, size, (aim as usize, more), &mut kept, done) else { break };
+            if other.raw.tets.len() == last {
+                // What is left cannot be coarsened any more.
+                break;
+            }
             last = other.raw.tets.len();
             if other.miss(wanted) < best.miss(wanted) {
                 best = other;

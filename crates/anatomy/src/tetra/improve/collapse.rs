@@ -107,16 +107,18 @@ impl Work<'_> {
         a.iter().filter(|x| b.binary_search(x).is_ok()).count() == around && self.sheets_link(v, w, &a, &b)
     }
 
-    /// In each label's surface the two points may share two neighbours only (an edge to a third point may lie in the
-    /// surface on both sides without its triangle doing so).
+    /// In the surface of each label, and in the outer one, the two points may share two neighbours only: an edge to a third point
+    /// may lie in the surface on both sides without its triangle doing so, also where it parts the label from others than the
+    /// other edge does. Merged, the label would meet itself there.
     fn sheets_link(&self, v: u32, w: u32, a: &[u32], b: &[u32]) -> bool {
         let mask = self.masks[v as usize];
-        for x in a.iter().filter(|x| b.binary_search(x).is_ok()) {
-            let common = self.masks[*x as usize] & mask;
-            if common.count() < 2 || (self.edge_mask(v, *x) & mask).count() < 2 {
+        for &x in a.iter().filter(|x| b.binary_search(x).is_ok()) {
+            let at = self.masks[x as usize];
+            if at.count() < 2 || (at & mask).count() == 0 {
                 continue;
             }
-            if (self.edge_mask(w, *x) & mask).count() >= 2 && !self.face_on_surface(v, w, *x) {
+            let (from, to) = (self.edge_mask(v, x), self.edge_mask(w, x));
+            if from.count() >= 2 && to.count() >= 2 && !(from & to).is_within(self.face_mask(v, w, x)) {
                 return false;
             }
         }
@@ -133,15 +135,16 @@ impl Work<'_> {
         })
     }
 
-    fn face_on_surface(&self, a: u32, b: u32, c: u32) -> bool {
+    /// What a face parts, labels or the outside; nothing where both sides are of one label.
+    fn face_mask(&self, a: u32, b: u32, c: u32) -> Mask {
         let mut labels = self.stars[a as usize]
             .iter()
             .filter(|&&t| self.tets[t as usize].contains(&b) && self.tets[t as usize].contains(&c))
-            .map(|&t| self.labels[t as usize]);
+            .map(|&t| Mask::of(self.labels[t as usize]));
         match (labels.next(), labels.next()) {
-            (Some(x), Some(y)) => x != y,
-            (Some(_), None) => true,
-            _ => false,
+            (Some(x), Some(y)) if x != y => x | y,
+            (Some(x), None) => x | Mask::OUTSIDE,
+            _ => Mask::default(),
         }
     }
 
