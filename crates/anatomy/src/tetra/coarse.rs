@@ -47,21 +47,37 @@ const MANY: f64 = 50.0;
 /// whose own volume could not be restored to this part is not represented by its surface.
 const OFF: f64 = 0.1;
 
-/// The label of which a mesh of `count` elements has lost most though it should have many of them, by its volumes when it has just
+/// Labels that miss their volumes are worth giving up the surfaces of all others for where they are more than this part of the inner
+/// ones together: of an atlas one in a thousand is not, and is told.
+const WORTH: f64 = 0.05;
+
+/// A label of which a mesh of `count` elements has lost most though it should have many of them, by its volumes when it has just
 /// been coarsened: so much is not made good again, and improving such a mesh takes longer than all the rest.
 pub(super) fn gone(coarsened: &[f64], count: usize, fields: &LabelFields) -> Option<Lost> {
-    first_of_many(coarsened, count, fields, |part| part < 1.0 - GONE)
+    of_many(coarsened, count, fields, |part| part < 1.0 - GONE).next().map(Lost::Label)
 }
 
-/// The label with many elements whose volume a mesh of `count` elements misses.
+/// Of the labels with many elements whose volumes a mesh of `count` elements misses the one that is furthest off, where these are
+/// much together.
 pub(super) fn off(restored: &[f64], count: usize, fields: &LabelFields) -> Option<Lost> {
-    first_of_many(restored, count, fields, |part| (part - 1.0).abs() > OFF)
+    let wanted = |labels: &mut dyn Iterator<Item = usize>| labels.map(|l| fields.volumes[l]).sum::<f64>();
+    let wrong: Vec<usize> = of_many(restored, count, fields, |part| (part - 1.0).abs() > OFF).collect();
+    let is_much = wanted(&mut wrong.iter().copied()) > WORTH * wanted(&mut (0..fields.parts.len()));
+    let miss = |l: usize| (restored[l] / fields.volumes[l] - 1.0).abs();
+    let furthest = wrong.into_iter().max_by(|&a, &b| miss(a).total_cmp(&miss(b)));
+    furthest.filter(|_| is_much).map(Lost::Label)
 }
 
-/// The first label that should have many of `count` elements and has a part of its volume that `is_wrong`. Specks have what they have.
-fn first_of_many(volumes: &[f64], count: usize, fields: &LabelFields, is_wrong: impl Fn(f64) -> bool) -> Option<Lost> {
-    let wrong = (0..volumes.len()).find(|&l| has_many(l, count, fields) && is_wrong(volumes[l] / fields.volumes[l]));
-    wrong.filter(|_| !fields.parts.is_empty()).map(Lost::Label)
+/// The labels that should have many of `count` elements and have a part of their volume that `is_wrong`; none where there is one
+/// label alone. Specks have what they have.
+fn of_many(
+    volumes: &[f64],
+    count: usize,
+    fields: &LabelFields,
+    is_wrong: impl Fn(f64) -> bool,
+) -> impl Iterator<Item = usize> {
+    let labels = if fields.parts.is_empty() { 0 } else { volumes.len() };
+    (0..labels).filter(move |&l| has_many(l, count, fields) && is_wrong(volumes[l] / fields.volumes[l]))
 }
 
 /// Whether a label should have many of `count` elements.
