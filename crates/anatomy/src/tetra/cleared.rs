@@ -82,9 +82,11 @@ impl<'a> Cleared<'a> {
     /// Whether a lattice of smaller cells shows more of a label for which `wanted` elements are enough: not where cells are as
     /// fine as the labels are known, nor where many labels meet, for that takes longest to clear and to coarsen.
     pub(super) fn is_blind(&self, fields: &LabelFields, wanted: usize) -> bool {
+        if self.many || self.finest_cut <= fields.step {
+            return false;
+        }
         let volumes = self.work.volumes(fields.labels.len());
-        let misses = |l: usize| coarse::has_many(l, wanted, fields) && volumes[l] < SEEN * fields.volumes[l];
-        self.finest_cut > fields.step && !self.many && (0..volumes.len()).any(misses)
+        (0..volumes.len()).any(|l| coarse::has_many(l, wanted, fields) && volumes[l] < SEEN * fields.volumes[l])
     }
 
     /// A copy for another count, where bad elements are many, for then clearing takes longest and few counts are met at once.

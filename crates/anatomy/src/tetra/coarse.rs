@@ -60,9 +60,9 @@ pub(super) fn gone(coarsened: &[f64], count: usize, fields: &LabelFields) -> Opt
 /// Of the labels with many elements whose volumes a mesh of `count` elements misses the one that is furthest off, where these are
 /// much together.
 pub(super) fn off(restored: &[f64], count: usize, fields: &LabelFields) -> Option<Lost> {
-    let wanted = |labels: &mut dyn Iterator<Item = usize>| labels.map(|l| fields.volumes[l]).sum::<f64>();
     let wrong: Vec<usize> = of_many(restored, count, fields, |part| (part - 1.0).abs() > OFF).collect();
-    let is_much = wanted(&mut wrong.iter().copied()) > WORTH * wanted(&mut (0..fields.parts.len()));
+    let inner: f64 = fields.volumes[..fields.parts.len()].iter().sum();
+    let is_much = wrong.iter().map(|&l| fields.volumes[l]).sum::<f64>() > WORTH * inner;
     let miss = |l: usize| (restored[l] / fields.volumes[l] - 1.0).abs();
     let furthest = wrong.into_iter().max_by(|&a, &b| miss(a).total_cmp(&miss(b)));
     furthest.filter(|_| is_much).map(Lost::Label)

@@ -297,14 +297,12 @@ impl Made {
         wanted: usize,
         done: &mut impl FnMut(Stage),
     ) -> Self {
-        let given_away = |made: &Self| made.given_away(fields.labels.len());
-        let lacks = |(v, of): (&f64, &f64)| *v > LACKS * of;
-        let lost = given_away(&self);
-        if !self.blind || (self.lost.is_none() && !lost.iter().zip(&fields.volumes).any(lacks)) {
+        let lacks = || (0..fields.labels.len()).any(|l| self.given_away(Some(l)) > LACKS * fields.volumes[l]);
+        if !self.blind || (self.lost.is_none() && !lacks()) {
             return self;
         }
         let is_better = |other: &Self| {
-            let less = given_away(other).iter().sum::<f64>() < lost.iter().sum::<f64>();
+            let less = other.given_away(None) < self.given_away(None);
             other.is_good(fields, wanted) && (less || !self.is_good(fields, wanted))
         };
         Self::conforming(fields, size, wanted, FINER, done).filter(is_better).unwrap_or(self)
@@ -327,11 +325,10 @@ impl Made {
         Some(Self { raw, crumbs, regions: Some(why), ..made })
     }
 
-    /// How much of each label was given to others, mm3.
-    fn given_away(&self, labels: usize) -> Vec<f64> {
-        let mut volumes = vec![0.0; labels];
-        self.crumbs.iter().for_each(|c| volumes[usize::from(c.label)] += c.volume);
-        volumes
+    /// How much of a label, or of all, was given to others, mm3.
+    fn given_away(&self, label: Option<usize>) -> f64 {
+        let of = |c: &&Crumb| label.is_none_or(|l| usize::from(c.label) == l);
+        self.crumbs.iter().filter(of).map(|c| c.volume).sum()
     }
 
     /// Part that the count is off by.

@@ -48,17 +48,27 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
 
     /// The voxels of the piece of a voxel, of those whose labels `of` accepts, if they are `most` at most.
     fn piece(&self, at: usize, most: usize, of: impl Fn(u16) -> bool) -> Option<BTreeSet<usize>> {
+        self.flooded(at, of, |piece, _| piece.len() > most)
+    }
+
+    /// The same; `None` where `ends` says so of the voxels found so far and the next one, from the first outwards.
+    fn flooded(
+        &self,
+        first: usize,
+        of: impl Fn(u16) -> bool,
+        ends: impl Fn(&BTreeSet<usize>, usize) -> bool,
+    ) -> Option<BTreeSet<usize>> {
         let grid = self.0.grid();
-        let (mut piece, mut edge) = (BTreeSet::from([at]), vec![grid.voxel(at)]);
-        while let Some(v) = edge.pop() {
-            for [i, j, k] in around(v, grid.dims()) {
-                let at = grid.index(i, j, k);
-                if of(self.0.data()[at].into()) && piece.insert(at) {
-                    edge.push([i, j, k]);
-                }
-            }
-            if piece.len() > most {
+        let (mut piece, mut edge) = (BTreeSet::from([first]), VecDeque::from([first]));
+        while let Some(at) = edge.pop_front() {
+            if ends(&piece, at) {
                 return None;
+            }
+            for [i, j, k] in around(grid.voxel(at), grid.dims()) {
+                let next = grid.index(i, j, k);
+                if of(self.0.data()[next].into()) && piece.insert(next) {
+                    edge.push_back(next);
+                }
             }
         }
         Some(piece)
@@ -68,19 +78,11 @@ impl<T: Copy + Into<u16>> Voxels<'_, T> {
     /// false where the label has no voxel so near.
     pub(super) fn is_gone(&self, p: Point<Patient>, label: u16, there: impl Fn(Point<Patient>) -> bool) -> bool {
         let grid = self.0.grid();
-        let centre = |[i, j, k]: [usize; 3]| grid.centre(i, j, k);
-        let own = |at| around(at, grid.dims()).filter(|&[i, j, k]| self.0.data()[grid.index(i, j, k)].into() == label);
-        let near = |v: &[usize; 3]| centre(*v).distance(p);
-        let nearest = grid.containing(p).and_then(|at| own(at).min_by(|a, b| near(a).total_cmp(&near(b))));
-        let Some(first) = nearest else { return false };
-        let (mut seen, mut edge) = (BTreeSet::from([first]), VecDeque::from([first]));
-        while let Some(v) = edge.pop_front() {
-            if there(centre(v)) {
-                return false;
-            }
-            edge.extend(own(v).filter(|&next| seen.insert(next)));
-        }
-        true
+        let place = |at: usize| Point::from_array(centre(grid, at));
+        let voxels = grid.containing(p).map(|v| around(v, grid.dims()).map(|[i, j, k]| grid.index(i, j, k)));
+        let own = voxels.into_iter().flatten().filter(|&at| self.0.data()[at].into() == label);
+        let nearest = own.min_by(|&a, &b| place(a).distance(p).total_cmp(&place(b).distance(p)));
+        nearest.is_some_and(|first| self.flooded(first, |l| l == label, |_, at| there(place(at))).is_some())
     }
 
     /// Voxels that a small piece has at most.

@@ -84,8 +84,9 @@ What is printed (forces in N, along the axes of the scene):
                   and moment, as shares, the elements before it (tets_before), and the displacement's change at that rate
                   for eight times as many elements (displacement_eightfold), which a finer mesh would still change about; of
                   forces largest is that over the largest force, or a tenth of what balances itself: of the set whose force
-                  changed by the largest share of its own, the set and that share at the same rate (set_force_eightfold; null
-                  where nothing was held or none bears a ten-thousandth); null where there was no refinement
+                  changed by the largest share of its own, the set and that share at the same rate, in this refinement or in
+                  those before as such changes fall (set_force_eightfold; null where nothing was held or none bears a
+                  ten-thousandth); null where there was no refinement
   finer_given_up  a finer mesh that was tried after it and given up: its elements (tets) and why; null where none was
   turned          how many of them are turned inside out or without volume
   self_crossing   where the surface of the body, or a wall between its regions, passes through itself and does not at rest:
