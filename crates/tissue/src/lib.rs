@@ -72,6 +72,7 @@ mod bytes;
 mod contact;
 mod csf;
 mod cuts;
+mod dense;
 mod error;
 mod fast;
 mod identity;

@@ -5,13 +5,14 @@ use super::drift::Drift;
 use super::elastic::Elastic;
 use super::film::FilmsAround;
 use super::near::Near;
-use super::pressure::{Foreign, Pressures, Still, Taken, Tissue, Which};
+use super::pressure::{self, Foreign, Pressures, Still, Taken, Tissue, Which};
 use super::region;
 use super::rhythm::{Press, Substep, calm_beyond};
 use super::rings::{self, Part};
 use super::streams::{Streams, Visits};
 use super::sweep::{Memory, Pace, Substep as Shared, Sweep, Task};
 use super::touch::{Touches, Touching, penalty_force};
+use super::waves::{WaveScratch, Waves};
 use crate::abutments::Against;
 use crate::bytes;
 use crate::contact::{Coupling, Room};
@@ -38,6 +39,7 @@ pub(crate) struct Descent {
     far: DifferenceRows,
     node_cuts: Vec<usize>,
     pressures: Pressures,
+    waves: Waves,
     films: FilmsAround,
     /// Largest coordinate at rest, mm.
     reach: f32,
@@ -67,6 +69,7 @@ pub(crate) struct DescentScratch {
     still: Still,
     /// Pressure of each patch, penalty included, kPa.
     total: Vec<f32>,
+    waves: WaveScratch,
     memory: [Vec<Memory>; 2],
     touches: Touches,
     /// What tools take up of the patches around them.
@@ -158,7 +161,8 @@ impl Descent {
             plans: Plans::new([&even, &odd]),
             far: DifferenceRows::new(&elastic.far, &node_cuts),
             node_cuts,
-            pressures: Pressures::new(elastic, region, regions),
+            pressures: Pressures::new(elastic, (region, regions)),
+            waves: Waves::new(elastic, &pressure::carried(elastic, (region, regions)), rest, regions),
             films: FilmsAround::new(&elastic.films, rest),
             reach: rest.iter().flat_map(|p| &p[..3]).fold(0f32, |m, v| m.max(v.abs())),
             calm_mm: CALM * mean_edge(&elastic.volume),
@@ -185,7 +189,7 @@ impl Descent {
                 self.rounds.iter().flat_map(|r| &r.1).map(Part::bytes).sum::<usize>() + self.visits.bytes(),
             ),
             ("averaged shear", self.far.bytes()),
-            ("pressures", self.pressures.bytes()),
+            ("pressures", self.pressures.bytes() + self.waves.bytes()),
             ("thin membranes", self.films.bytes()),
         ]
     }
@@ -206,13 +210,21 @@ impl Descent {
                 self.choose(body, scratch, (end == 1, step.predicted_space));
             }
             if let Some(when) = step.press(end - 1, scratch.calm) {
-                self.press(body, scratch, when, pool);
+                self.press(body, scratch, (when, step), pool);
             }
             k = end;
         }
+        let level = self.waves.asked(step.dt, step.fewest_steps());
+        if level {
+            let pressures = (&mut *body.pressure, &scratch.total[..]);
+            self.waves.level(step.dt, body.positions, pressures, (&mut scratch.waves, pool));
+        }
         let alone = body.couplings.is_empty() && body.tethers.is_empty() && !body.against.abutments.any();
-        if alone && self.free_vertices == body.positions.len() {
+        let free = alone && self.free_vertices == body.positions.len();
+        if free {
             keep_momentum(body.positions, &scratch.target);
+        }
+        if level || free {
             body.volumes.measure(body.positions, body.growth, pool);
         }
         for c in body.couplings.iter_mut() {
@@ -247,7 +259,7 @@ impl Descent {
         self.average_shear(body, scratch, pool);
         self.note(body, scratch, damping, pool);
         self.predict(body, &mut scratch.target, step, pool);
-        self.press(body, scratch, Press::Begin, pool);
+        self.press(body, scratch, (Press::Begin, step), pool);
     }
 
     /// Chooses the predicted space, if there is to be one, from the last sweep, and `anew`, at the start of a substep, what
@@ -282,8 +294,8 @@ impl Descent {
     }
 
     /// Makes pressures follow the positions.
-    fn press(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, when: Press, pool: &Pool) {
-        let DescentScratch { slopes, streams, still, total, near, room, .. } = scratch;
+    fn press(&self, body: &mut Body<'_>, scratch: &mut DescentScratch, (when, step): (Press, Substep), pool: &Pool) {
+        let DescentScratch { slopes, streams, still, total, near, room, calm, .. } = scratch;
         let which = match when {
             Press::Near => Which::Near(near),
             _ => Which::All { advance: when != Press::Begin },
@@ -291,7 +303,10 @@ impl Descent {
         let (tissue, numbers) = (body.tissue(), (&mut *body.pressure, &mut *body.growth));
         let elements = (when != Press::End).then_some((&*still, &mut *slopes));
         let foreign = Foreign { fluid: &body.fluid, room: &room.list };
-        self.pressures.update((tissue, body.positions), numbers, elements, total, (which, foreign, pool));
+        let steps = if when == Press::Near { step.iterations / 2 } else { step.steps(*calm) };
+        let share = self.waves.share(step.dt, steps);
+        let which_and = (which, foreign, pool);
+        self.pressures.update((tissue, body.positions), numbers, elements, total, share, which_and);
         match when {
             Press::Near => streams.put(&self.visits, near.elements(), slopes),
             Press::End => {}
@@ -416,7 +431,11 @@ impl DescentScratch {
     /// Bytes that it takes.
     pub(crate) fn bytes(&self) -> usize {
         let nodes = bytes::of(&self.target) + bytes::of(&self.far) + bytes::of(&self.displacement);
-        let elements = bytes::of(&self.slopes) + self.streams.bytes() + self.still.bytes() + bytes::of(&self.total);
+        let elements = bytes::of(&self.slopes)
+            + self.streams.bytes()
+            + self.still.bytes()
+            + bytes::of(&self.total)
+            + self.waves.bytes();
         let memory = |m: &Memory| {
             let noted = bytes::of(&m.steady) + bytes::of(&m.rest) + bytes::of(&m.motion) + bytes::of(&m.way);
             noted + m.space.bytes()
@@ -507,7 +526,7 @@ mod tests {
             Touching { touches: &scratch.touches, films, against, couplings: &[], rest: &model.rest, first: 0 };
         descent.choose_near(&mut scratch.near, (&scratch.memory, touching), body.tissue(), Some(0.1));
         if let Some(when) = when {
-            descent.press(&mut body, &mut scratch, when, &pool);
+            descent.press(&mut body, &mut scratch, (when, step), &pool);
         }
         in_order(descent, &scratch, &descent.pressures.rises(body.tissue(), &scratch.still));
         (state.pressure.clone(), scratch.total, scratch.slopes)

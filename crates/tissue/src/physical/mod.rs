@@ -5,7 +5,8 @@
 //! 3x3 solve is its exact minimum, and no step of less than twice its length can raise the energy (over-relaxation, half as
 //! far again and in calm tissue more, carries smooth motion further; not at [`slivers`]). The large volumetric modulus would
 //! make that crawl; it is carried by a nodal pressure instead, updated between sweeps (Uzawa; more often near what moves
-//! fast, [`near`]) and kept from step to step, whose fixed point is the same equilibrium.
+//! fast, [`near`]) and kept from step to step, whose fixed point is the same equilibrium. Where inertia outweighs what the sweeps
+//! carry of it, its long waves are solved for ([`waves`]).
 
 mod around;
 pub(crate) mod descent;
@@ -13,6 +14,7 @@ mod differences;
 mod drift;
 pub(crate) mod elastic;
 pub(crate) mod film;
+mod grid;
 mod near;
 mod pressure;
 pub(crate) mod products;
@@ -24,6 +26,7 @@ mod streams;
 mod strips;
 mod sweep;
 mod touch;
+mod waves;
 
 use crate::membrane::Membranes;
 use crate::model::Region;

@@ -142,15 +142,26 @@ impl Still {
     }
 }
 
+/// What sweeps carry of the volumetric stiffness of a region's patches, kPa.
+fn carried_kpa(region: &Region) -> f64 {
+    (PENALTY * region.material.shear_kpa()).min(patch_kpa(&region.material))
+}
+
+/// The same of each patch.
+pub(super) fn carried(elastic: &Elastic, (region, regions): (&[u8], &[Region])) -> Vec<f64> {
+    let mut out = vec![0.0; elastic.patch_volume.len()];
+    for (corners, &r) in elastic.patch.iter().zip(region) {
+        let kpa = carried_kpa(&regions[r as usize]);
+        corners.iter().for_each(|&p| out[p as usize] = kpa);
+    }
+    out
+}
+
 impl Pressures {
-    pub(super) fn new(elastic: &Elastic, region: &[u8], regions: &[Region]) -> Self {
+    pub(super) fn new(elastic: &Elastic, (region, regions): (&[u8], &[Region])) -> Self {
         let patches = elastic.patch_volume.len();
-        let carried = |r: &Region| (PENALTY * r.material.shear_kpa()).min(patch_kpa(&r.material));
-        let moduli: Vec<[f64; 2]> = regions.iter().map(|r| [r.material.shear_kpa(), carried(r)]).collect();
-        let (mut patch_penalty, mut in_fluid) = (vec![0.0; patches], vec![None; patches]);
-        for (corners, &r) in elastic.patch.iter().zip(region) {
-            corners.iter().for_each(|&p| patch_penalty[p as usize] = moduli[r as usize][1]);
-        }
+        let moduli: Vec<[f64; 2]> = regions.iter().map(|r| [r.material.shear_kpa(), carried_kpa(r)]).collect();
+        let (patch_penalty, mut in_fluid) = (carried(elastic, (region, regions)), vec![None; patches]);
         for ((own, corners), &r) in elastic.patch.iter().zip(&elastic.tets).zip(region) {
             if regions[r as usize].material.fluid {
                 own.iter().zip(corners).for_each(|(&p, &v)| in_fluid[p as usize] = Some(v));
@@ -232,7 +243,7 @@ impl Pressures {
 
     /// Growth of elements at the current positions, and their pressures with it. With `advance` the nodal pressures
     /// take the next step of the multiplier method, `p <- (p + r (J - 1)) / (1 + r / k)`, at rest in itself when
-    /// `p = k (J - 1)`. `fluid` is the fluid's own pressure: as the solid's it acts through the volumes of elements, so
+    /// `p = k (J - 1)`, or go `share` of the way there. `fluid` is the fluid's own pressure: as the solid's it acts through the volumes of elements, so
     /// it follows them within a sweep and the two cancel where they meet. After the last sweep nobody asks for the elements.
     ///
     /// Where only what is near follows, its elements see how far they and their patches have grown, and all others keep what
@@ -243,11 +254,12 @@ impl Pressures {
         (nodal, growth): (&mut [f32], &mut Vec<Row>),
         elements: Option<(&Still, &mut Vec<f32>)>,
         total: &mut Vec<f32>,
+        share: f32,
         (which, Foreign { fluid, room }, pool): (Which<'_>, Foreign<'_>, &Pool),
     ) {
         of.volumes.measure_where(|row| which.row(row), positions, growth, pool);
-        self.follow((nodal, total), growth, which, pool);
-        self.make_room(room, (nodal, total), which);
+        self.follow((nodal, total), growth, (which, share), pool);
+        self.make_room(room, (nodal, total), (which, share));
         let Some((still, slopes)) = elements else { return };
         if !fluid.is_none() {
             self.add_fluid((fluid, positions), (nodal, total), |p| which.batch(self.around.batch_of(p)));
@@ -260,12 +272,18 @@ impl Pressures {
     }
 
     /// Pressures of the patches from the growth of their elements.
-    fn follow(&self, (nodal, total): (&mut [f32], &mut Vec<f32>), growth: &[Row], which: Which<'_>, pool: &Pool) {
+    fn follow(
+        &self,
+        (nodal, total): (&mut [f32], &mut Vec<f32>),
+        growth: &[Row],
+        (which, share): (Which<'_>, f32),
+        pool: &Pool,
+    ) {
         total.resize(self.len(), 0.0);
         // Each piece has its part of the nodal pressures and, as its slot, the same part of the totals.
         let mut totals = slabs::split(total, &self.patch_cuts);
         pool.each_part(nodal, &self.patch_cuts, &mut totals, &|i, nodal, total| {
-            let steps = Steps { of: self, which, first: self.patch_cuts[i], nodal, total };
+            let steps = Steps { of: self, which, share, first: self.patch_cuts[i], nodal, total };
             self.around.of_piece(i, |batch| which.batch(batch), growth.as_flattened(), steps);
         });
     }
@@ -297,11 +315,16 @@ impl Pressures {
     }
 
     /// Takes off what is no growth of the tissue, of the patches that are asked for, as if their elements had grown by less.
-    fn make_room(&self, room: &[(u32, f32)], (nodal, total): (&mut [f32], &mut [f32]), which: Which<'_>) {
+    fn make_room(
+        &self,
+        room: &[(u32, f32)],
+        (nodal, total): (&mut [f32], &mut [f32]),
+        (which, share): (Which<'_>, f32),
+    ) {
         for &(p, less) in room {
             let p = p as usize;
             if which.batch(self.around.batch_of(p)) {
-                let stepped = if which.advances(p) { less * self.share[p] } else { 0.0 };
+                let stepped = if which.advances(p) { share * less * self.share[p] } else { 0.0 };
                 nodal[p] -= stepped;
                 total[p] -= stepped + less;
             }
@@ -398,6 +421,8 @@ const MEAN: f32 = 1.0 / SUM_OF_VOLUME;
 struct Steps<'a> {
     of: &'a Pressures,
     which: Which<'a>,
+    /// Of the whole step.
+    share: f32,
     /// Patch that the piece begins with.
     first: usize,
     nodal: &'a mut [f32],
@@ -412,7 +437,8 @@ impl Take for Steps<'_> {
         let step = self.of.rate[patch] * sum;
         let nodal = &mut self.nodal[patch - self.first];
         if self.which.advances(patch) {
-            *nodal = (*nodal + step) * self.of.share[patch];
+            let whole = (*nodal + step) * self.of.share[patch];
+            *nodal = if self.share < 1.0 { *nodal + self.share * (whole - *nodal) } else { whole };
         }
         self.total[patch - self.first] = *nodal + step;
     }
@@ -496,7 +522,7 @@ mod tests {
         let model = Model::new(&mesh, &paper_options()).expect("model");
         let (region, regions) = (&model.region[..], &model.regions[..]);
         let elastic = Elastic::new(&model.rest, (&model.tets, &model.membranes), (region, regions), 0.3);
-        let (pressures, pool) = (Pressures::new(&elastic, region, regions), Pool::new(2));
+        let (pressures, pool) = (Pressures::new(&elastic, (region, regions)), Pool::new(2));
         let of = Tissue { volumes: &model.volumes, region };
         let noise = |i: usize| 2.0 * ((i * 7919 % 1000) as f32 / 500.0 - 1.0);
         let mut positions = model.rest.clone();
@@ -509,7 +535,7 @@ mod tests {
             let foreign = Foreign { fluid: &FluidPressure::default(), room: &[] };
             let which = (Which::All { advance: true }, foreign, &pool);
             let elements = Some((&still, &mut slopes));
-            pressures.update((of, &positions), (&mut nodal, &mut growth), elements, &mut total, which);
+            pressures.update((of, &positions), (&mut nodal, &mut growth), elements, &mut total, 1.0, which);
         }
         let at: Vec<[f64; 3]> = positions.iter().map(|p| xyz(*p).map(f64::from)).collect();
         let mut tangent = Tangent::default();

@@ -76,6 +76,18 @@ impl Substep {
         (k..self.iterations).find(ends).map_or(self.iterations, |last| last + 1)
     }
 
+    /// How often all pressures take a step.
+    pub(super) fn steps(&self, calm: Option<f32>) -> u32 {
+        let all = |k: &u32| matches!(self.press(*k, calm), Some(Press::Between | Press::End));
+        (0..self.iterations).filter(all).count() as u32
+    }
+
+    /// The same, of the fewest that there are without a predicted space. That has fewer in calm tissue, but what moves there is
+    /// near, and of it nothing is gained by solving for long waves (docs/speed.md).
+    pub(super) fn fewest_steps(&self) -> u32 {
+        Self { predicted_space: false, ..*self }.steps(Some(BEYOND))
+    }
+
     /// Which pressures take a step after sweep `k`. In tissue that is not calm all do, also after sweeps over the predicted space
     /// alone: held for longer, they throw what a membrane has let go.
     pub(super) fn press(&self, k: u32, calm: Option<f32>) -> Option<Press> {
@@ -142,6 +154,11 @@ mod tests {
                     assert_eq!(press.is_some(), second, "sweep {k} of {iterations}, calm: {calm:?}");
                 }
             }
+            for calm in [None, Some(1.9)] {
+                let all = after(calm).into_iter().flatten().filter(|p| *p != Press::Near).count() as u32;
+                assert_eq!(step.steps(calm), all);
+            }
+            assert_eq!(step.fewest_steps(), substep(iterations, false).steps(Some(1.9)));
             let between = |calm| after(calm).iter().filter(|p| **p == Some(Press::Between)).count() as u32;
             let every = if predicted { 12 } else { 6 };
             assert_eq!(between(Some(1.9)), iterations.saturating_sub(2) / every);

@@ -3,6 +3,7 @@
 mod against_planes;
 mod askew;
 mod attachments;
+mod calm;
 mod common;
 mod contact;
 mod equilibrium;

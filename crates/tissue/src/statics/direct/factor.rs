@@ -1,8 +1,8 @@
 //! The factors of a matrix by fronts (Duff and Reid 1983): each part of the tree is a dense matrix, to which its elements and what
 //! is left of the parts below it add.
 
-use super::dense::eliminate;
 use super::tree::Tree;
+use crate::dense::{backward, eliminate, forward};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A component that is held has no unknown.
@@ -209,25 +209,13 @@ impl Front {
 
     fn forward(&self, x: &mut [f64], local: &mut Vec<f64>) {
         self.gather(x, local);
-        let size = self.unknowns.len();
-        for (j, column) in self.columns.chunks_exact(size.max(1)).enumerate() {
-            let (own, rest) = local.split_at_mut(j + 1);
-            let value = own[j];
-            rest.iter_mut().zip(&column[j + 1..]).for_each(|(r, l)| *r -= l * value);
-        }
-        for (j, column) in self.columns.chunks_exact(size.max(1)).enumerate() {
-            local[j] /= column[j];
-        }
+        forward(&self.columns, local);
         self.unknowns.iter().zip(&*local).for_each(|(&u, v)| x[u as usize] = *v);
     }
 
     fn backward(&self, x: &mut [f64], local: &mut Vec<f64>) {
         self.gather(x, local);
-        let size = self.unknowns.len();
-        for (j, column) in self.columns.chunks_exact(size.max(1)).enumerate().rev() {
-            let (own, rest) = local.split_at_mut(j + 1);
-            own[j] -= rest.iter().zip(&column[j + 1..]).map(|(r, l)| r * l).sum::<f64>();
-        }
+        backward(&self.columns, local);
         self.unknowns[..self.own].iter().zip(&*local).for_each(|(&u, v)| x[u as usize] = *v);
     }
 }

@@ -4,7 +4,6 @@
 //! Whether it is worth its work is told by what was spent so far: once the products would have paid for the factors, these are
 //! made (never more than twice the work of the better way), and made again where a later state needs as many products.
 
-mod dense;
 mod factor;
 mod stiffness;
 mod tree;

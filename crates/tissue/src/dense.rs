@@ -13,7 +13,7 @@ const STRIP: usize = 128;
 /// Eliminates the first `own` unknowns of a matrix of `size` columns, of which the lower triangle is given column by column.
 /// The columns eliminated then hold `D` on the diagonal and `L` below, the rest what is left for the others. How many pivots are
 /// negative; `None` where one is zero or no number.
-pub(super) fn eliminate(a: &mut [f64], size: usize, own: usize) -> Option<usize> {
+pub(crate) fn eliminate(a: &mut [f64], size: usize, own: usize) -> Option<usize> {
     let mut negative = 0;
     let mut scaled = vec![0.0; PANEL * size];
     for first in (0..own).step_by(PANEL) {
@@ -57,6 +57,28 @@ fn spread(a: &mut [f64], size: usize, (first, last): (usize, usize), scaled: &mu
         let right = &scaled[(from - last) * width..(to - last) * width];
         let (sizes, apart) = ((size - from, width, to - from), size);
         take_product(sizes, (&panel[from..], right), (&mut rest[(from - last) * size + from..], apart));
+    }
+}
+
+/// Takes what the unknowns eliminated are to the others off these, in a right side, and divides by the pivots; `columns` are
+/// those that [`eliminate`] has left of them.
+pub(crate) fn forward(columns: &[f64], x: &mut [f64]) {
+    let size = x.len().max(1);
+    for (j, column) in columns.chunks_exact(size).enumerate() {
+        let (own, rest) = x.split_at_mut(j + 1);
+        let value = own[j];
+        rest.iter_mut().zip(&column[j + 1..]).for_each(|(r, l)| *r -= l * value);
+    }
+    for (j, column) in columns.chunks_exact(size).enumerate() {
+        x[j] /= column[j];
+    }
+}
+
+/// Solves for the unknowns eliminated, with the others known, after [`forward`].
+pub(crate) fn backward(columns: &[f64], x: &mut [f64]) {
+    for (j, column) in columns.chunks_exact(x.len().max(1)).enumerate().rev() {
+        let (own, rest) = x.split_at_mut(j + 1);
+        own[j] -= rest.iter().zip(&column[j + 1..]).map(|(r, l)| r * l).sum::<f64>();
     }
 }
 
