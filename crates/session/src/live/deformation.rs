@@ -1,7 +1,7 @@
 //! The deformation loop: the soft body follows the newest needle pose, as fast as it can.
 
 use super::room::Room;
-use super::{Cue, Deformed, Doubt};
+use super::{Cue, Deformed, Doubt, MOST_SHIFT_MM};
 use crate::insertion::CATHETER_MM;
 use crate::loads::Ramp;
 use crate::sound::Keeping;
@@ -34,7 +34,8 @@ const MOST_STARTING_S: f64 = 8.0;
 const RELAX_S: f64 = 0.5;
 /// A way that nobody has seen counts as one of so long, s: deformed numbers come back with the second half of it.
 const UNSEEN_S: f64 = 1.0;
-/// Elements that are turned inside out for so long do not find back: the tissue begins anew at rest, s.
+/// Elements that are turned inside out for so long do not find back, nor does tissue that is far off with nothing that moves it: it
+/// begins anew at rest, s.
 const TANGLED_S: f64 = 2.0;
 /// Crushed elements are counted each so many steps: it takes a tenth of a millisecond.
 const COUNTED_EVERY: u64 = 6;
@@ -194,12 +195,14 @@ impl Deformation {
         // Steps of what is torn apart take long, and people wait.
         let passed_s = if dt_s.is_nan() { SHORTEST_STEP_S } else { dt_s.clamp(SHORTEST_STEP_S, TANGLED_S) };
         let dt_s = passed_s.min(LONGEST_STEP_S);
-        let frame = self.ramp.advance(dt_s).on(FrameSettings { dt_s, ..self.frame });
+        let loads = self.ramp.advance(dt_s);
+        let frame = loads.on(FrameSettings { dt_s, ..self.frame });
         let report = self.stepper.step(&self.model, &mut self.state, motion.as_slice(), &frame);
         self.relax_s -= dt_s;
         self.note_faults(&report, dt_s);
         self.now = Arc::new(self.result(&report, pose_time_s));
-        self.tangled_s = if report.inverted > 0 { self.tangled_s + passed_s } else { 0.0 };
+        let far = !loads.any() && motion.is_none() && report.max_displacement_mm > MOST_SHIFT_MM;
+        self.tangled_s = if report.inverted > 0 || far { self.tangled_s + passed_s } else { 0.0 };
         if self.tangled_s > TANGLED_S {
             self.begin_anew();
         }
