@@ -8,7 +8,7 @@ use core::ops::RangeInclusive;
 use monro_case::Case;
 use monro_geometry::{Patient, Point, Structure, TetMesh};
 use monro_guidance::{NeedlePose, Plan, Reading, TargetReading};
-use monro_tissue::{Event, Model, State, StepReport, Stepper, TipShape, ToolMotion, ToolPose};
+use monro_tissue::{Event, Model, State, StepReport, Stepper, TipShape, Tool, ToolMotion, ToolPose};
 
 pub use monro_tissue::{Csf, FrameSettings, Mode};
 
@@ -37,9 +37,26 @@ pub struct InsertionSettings {
     pub hold_s: f64,
     /// Whether it is drawn out again, at the speed at which it went in.
     pub withdraw: bool,
-    /// Time stepping of the soft body. What it says of fluid and gravity comes on evenly in a second that is over half a second
+    /// Time stepping of the soft body; frames are shorter where a thin catheter goes so fast that it would be taken for one that
+    /// was put elsewhere ([`monro_tissue::Tool::farthest_mm`]). What it says of fluid and gravity comes on evenly in a second that is over half a second
     /// before the insertion, for a volume to be drained two before it.
     pub frame: FrameSettings,
+}
+
+/// Share of the farthest way of a tool in a frame that is used.
+const WITHIN: f64 = 0.99;
+
+impl InsertionSettings {
+    /// The catheter.
+    pub(crate) fn tool(&self) -> Tool {
+        Tool { tip: self.tip, radius_mm: self.diameter_mm / 2.0 }
+    }
+
+    /// With frames in which the catheter goes all its way through tissue.
+    fn gone_through(&self) -> Self {
+        let longest_s = WITHIN * self.tool().farthest_mm() / self.speed_mm_s;
+        Self { frame: FrameSettings { dt_s: self.frame.dt_s.min(longest_s), ..self.frame }, ..*self }
+    }
 }
 
 /// One moment of the insertion. Lengths in mm, angles in radians, patient frame (LPS).
@@ -96,6 +113,7 @@ impl Insertion {
         if !DIAMETER_MM.contains(&settings.diameter_mm) {
             return Err(SessionError::Diameter(settings.diameter_mm));
         }
+        let settings = &settings.gone_through();
         Loads::of(&settings.frame).check_on(settings.model.mode, StructureVolumes::new(&case.tets).ventricles_ml())?;
         let openings = openings(case, beside)?;
         stand_apart(&case.plan, beside, settings.diameter_mm)?;
@@ -291,6 +309,22 @@ mod tests {
         let pulled = frames[turns..].iter().filter_map(Frame::axial_force_mn).fold(0.0, f64::min);
         assert!(pulled < -1.0, "{pulled} mN");
         assert_eq!(last.step.inverted, 0);
+    }
+
+    /// It went further in a frame than 64 substeps follow it, and counted as put elsewhere in each of them: it felt nothing.
+    #[test]
+    fn a_thin_catheter_at_the_highest_speed_feels_what_a_slower_one_does() {
+        let largest = |speed_mm_s: f64| {
+            let thin = InsertionSettings { speed_mm_s, diameter_mm: 0.5, withdraw: false, ..settings() };
+            let mut insertion = Insertion::new(&case(), &[], &thin).expect("an insertion");
+            let mut forces = Vec::new();
+            while let Some(frame) = insertion.advance().expect("a frame") {
+                forces.extend(frame.axial_force_mn());
+            }
+            forces.into_iter().fold(0.0, f64::max)
+        };
+        let [slower, fastest] = [400.0, 500.0].map(largest);
+        assert!(slower > 5.0 && (fastest / slower - 1.0).abs() < 0.4, "{slower} {fastest} mN");
     }
 
     /// With a surface that is held, volume that is drained can only come of tissue that is stretched and compressed: the cortex

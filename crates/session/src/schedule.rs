@@ -50,8 +50,7 @@ impl Schedule {
         passages.append(&mut standing);
         let turns = begins + moving(plan) + resting;
         let total = turns + if settings.withdraw { moving(plan) + resting } else { 0 };
-        let tool = Tool { tip: settings.tip, radius_mm: settings.diameter_mm / 2.0 };
-        Self { passages, tool, dt_s, speed_mm_s, frames_on, begins, turns, total }
+        Self { passages, tool: settings.tool(), dt_s, speed_mm_s, frames_on, begins, turns, total }
     }
 
     /// Motions of all catheters in a frame.

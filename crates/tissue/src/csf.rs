@@ -16,9 +16,9 @@ use crate::bytes;
 use crate::fast::Row;
 use crate::options::MOST_PRESSURE_KPA;
 use crate::vec3::{V3, add, cross, dot, scale, six_volume, sub, xyz};
-use crate::{Csf, FrameSettings, Model, State};
+use crate::{Csf, Model, State};
 
-/// Share of the missing pressure that a substep adds.
+/// Share of the missing pressure that is added in a 60th of a second.
 const GAIN: f64 = 0.15;
 /// Most suction that draining may come to over the shear modulus of the tissue: where walls meet, more of it would only pull
 /// them through each other. With 3 no element of three heads was turned however much was asked for, with 6 a hundred were.
@@ -126,16 +126,17 @@ impl FluidSpace {
         if self.tets.is_empty() { 0.0 } else { (self.volume_mm3(model, &state.positions) - self.rest_mm3) * 1e-3 }
     }
 
-    /// Pressure of the next substep above that at rest, kPa.
-    pub(crate) fn pressure_kpa(&self, model: &Model, state: &State, settings: &FrameSettings) -> f64 {
-        match settings.csf {
+    /// Pressure of the next substep of `dt` seconds above that at rest, kPa.
+    pub(crate) fn pressure_kpa(&self, model: &Model, state: &State, csf: Csf, dt: f64) -> f64 {
+        match csf {
             _ if self.tets.is_empty() => 0.0,
             Csf::AtRest => 0.0,
             Csf::Pressure { kpa } => kpa,
             Csf::Drained { ml } => {
                 let missing = -ml - self.change_ml(model, state);
                 let stiff = 4.0 / 3.0 * self.shear_kpa / (self.rest_mm3 * 1e-3);
-                (state.csf_kpa + GAIN * stiff * missing).clamp(-MOST_SUCTION * self.shear_kpa, MOST_PRESSURE_KPA)
+                let gain = 1.0 - (1.0 - GAIN).powf(60.0 * dt);
+                (state.csf_kpa + gain * stiff * missing).clamp(-MOST_SUCTION * self.shear_kpa, MOST_PRESSURE_KPA)
             }
         }
     }

@@ -27,9 +27,9 @@ use std::sync::Arc;
 
 /// A tool moves at most this share of its radius in a substep, and of the finest elements' edges: pressed further in at once,
 /// these are crushed, and thrown about by what comes of it.
-const STRIDE: f64 = 0.5;
+pub(crate) const STRIDE: f64 = 0.5;
 /// No frame is cut finer than this for speed alone; what moves faster than that has been put elsewhere.
-const MOST_SUBSTEPS: u32 = 64;
+pub(crate) const MOST_SUBSTEPS: u32 = 64;
 /// How often a frame that ended in numbers that are not finite, or in turned elements, is tried again with half the step.
 /// The solver turns most of these back by itself; but where they are finer than the tool, those left after a membrane gave
 /// way were thrown further with every frame.
@@ -265,7 +265,7 @@ impl Stepper {
     fn put_elsewhere(&mut self, model: &Model, state: &mut State, tools: &[ToolMotion]) -> Vec<Event> {
         let mut events = Vec::new();
         for (tool, motion) in tools.iter().enumerate() {
-            if strides(motion) > f64::from(MOST_SUBSTEPS) {
+            if is_put(motion) {
                 if let Some(region) = core::mem::take(&mut state.tools[tool]).inside {
                     let from = model.regions[region as usize].label;
                     events.push(Event::Withdrawn { tool, from, to: None });
@@ -364,7 +364,7 @@ impl Stepper {
 
     /// Physical mode: one implicit Euler step.
     fn descend(&mut self, solver: &Descent, model: &Model, state: &mut State, settings: &FrameSettings, dt: f32) {
-        state.csf_kpa = self.fluid.pressure_kpa(model, state, settings);
+        state.csf_kpa = self.fluid.pressure_kpa(model, state, settings.csf, dt.into());
         let fluid = self.fluid.under(state.csf_kpa, settings.gravity_mm_s2);
         self.loads.clear();
         self.fluid.add_weight(model, &state.positions, &fluid, |node, weight| self.loads.push((node, weight)));
@@ -540,9 +540,14 @@ fn extent(settings: &FrameSettings, k: u32) -> Extent {
 }
 
 fn substeps_for(model: &Model, settings: &FrameSettings, tools: &[ToolMotion]) -> u32 {
-    let gone = tools.iter().filter(|m| strides(m) <= f64::from(MOST_SUBSTEPS));
+    let gone = tools.iter().filter(|m| !is_put(m));
     let cuts = |m: &ToolMotion| strides(m).max(travel(m) / (STRIDE * model.fine_edge)).ceil() as u32;
     gone.map(cuts).max().unwrap_or(1).min(MOST_SUBSTEPS).max(settings.substeps)
+}
+
+/// Whether a tool has not gone where it is but has been put there.
+fn is_put(motion: &ToolMotion) -> bool {
+    strides(motion) > f64::from(MOST_SUBSTEPS)
 }
 
 /// Length of a motion in units of the longest stride.
@@ -553,8 +558,7 @@ fn strides(motion: &ToolMotion) -> f64 {
 
 /// The rod a share of the way through the frame; at once at the end when it has been put there.
 fn pose(model: &Model, motion: &ToolMotion, share: f64) -> Option<Rod> {
-    let put = strides(motion) > f64::from(MOST_SUBSTEPS);
-    Rod::between(motion, model.origin, if put { 1.0 } else { share })
+    Rod::between(motion, model.origin, if is_put(motion) { 1.0 } else { share })
 }
 
 /// What came of a step's attempts.

@@ -1,5 +1,6 @@
 //! Rigid tools.
 
+use crate::step::{MOST_SUBSTEPS, STRIDE};
 use crate::vec3::{V3, axpy, norm, scale, sub};
 use monro_geometry::{Patient, Point};
 
@@ -10,6 +11,13 @@ pub struct Tool {
     pub tip: TipShape,
     /// Radius of the shaft, mm.
     pub radius_mm: f64,
+}
+
+impl Tool {
+    /// How far it may go in a frame without having been put elsewhere, mm (see [`ToolMotion`]).
+    pub fn farthest_mm(&self) -> f64 {
+        STRIDE * self.radius_mm * f64::from(MOST_SUBSTEPS)
+    }
 }
 
 /// Shape of the end of a tool.
@@ -35,7 +43,7 @@ pub struct ToolPose {
 
 /// A tool and its motion during one frame. The position of a tool in the list is its identity from frame to frame.
 ///
-/// A tool whose tip or tail goes further in a frame than 32 of its radii has not moved there, it has been put there: it lets
+/// A tool whose tip or tail goes further in a frame than 32 of its radii ([`Tool::farthest_mm`]) has not moved there, it has been put there: it lets
 /// go of the tissue and starts anew from its last pose, however much tissue lies on its way. Where its tip is then deeper in
 /// the tissue than the membrane dimples it is inside, as is a tool that is seen there for the first time.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -11,7 +11,7 @@ use crate::soft_body;
 use monro_cli::report::{Finding, Severity};
 use monro_geometry::Structure;
 use monro_session::live::MOST_SHIFT_MM;
-use monro_session::{KPA_PER_MMHG, Skull};
+use monro_session::{Frame, KPA_PER_MMHG, Skull};
 use monro_tissue::Csf;
 use serde_json::{Value, json};
 
@@ -126,6 +126,7 @@ fn broken(run: &Run) -> Vec<String> {
             "The target moved by up to {shift:.1} mm, more than is believed ({MOST_SHIFT_MM} mm): not a result. {helps}"
         ));
     }
+    out.extend(restless::broken(run, &run.rows).map(|r| format!("{r} {helps}")));
     out.extend(crossed::at_end(&run.snapshots).map(|c| format!("{c}: not a result. {helps}")));
     out.extend(Crushed::of(run, &run.snapshots).and_then(|c| c.broken(run)).map(|c| format!("{c} {helps}")));
     out.extend(misplaced::at_end(run));
@@ -133,13 +134,27 @@ fn broken(run: &Run) -> Vec<String> {
     out
 }
 
+/// What was drained of what was to be, ml, where too much of it is missing in a frame.
+fn missing(run: &Run, frame: Option<&Frame>) -> Option<[f64; 2]> {
+    let Csf::Drained { ml } = run.settings.frame.csf else { return None };
+    let reached = -frame?.step.csf_change_ml;
+    ((reached - ml).abs() > MOST_MISSING * ml.abs() + LEAST_MISSING_ML).then_some([ml, reached])
+}
+
 fn undrained(run: &Run) -> Option<String> {
-    let (Csf::Drained { ml }, Some(last)) = (run.settings.frame.csf, run.last()) else { return None };
-    let reached = -last.step.csf_change_ml;
-    let missed = (reached - ml).abs() > MOST_MISSING * ml.abs() + LEAST_MISSING_ML;
-    missed.then(|| {
+    missing(run, run.last()).map(|[ml, reached]| {
         format!("{ml:.1} ml were to be drained, {reached:.1} ml were: not the result asked for. {}", helps(run))
     })
+}
+
+/// Fluid that was still to be drained when the catheter set out.
+fn drained_late(run: &Run) -> Option<String> {
+    let set_out = run.rows.iter().map(|r| &r.frame).take_while(|f| f.time_s <= 0.0).last();
+    let [ml, reached] = missing(run, set_out).filter(|_| missing(run, run.last()).is_none())?;
+    Some(format!(
+        "When the catheter set out, {reached:.1} of {ml:.1} ml were drained; the rest was while it went in. A smaller Poisson's ratio \
+         of the brain, or less volume, is drained sooner."
+    ))
 }
 
 /// What follows from trouble that is over at the end: nothing where the end is not to be relied on for another reason.
@@ -171,6 +186,7 @@ fn doubts(run: &Run) -> Vec<String> {
     out.extend(misplaced::on_the_way(run));
     out.extend(coarse::remark(&run.rest, &run.plan));
     out.extend(beside::coarse(run));
+    out.extend(drained_late(run));
     out.extend(walls::hasty(run));
     out.extend(gone_around(run));
     out.extend(cutting::missed(run));

@@ -16,6 +16,7 @@ const OF_IT: &str = "Withdrawal: ";
 pub(super) fn broken(run: &Run) -> Vec<String> {
     let Some(out) = &run.withdrawal else { return Vec::new() };
     let mut said = Trouble::of(&out.rows).broken(run, out.rows.len());
+    said.extend(restless::broken(run, &out.rows));
     said.extend(crossed::at_end(&out.snapshots).map(|c| format!("{c}: not a result.")));
     said.extend(Crushed::of(run, &out.snapshots).and_then(|c| c.broken(run)));
     said.into_iter().map(|text| format!("{OF_IT}{text}")).collect()
