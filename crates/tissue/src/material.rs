@@ -13,7 +13,8 @@ pub struct Material {
     pub density_kg_m3: f64,
     /// Kelvin-Voigt damping time, s: viscous stress is this times the shear modulus times twice the rate of the strain that
     /// changes shape. Changes of volume, which near-incompressible tissue hardly makes, are not damped. A model has one
-    /// damping time, the largest of those of its regions.
+    /// damping time, the largest of those of its regions. A time step damps like so long a time by itself, and less than that is
+    /// not to be had.
     pub damping_s: f64,
     /// Normalised coefficients of the paper's constraints (paper mode).
     pub paper: PaperCoefficients,

@@ -140,8 +140,8 @@ pub(crate) struct FrameArgs {
     /// Iterations of the solver in a substep.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(crate) iterations: u32,
-    /// Substeps of a frame of 1/60 s.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    /// Substeps of a frame of 1/60 s, 1 to 67: none is shorter than a quarter of a millisecond.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=67))]
     pub(crate) substeps: u32,
     /// Frames of the probe (default: 30 at rest, 120 going down, 30 holding) or of each deformation (default: 20).
     #[arg(long, value_name = "N", value_parser = frames_in_range)]
