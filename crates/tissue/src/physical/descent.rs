@@ -304,9 +304,8 @@ impl Descent {
         let elements = (when != Press::End).then_some((&*still, &mut *slopes));
         let foreign = Foreign { fluid: &body.fluid, room: &room.list };
         let steps = if when == Press::Near { step.iterations / 2 } else { step.steps(*calm) };
-        let share = self.waves.share(step.dt, steps);
-        let which_and = (which, foreign, pool);
-        self.pressures.update((tissue, body.positions), numbers, elements, total, share, which_and);
+        let (share, all) = (self.waves.share(step.dt, steps), (which, foreign, pool));
+        self.pressures.update((tissue, body.positions), numbers, elements, total, share, all);
         match when {
             Press::Near => streams.put(&self.visits, near.elements(), slopes),
             Press::End => {}

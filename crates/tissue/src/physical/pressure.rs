@@ -243,8 +243,9 @@ impl Pressures {
 
     /// Growth of elements at the current positions, and their pressures with it. With `advance` the nodal pressures
     /// take the next step of the multiplier method, `p <- (p + r (J - 1)) / (1 + r / k)`, at rest in itself when
-    /// `p = k (J - 1)`, or go `share` of the way there. `fluid` is the fluid's own pressure: as the solid's it acts through the volumes of elements, so
-    /// it follows them within a sweep and the two cancel where they meet. After the last sweep nobody asks for the elements.
+    /// `p = k (J - 1)`, or go `share` of the way there. `fluid` is the fluid's own pressure: as the solid's it acts through the
+    /// volumes of elements, so it follows them within a sweep and the two cancel where they meet. After the last sweep nobody
+    /// asks for the elements.
     ///
     /// Where only what is near follows, its elements see how far they and their patches have grown, and all others keep what
     /// they have of both, since one without the other would make them soft.
